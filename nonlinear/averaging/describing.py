@@ -28,9 +28,12 @@ import numpy as np
 
 from modal.types import Booleans, Complexes, Floats
 
-GRAZING = 0.1  # least sin α
-BLUNT = 0.2  # largest corner of a kick over |Γ|
-NONE = 1e-100
+KICK_SINE_MIN = 0.1
+"""Physics: least sin α: the describing function is singular where the swing only grazes the angle [Gelb1968]."""
+KICK_CORNER_MAX = 0.2
+"""Physics: largest corner of a kick over |Γ|, which is a small addition to a harmonic [Gelb1968, ch. 2]."""
+AMPLITUDE_FLOOR = 1e-100
+"""Format: below any amplitude, so that nothing is divided by 0, and the square of its inverse is finite."""
 
 
 def pulls(
@@ -41,13 +44,13 @@ def pulls(
         return _single_band_pulls(impulse, angle, corner, swing, turning)
     first = _leading(swing)
     leading, rate = (np.where(first, values, 0.0).sum(axis=0) for values in (swing, turning[:, None]))
-    size = np.maximum(np.abs(leading), NONE)[..., None]
+    size = np.maximum(np.abs(leading), AMPLITUDE_FLOOR)[..., None]
     turn = phases[:, None, None]
     rest = np.where(first, 0.0, swing)
     aside, speeding = (np.sum(v[..., None] * turn, axis=0).real for v in (rest, 1j * turning[:, None] * rest))
-    within = np.minimum((corner / rate)[..., None], BLUNT * size)
+    within = np.minimum((corner / rate)[..., None], KICK_CORNER_MAX * size)
     cosine = (angle[:, None, None] + within - aside) / size
-    sine = np.sqrt(np.maximum(1 - cosine**2, GRAZING**2))
+    sine = np.sqrt(np.maximum(1 - cosine**2, KICK_SINE_MIN**2))
     often = np.where(np.abs(cosine) < 1, np.maximum(rate[..., None] + speeding / (size * sine), 0.0), 0.0)
     lead_phase, scale = (cosine + 1j * sine) * leading[..., None] / size, 2 / np.pi * impulse[:, None]
     lead, third = (np.mean(often * lead_phase**harmonic, axis=-1) for harmonic in (1, 3))
@@ -59,9 +62,9 @@ def _single_band_pulls(
     impulse: Floats, angle: Floats, corner: Floats, swing: Complexes, turning: Floats
 ) -> tuple[Complexes, Complexes]:
     """The same of one band, where no other shifts the kicks: in a third of the time for few pendula."""
-    size, rate = np.maximum(np.abs(swing), NONE), turning[:, None]
-    cosine = (angle[:, None] + np.minimum(corner / rate, BLUNT * size)) / size
-    sine = np.sqrt(np.maximum(1 - cosine**2, GRAZING**2))
+    size, rate = np.maximum(np.abs(swing), AMPLITUDE_FLOOR), turning[:, None]
+    cosine = (angle[:, None] + np.minimum(corner / rate, KICK_CORNER_MAX * size)) / size
+    sine = np.sqrt(np.maximum(1 - cosine**2, KICK_SINE_MIN**2))
     lead_phase = (cosine + 1j * sine) * swing / size
     lead = 2 / np.pi * impulse[:, None] * np.where(np.abs(cosine) < 1, rate, 0.0) * lead_phase
     return lead, lead * lead_phase**2
@@ -72,7 +75,7 @@ def rubbing_torques(limit: Floats, swing: Complexes, turning: Floats, phases: Co
     speed = 1j * turning[:, None] * swing
     first = _leading(speed)
     leading = np.where(first, speed, 0.0).sum(axis=0)
-    size = np.maximum(np.abs(leading), NONE)
+    size = np.maximum(np.abs(leading), AMPLITUDE_FLOOR)
     turn = phases[:, None, None]
     aside = np.sum(np.where(first, 0.0, speed)[..., None] * turn, axis=0).real
     share = np.clip(aside / size[..., None], -1.0, 1.0)
@@ -92,7 +95,7 @@ def mixing_ratio(angle: Floats, swing: Complexes, turning: Floats) -> float:
     """
     first, size = _leading(swing), np.abs(swing).max(axis=0)
     fast = turning[:, None] * np.abs(swing)
-    room = np.maximum(1 - (angle[:, None] / np.maximum(size, NONE)) ** 2, 0.0)
+    room = np.maximum(1 - (angle[:, None] / np.maximum(size, AMPLITUDE_FLOOR)) ** 2, 0.0)
     leading, rest = (np.where(chosen, fast, 0.0).sum(axis=0) for chosen in (first, ~first))
     has_kick = room > 0
     return float(np.max(rest[has_kick] / (leading[has_kick] * np.sqrt(room[has_kick])), initial=0.0))

@@ -44,20 +44,27 @@ from modal.report import Displayed, Summary, brief, counted
 from modal.scene import Scene, name_of, require
 from modal.scene.doors import checked
 from modal.types import Booleans, Complexes, Floats, Ints
-from nonlinear.averaging.describing import mixing_ratio, pulls, rubbing_torques
+from nonlinear.averaging.describing import AMPLITUDE_FLOOR, mixing_ratio, pulls, rubbing_torques
 from nonlinear.dynamics import Contacts, Escaping, contacts_of, escaping
 from nonlinear.reduction import residual_forces
 from nonlinear.system import State, System, system_of
 
-BAND = 1.5  # ratio of neighbouring frequencies above which they belong to different bands
+BAND_RATIO = 1.5
+"""Physics: of neighbouring frequencies, above which they belong to different bands: a cubic force joins ω and 3ω."""
 ORDER = 6
-MOST, MOST_BANDS = 400, 4
-CHUNK = 2_000_000
-STEP = 1e-6
-TURNS, FAR = 3, 4.0  # iterations for the rate of a band, and its largest ratio to the mean frequency
-NEAR = 0.05  # detuning over 9Ω² below which a resonance is smoothed
-TINY = np.finfo(float).tiny
-SMALL = 0.2  # largest third harmonic over the first; a larger one is not slaved, and is limited to this
+"""Tolerance: factors e^{±iχ_b} whose products are averaged exactly: a cubic force, its slaved third harmonic too."""
+LINKS_MAX = 400
+"""Limit: "averaged equations are limited to 400 links"."""
+BANDS_MAX = 4
+"""Limit: "averaged equations are limited to 4 bands of frequencies": their lattice grows like a power of it."""
+ARRAY_ENTRIES = 2_000_000
+"""Cost: entries of the arrays of what is computed at once; benchmarks/simulation.py."""
+DIFFERENCE_STEP = np.cbrt(np.finfo(float).eps)
+"""Tolerance: relative, of central differences: rounding and curvature take equal parts there."""
+RESONANCE_DETUNING = 0.05
+"""Physics: detuning over 9Ω² below which a resonance of the third harmonic is smoothed."""
+THIRD_HARMONIC_MAX = 0.2
+"""Physics: largest third harmonic over the first; a larger one is not slaved, and is limited to this."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -116,18 +123,18 @@ class AveragedEquations(Displayed):
     def turning(self, z: Complexes) -> Floats:
         """The rates Ω_b (B, ...) at which bands with amplitudes (C, ...) rotate freely, weighted by |z|²."""
         rates = self.centre.reshape(-1, *[1] * (z.ndim - 1)) * np.ones((1, *z.shape[1:]))
-        for _ in range(TURNS):
+        for _ in range(3):
             rates = self.rotation_rates(rates, z, self.flow(z, rates))
         return np.asarray(rates)
 
     def rotation_rates(self, turning: Floats, z: Complexes, flow: Complexes) -> Floats:
         """An improved Ω_b (B, ...) from the rates z' (C, ...) found with another one."""
-        largest = np.maximum(np.abs(z).max(axis=0), TINY)
+        largest = np.maximum(np.abs(z).max(axis=0), AMPLITUDE_FLOOR)
         unit = z / largest
         spin, sizes = self._by_band(np.imag(flow / largest * unit.conj())), self._by_band(np.abs(unit) ** 2)
         middle = self.centre.reshape(-1, *[1] * (z.ndim - 1))
         improved_rates = turning + np.divide(spin, sizes, out=0 * spin, where=sizes > 0)
-        return np.clip(improved_rates, middle / FAR, middle * FAR)
+        return np.clip(improved_rates, middle / 4, middle * 4)
 
     def _by_band(self, values: Floats) -> Floats:
         """Sums (B, ...) over the modes of each band of values (C, ...)."""
@@ -169,7 +176,7 @@ class AveragedEquations(Displayed):
         columns = z.reshape(len(z), -1)
         pace = np.broadcast_to(turning.reshape(len(turning), -1), (len(turning), columns.shape[1]))
         active_columns = np.ones(columns.shape, dtype=bool) if active is None else active.reshape(columns.shape)
-        step = max(1, CHUNK // (self._phases.shape[1] * len(self.shapes)))
+        step = max(1, ARRAY_ENTRIES // (self._phases.shape[1] * len(self.shapes)))
         if step >= columns.shape[1]:
             return self._rates(columns, pace, active_columns, kicking, sliding).reshape(z.shape)
         chunks = [slice(start, start + step) for start in range(0, columns.shape[1], step)]
@@ -188,10 +195,10 @@ class AveragedEquations(Displayed):
             pull, third = (part + self._slides @ torque for part, torque in zip((pull, third), rubbing, strict=True))
         fast = 9 * turning[:, None] ** 2
         gap = (self.omega[:, None] ** 2 - fast) / fast
-        soft = gap / (gap**2 + NEAR**2) / fast
+        soft = gap / (gap**2 + RESONANCE_DETUNING**2) / fast
         slaved_waves = active * soft * (third - self._projections(waves, turning, 3))
-        share = np.abs(slaved_waves).max(axis=(0, 1)) / np.maximum(np.abs(z).max(axis=0), TINY)
-        waves = waves + self._waves(slaved_waves / np.hypot(1, share / SMALL), turning, 3)
+        share = np.abs(slaved_waves).max(axis=(0, 1)) / np.maximum(np.abs(z).max(axis=0), AMPLITUDE_FLOOR)
+        waves = waves + self._waves(slaved_waves / np.hypot(1, share / THIRD_HARMONIC_MAX), turning, 3)
         force = active * (pull - self._projections(waves, turning, 1))[self.band, np.arange(len(z))]
         return np.asarray(-0.5j / turning[self.band] * force - 1j * self.detuning(turning) * z)
 
@@ -301,7 +308,7 @@ def derivative(rate: Callable[[Complexes, Floats], Complexes], z: Complexes, tur
     """
     count, unit = len(z), np.eye(len(z))
     size = np.abs(z).max(axis=0)
-    width = STEP * np.where(size > 0, size, 1.0)[..., None]
+    width = DIFFERENCE_STEP * np.where(size > 0, size, 1.0)[..., None]
     ways = width * np.hstack((unit, 1j * unit)).reshape(count, *[1] * (z.ndim - 1), 2 * count)
     places = z[..., None] + np.concatenate((ways, -ways), axis=-1)
     pace = np.broadcast_to(turning[..., None], (*turning.shape, 4 * count))
@@ -330,12 +337,12 @@ def lattice(count: int) -> tuple[int, tuple[int, ...]]:
 def average(scene: Scene, system: System | None = None) -> AveragedEquations:
     """The averaged equations of a scene in the plane whose links all hang; `system` may be given.
 
-    Raises ComputationError for other scenes, for dry friction on the rail, for quadratic drag, for more than MOST links
-    or MOST_BANDS bands, and for coordinates without a mode, such as those of some massless carts.
+    Raises ComputationError for other scenes, for dry friction on the rail, for quadratic drag, for more than 400 links
+    or four bands, and for coordinates without a mode, such as those of some massless carts.
     """
     require(scene, "averaging")
-    if scene.n_links > MOST:
-        raise ComputationError(f"averaged equations are limited to {MOST} links, not {scene.n_links}")
+    if scene.n_links > LINKS_MAX:
+        raise ComputationError(f"averaged equations are limited to {LINKS_MAX} links, not {scene.n_links}")
     system, modes = system or system_of(scene), natural_modes(scene.conservative)
     phi = modes.matrix.real.take(modes.omega[modes.matrix.row] > 0)
     swinging = system.first if system.structure else bool(system.cart and system.cart.stiffness)
@@ -343,7 +350,7 @@ def average(scene: Scene, system: System | None = None) -> AveragedEquations:
         why = "and something here moves freely" if system.structure else "a massless cart removes one"
         raise ComputationError(f"averaged equations need one mode for each coordinate; {why}")
     omega = modes.omega[phi.row]
-    band = np.concatenate(([0], np.cumsum(omega[1:] > BAND * omega[:-1])))
-    if (count := int(band[-1]) + 1) > MOST_BANDS:
-        raise ComputationError(f"averaged equations are limited to {MOST_BANDS} bands of frequencies, not {count}")
+    band = np.concatenate(([0], np.cumsum(omega[1:] > BAND_RATIO * omega[:-1])))
+    if (count := int(band[-1]) + 1) > BANDS_MAX:
+        raise ComputationError(f"averaged equations are limited to {BANDS_MAX} bands of frequencies, not {count}")
     return AveragedEquations(scene, system, modes, phi.shapes, phi.dual, omega, phi.row, band)

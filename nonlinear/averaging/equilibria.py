@@ -21,24 +21,39 @@ import numpy as np
 from modal.modes import table_numbers
 from modal.report import Displayed, silent
 from modal.types import Booleans, Complexes, Floats, Ints
-from nonlinear.averaging.equations import STEP, AveragedEquations
-from nonlinear.averaging.slow_flow import settle_apart
-from nonlinear.averaging.symmetry import count_copies, exchange, kinds, order_of, overlap, spread_evenly
+from nonlinear.averaging.equations import DIFFERENCE_STEP, AveragedEquations
+from nonlinear.averaging.slow_flow import DEAD_AMPLITUDE_RATIO, LOCKED, settle_apart
+from nonlinear.averaging.symmetry import (
+    PENDULUM_DIFFERENCE_MIN,
+    count_copies,
+    exchange,
+    kinds,
+    order_of,
+    overlap,
+    spread_evenly,
+)
 
-FAINT = 1e-3  # fraction of the largest amplitude below which a band counts as at rest
-LEAP = 0.1  # largest Newton step over the largest amplitude: nearly neutral families would cause long ones
-NEWTON, DONE, FREE = 40, 1e-10, 1e-8  # FREE: of ω; slower rates belong to a continuous family of states
-GONE = 1e-9  # fraction of the initial amplitudes below which a motion has died out
-FLAT = 1e-4  # fraction of the recovery rate below which an eigenvalue is taken as 0
-WITHIN = 1e-2  # energy outside its row, as a fraction, up to which a motion stays in that row
-SAME = 1e-3
-COPIES = 48  # most starts that are copies of states found already
-FIRST = 0.1  # largest angle (rad) of a start
-HANGING = np.pi / 2  # rad, the largest angle for which averaged equations are used
-SEED = 5
-ASIDE = 1e-9
-"""Relative deviation of a start from a pattern, so that it leaves an unstable one."""
-EFFORT = 1_500  # steps after which Newton's method takes over from a start that has not settled
+BAND_AMPLITUDE_MIN = 1e-3
+"""Tolerance: of the largest amplitude, below which a band is at rest: noise of a start decays that far at least."""
+NEWTON_LEAP_MAX = 0.1
+"""Cost: Newton's step over the largest amplitude: nearly neutral families would cause long ones;
+benchmarks/sync/survivors.py."""
+NEWTON_ROUNDS_MAX = 40
+"""Limit: rounds of Newton's method with a limited step, after which nothing is found."""
+RATE_RESIDUAL_MAX = 1e-10
+"""Tolerance: of ω|z|, the rates that are left of a state: rounding leaves 1e-14, a slow growth rate is 1e-5."""
+NEUTRAL_RATE_RATIO = 1e-4
+"""Tolerance: of the recovery rate, below which an eigenvalue is 0: central differences know it to 1e-9."""
+COPIES_MAX = 48
+"""Cost: starts that are copies of states found already; benchmarks/sync/exchange.py."""
+START_SEED = 5
+"""Format: of the random starts, which are the same in every run."""
+START_ANGLE = 0.1
+"""Cost: largest angle (rad) of a start, within what is averaged well; benchmarks/sync/survivors.py."""
+HANGING_ANGLE_MAX = np.pi / 2
+"""Limit: largest angle (rad) of a state: wider ones are not found."""
+SETTLING_STEPS = 1_500
+"""Cost: steps after which Newton's method takes over from a start that moves on; benchmarks/sync/survivors.py."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -84,12 +99,12 @@ class RelativeEquilibrium(Displayed):
     @property
     def is_stable(self) -> bool | None:
         """Whether all neighbouring motions converge; None if some neither converge nor diverge."""
-        return None if abs(self.growth) <= FLAT * self.recovery else self.growth < 0
+        return None if abs(self.growth) <= NEUTRAL_RATE_RATIO * self.recovery else self.growth < 0
 
     @cached_property
     def is_family(self) -> bool:
         """Whether it is one of a continuous family of states: an eigenvalue beside those of the phases is 0."""
-        return bool(np.any(np.abs(self.rates) <= FLAT * self.recovery))
+        return bool(np.any(np.abs(self.rates) <= NEUTRAL_RATE_RATIO * self.recovery))
 
     @cached_property
     def copies(self) -> int:
@@ -99,7 +114,7 @@ class RelativeEquilibrium(Displayed):
     @property
     def hold(self) -> float:
         """The rate (1/s) at which energy in other rows decays, negative where it grows; infinite without any."""
-        others = self.rates.real[self.leaving > WITHIN]
+        others = self.rates.real[self.leaving > LOCKED]
         return -float(others.max(initial=-np.inf))
 
     @property
@@ -125,7 +140,7 @@ def relative_equilibria(
 
     The patterns are pendula in phase and in antiphase.  Copies by exchange of equal pendula are one state
     (`RelativeEquilibrium.copies`).  The stable ones with their phases reversed, or spread evenly, or with the parts of
-    unequal pendula exchanged, are starts too.  Not necessarily all: any wider than HANGING, or missed by Newton's
+    unequal pendula exchanged, are starts too.  Not necessarily all: any wider than a right angle, or missed by Newton's
     method, are not found.  `report` is called with the part of the search that is done.
     """
     equilibria: list[RelativeEquilibrium] = []
@@ -134,16 +149,16 @@ def relative_equilibria(
         equilibrium = relative_equilibrium(equations, start)
         if (
             equilibrium
-            and equilibrium.averaged.largest(equilibrium.z) < HANGING
+            and equilibrium.averaged.largest(equilibrium.z) < HANGING_ANGLE_MAX
             and not any(is_same_motion(equilibrium, neighbour) for neighbour in equilibria)
         ):
             equilibria.append(equilibrium)
 
     starts = list(_starts(equations))
     copies = (start for equilibrium in equilibria for start in _nearly_copies(equilibrium))
-    for count, start in enumerate(chain(starts, islice(copies, COPIES)), start=1):
+    for count, start in enumerate(chain(starts, islice(copies, COPIES_MAX)), start=1):
         add(start)
-        report(count / (len(starts) + COPIES))
+        report(count / (len(starts) + COPIES_MAX))
     report(1.0)
     return tuple(sorted(equilibria, key=lambda equilibrium: (equilibrium.row, equilibrium.omega)))
 
@@ -156,16 +171,16 @@ def relative_equilibrium(equations: AveragedEquations, z: Complexes) -> Relative
         return None
     active = np.isin(equations.band, bands)
     z = np.where(active, z, 0.0)
-    turning, threshold = equations.turning(z), GONE * np.abs(z).max()
-    for _ in range(NEWTON):
+    turning, threshold = equations.turning(z), DEAD_AMPLITUDE_RATIO * np.abs(z).max()
+    for _ in range(NEWTON_ROUNDS_MAX):
         flow, slope = _linearize(equations, z, turning, bands)
         residual = np.where(active, flow, 0.0)
         if not np.all(np.isfinite(residual)):
             return None
-        if np.abs(residual).max() <= DONE * np.abs(equations.omega * z).max():
+        if np.abs(residual).max() <= RATE_RESIDUAL_MAX * np.abs(equations.omega * z).max():
             return RelativeEquilibrium(equations, z, turning, *_rates(equations, z, slope[:, : 2 * len(z)], len(bands)))
         step, change = _step(equations, z, residual, slope, bands)
-        part = min(1.0, LEAP * np.abs(z).max() / np.abs(step).max()) if np.any(step) else 1.0
+        part = min(1.0, NEWTON_LEAP_MAX * np.abs(z).max() / np.abs(step).max()) if np.any(step) else 1.0
         z, turning = z + part * step, turning + part * change
         if not np.all(np.isfinite(z)) or not np.all(turning > 0):
             return None
@@ -177,8 +192,8 @@ def relative_equilibrium(equations: AveragedEquations, z: Complexes) -> Relative
 def _starts(equations: AveragedEquations) -> Iterator[Complexes]:
     """Final amplitudes of the slow flow from each row, restricted to it, and from each pattern of pendula."""
     pairs = [*_rows(equations), *_patterns(equations)]
-    starts = np.array([FIRST * z / equations.largest(z) for z, _ in pairs]).T
-    yield from settle_apart(equations, starts, np.array([members for _, members in pairs]).T, EFFORT)
+    starts = np.array([START_ANGLE * z / equations.largest(z) for z, _ in pairs]).T
+    yield from settle_apart(equations, starts, np.array([members for _, members in pairs]).T, SETTLING_STEPS)
 
 
 def _nearly_copies(equilibrium: RelativeEquilibrium) -> Iterator[Complexes]:
@@ -199,7 +214,7 @@ def _nearly_copies(equilibrium: RelativeEquilibrium) -> Iterator[Complexes]:
 
 def _rows(equations: AveragedEquations) -> Iterator[tuple[Complexes, Booleans]]:
     """An arbitrary motion in the modes of one row, and these modes."""
-    random = np.random.default_rng(SEED)
+    random = np.random.default_rng(START_SEED)
     for row in sorted(set(equations.row.tolist())):
         members = equations.row == row
         yield (
@@ -210,7 +225,7 @@ def _rows(equations: AveragedEquations) -> Iterator[tuple[Complexes, Booleans]]:
 
 def _patterns(equations: AveragedEquations) -> Iterator[tuple[Complexes, Booleans]]:
     """All pendula nearly in phase, and alternate ones nearly in antiphase, in every band separately, and all modes."""
-    random = np.random.default_rng(SEED)
+    random = np.random.default_rng(START_SEED)
     pendulum = equations.system.pendulum
     first = equations.system.first
     for band in range(len(equations.centre)):
@@ -220,12 +235,14 @@ def _patterns(equations: AveragedEquations) -> Iterator[tuple[Complexes, Boolean
             z = np.where(members, (sign * busiest) @ equations.dual[first:], 0.0).astype(complex)
             if np.any(z):
                 noise = random.standard_normal(len(members)) + 1j * random.standard_normal(len(members))
-                yield z + ASIDE * np.abs(z).max() * noise, np.ones_like(members)
+                # hardly aside, so that it leaves an unstable pattern
+                aside = np.sqrt(np.finfo(float).eps) * np.abs(z).max()
+                yield z + aside * noise, np.ones_like(members)
 
 
 def swinging(equations: AveragedEquations, z: Complexes) -> Ints:
     """The bands that oscillate."""
-    return np.flatnonzero(_sizes(equations, z) > FAINT * np.abs(z).max())
+    return np.flatnonzero(_sizes(equations, z) > BAND_AMPLITUDE_MIN * np.abs(z).max())
 
 
 def _sizes(equations: AveragedEquations, z: Complexes) -> Floats:
@@ -249,7 +266,9 @@ def _step(
     is_free = np.concatenate((active, active, np.ones(len(bands), dtype=bool)))
     right = -np.concatenate((residual.real, residual.imag, np.zeros(len(bands)))) / (scale * size)
     step, change = np.zeros(len(is_free)), np.zeros(len(averaged_equations.centre))
-    step[is_free] = np.linalg.lstsq(equations[np.ix_(is_free, is_free)], right[is_free], rcond=FREE)[0]
+    step[is_free] = np.linalg.lstsq(
+        equations[np.ix_(is_free, is_free)], right[is_free], rcond=np.sqrt(np.finfo(float).eps)
+    )[0]
     change[bands] = scale * step[2 * count :]
     return np.asarray(size * (step[:count] + 1j * step[count : 2 * count])), change
 
@@ -257,7 +276,7 @@ def _step(
 def _linearize(equations: AveragedEquations, z: Complexes, turning: Floats, bands: Ints) -> tuple[Complexes, Floats]:
     """F (C,), and ∂F by the parts of z and the Ω of these bands by central differences, (2C, 2C + len(bands))."""
     unit, none = np.eye(len(z)), np.zeros((len(turning), 2 * len(z)))
-    h = STEP * np.concatenate((np.full(2 * len(z), np.abs(z).max()), turning[bands]))
+    h = DIFFERENCE_STEP * np.concatenate((np.full(2 * len(z), np.abs(z).max()), turning[bands]))
     ways = h * np.hstack((unit, 1j * unit, np.zeros((len(z), len(bands)))))
     faster = h * np.hstack((none, np.arange(len(turning))[:, None] == bands))
     places = (base[:, None] + np.hstack((0 * way[:, :1], way, -way)) for base, way in ((z, ways), (turning, faster)))
@@ -279,7 +298,9 @@ def _rates(
     return values[order].astype(complex), leaving[order], abs(float(parts @ jacobian @ parts / (parts @ parts)))
 
 
-def is_same_motion(equilibrium: RelativeEquilibrium, second: RelativeEquilibrium, within: float = SAME) -> bool:
+def is_same_motion(
+    equilibrium: RelativeEquilibrium, second: RelativeEquilibrium, within: float = PENDULUM_DIFFERENCE_MIN
+) -> bool:
     """Whether two are the same motion within this relative tolerance, but for phases and equal pendula exchanged.
 
     Of two members of a continuous family the energies by rows and the stability tell.

@@ -30,18 +30,23 @@ from modal.scene import Scene, require
 from modal.scene.doors import require_type
 from modal.types import Complexes, Floats
 from nonlinear.averaging.equations import AveragedEquations, derivative
-from nonlinear.averaging.equilibria import EFFORT, FIRST, RelativeEquilibrium, relative_equilibrium
+from nonlinear.averaging.equilibria import (
+    SETTLING_STEPS,
+    START_ANGLE,
+    START_SEED,
+    RelativeEquilibrium,
+    relative_equilibrium,
+)
 from nonlinear.averaging.slow_flow import settle
 from nonlinear.dynamics.variational import Variational
 from nonlinear.system import Population, System, populations_of, representatives, system_of
 
 OWN, OTHER, COMMON, WITHIN = "own", "other", "common", "within a population"
 IN_PHASE, ANTIPHASE = "in phase", "antiphase"
-MIXED = 1e-8  # of what a sector does, that may be in another one by rounding
-TRIALS, SEED = 3, 7
-SETTLINGS, MORE = 6, 2.0  # stretches of slow flow before Newton's method is given up, and how much longer each is
-FAINT = 1e-3  # rad, below which a motion has died out
-WIDE = 0.3  # rad, or in natural units: the size of the trials
+SETTLINGS_MAX = 6
+"""Limit: stretches of slow flow, each twice as long, after which "no steady motion was found"."""
+MOTION_ANGLE_MIN = 1e-3
+"""Limit: largest angle (rad) below which a motion "dies out"."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -112,11 +117,12 @@ def _pattern(
     sign = -1.0 if name == ANTIPHASE else 1.0
     supports = np.eye(system.first + system.n_links)[:, : system.first]
     inside = [Sector(WITHIN, basis) for basis in within if basis.size]
+    numbered = inside
+    if len(inside) > 1:
+        numbered = [replace(sector, name=f"within population {k}") for k, sector in enumerate(inside, start=1)]
     basis = np.hstack((supports, *means))
     lead = np.sum([sign**k * mean[:, 0] for k, mean in enumerate(means)], axis=0)
-    common = Pattern(
-        name, scene, representative_scene, populations, system, lead, (Sector(COMMON, basis), *_number_sectors(inside))
-    )
+    common = Pattern(name, scene, representative_scene, populations, system, lead, (Sector(COMMON, basis), *numbered))
     if len(populations) == 1:
         return replace(common, sectors=(Sector(OWN, basis), *inside))
     G = _exchange(populations, system, means, sign)
@@ -178,17 +184,18 @@ def _eigenspace(G: Floats, span: Floats, way: float) -> Floats:
 def _is_invariant(pattern: Pattern) -> bool:
     """Whether motions of the first sector stay in it, and no sector's disturbances go over into another one."""
     equations = Variational(pattern.system)
-    scale, random = equations.scale, np.random.default_rng(SEED)
+    scale, random = equations.scale, np.random.default_rng(START_SEED)
     spaces = [sector.states for sector in pattern.sectors[:2]]
+    rounding = np.sqrt(np.finfo(float).eps)
     rest = np.concatenate((np.zeros(pattern.system.first), pattern.system.rest, np.zeros(len(scale) // 2)))
-    for _ in range(TRIALS):
-        inside = spaces[0] @ random.uniform(-WIDE, WIDE, spaces[0].shape[1])
+    for _ in range(3):
+        inside = spaces[0] @ random.uniform(-0.5, 0.5, spaces[0].shape[1])
         rate, J = equations.linearize(rest + scale * inside)
         J = J * scale / scale[:, None]
         for space, other_space in (spaces, spaces[::-1]):
-            if np.abs(other_space.T @ J @ space).max() > MIXED * np.abs(J).max():
+            if np.abs(other_space.T @ J @ space).max() > rounding * np.abs(J).max():
                 return False
-        if np.abs(spaces[1].T @ (rate / scale)).max() > MIXED * np.abs(rate / scale).max():
+        if np.abs(spaces[1].T @ (rate / scale)).max() > rounding * np.abs(rate / scale).max():
             return False
     return True
 
@@ -244,7 +251,7 @@ def averaged_pattern(pattern: Pattern, near_by: AveragedPattern | None = None) -
         raise ComputationError(f"the motion {pattern.name} dies out: its losses exceed what the drives feed")
     for z in _starts(pattern, first, near_by):
         state = relative_equilibrium(first, z)
-        if state is not None and first.largest(state.z) > FAINT:
+        if state is not None and first.largest(state.z) > MOTION_ANGLE_MIN:
             return AveragedPattern(pattern, state, tuple(_block(state, equations) for equations in sector_equations))
     raise ComputationError(f"no steady motion {pattern.name} was found")
 
@@ -254,10 +261,10 @@ def _starts(pattern: Pattern, equations: AveragedEquations, near_by: AveragedPat
     if near_by is not None:
         yield equations.dual.T @ (near_by.state.averaged.shapes @ near_by.state.z)
     z: Complexes = np.asarray(equations.dual.T @ pattern.mean, dtype=complex)
-    z, shortest = FIRST * z / equations.largest(z), 0.0
-    for _ in range(SETTLINGS):
-        motion = settle(equations, z[:, None], EFFORT, shortest)[0]
-        z, shortest = motion.z[:, -1], MORE * float(motion.times[-1])
+    z, shortest = START_ANGLE * z / equations.largest(z), 0.0
+    for _ in range(SETTLINGS_MAX):
+        motion = settle(equations, z[:, None], SETTLING_STEPS, shortest)[0]
+        z, shortest = motion.z[:, -1], 2 * float(motion.times[-1])
         yield z
 
 

@@ -20,16 +20,30 @@ from nonlinear.averaging.equilibria import RelativeEquilibrium, relative_equilib
 from nonlinear.averaging.slow_flow import SlowFlow, runs_away, settle
 from nonlinear.system import State, initial_state, system_of, validate_state
 
-WEAK = 0.2  # largest rate of growth or decay over the frequency
-WIDE = 0.7  # largest angle (rad)
-KICKED = 1.25  # least reach of an escapement over its angle on the way
-MIXED = 0.5  # largest speed of other frequencies at an escapement, over the leading one's
-CLEAR = 0.9  # least fraction of the energy in a survivor
-NEAR, FORCED = 0.1, 0.3  # largest sum of resonant frequencies over the lowest: for the survivor, for its time
-MARGIN, SLOW = 2.0, 5.0  # least decay rate of other modes over its error: for the survivor, for its time
-SWINGS, TIMED = 10, 0.2  # shortest locking time in periods; largest relative difference of neighbours' times
-OTHERS, ASIDE, SEED = 4, 0.05, 11  # neighbouring starts, their relative distance, and the seed
-PATIENCE = 10  # relaxation times allowed for leaving an unstable state
+AVERAGED_RATE_MAX = 0.2
+"""Limit: largest rate of growth or decay over the frequency, beyond which it is "too fast to be averaged"."""
+FIRST_ORDER_ANGLE_MAX = 0.7
+"""Limit: largest angle (rad), beyond which links are "beyond the range of first order"."""
+KICK_REACH_MIN = 1.25
+"""Limit: least reach of an escapement over its angle, below which it "may miss kicks"."""
+WINNER_ENERGY_MIN = 0.9
+"""Limit: least fraction of the energy in a survivor: with less "no mode wins"."""
+RESONANCE_WIDTH = 0.1
+"""Limit: largest sum of frequencies over the lowest that is "in resonance"; three times as wide for times."""
+RATE_MARGIN_MIN = 2.0
+"""Limit: least decay rate of other modes over its error, below which a state attracts "only weakly"."""
+TIMED_RATE_MARGIN_MIN = 5.0
+"""Limit: the same for times, below which "the last rate is a small difference of large ones"."""
+TIMED_SWINGS_MIN = 10
+"""Limit: shortest locking time in periods; "it comes within 10 swings"."""
+TIME_DIFFERENCE_MAX = 0.2
+"""Limit: largest relative difference of neighbours' times; they "lock more than 20 % sooner or later"."""
+ASIDE = 0.05
+"""Limit: relative distance of neighbouring starts; "starts 5 % away from this one end elsewhere"."""
+NEIGHBOUR_SEED = 11
+"""Format: of the neighbouring starts, which are the same in every run."""
+LEAVING_TIMES = 10
+"""Tolerance: relaxation times allowed for leaving an unstable state: a rounding error grows to 1e-12 in them."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -37,7 +51,7 @@ class Prediction(Displayed):
     """The slow `motion` from a `start`, those of its neighbours, and the configuration in which it ends, if any.
 
     A symmetric start may end in an `unstable` configuration that real pendula would leave.  Then `start` is a perturbed
-    start, ASIDE in relative amplitude, to which everything else refers.
+    start, 5 % in relative amplitude, to which everything else refers.
     """
 
     what = "Slow motion as averaged equations predict it"
@@ -67,8 +81,8 @@ class Prediction(Displayed):
 
     @property
     def is_won(self) -> bool:
-        """Whether the survivor holds enough of the energy, CLEAR, to have won."""
-        return self.share >= CLEAR
+        """Whether the survivor holds enough of the energy to have won."""
+        return self.share >= WINNER_ENERGY_MIN
 
     @property
     def indecision(self) -> str:
@@ -98,7 +112,7 @@ class Prediction(Displayed):
 
     @cached_property
     def timing_doubts(self) -> tuple[str, ...]:
-        """Reasons why the locking time is not certain to TIMED; empty if it is."""
+        """Reasons why the locking time is not certain to 20 %; empty if it is."""
         return tuple(self._timing_doubts())
 
     def _timing_doubts(self) -> Iterator[str]:
@@ -107,14 +121,14 @@ class Prediction(Displayed):
         if locking is None:
             yield "no mode ever holds 99 % of the energy"
             return
-        if locking < SWINGS * 2 * pi / self.averaged.omega.min():
-            yield f"it comes within {SWINGS} swings, less than averaging resolves"
+        if locking < TIMED_SWINGS_MIN * 2 * pi / self.averaged.omega.min():
+            yield f"it comes within {TIMED_SWINGS_MIN} swings, less than averaging resolves"
         times = [neighbour.locking_time() for neighbour in self.neighbours]
-        if any(time is None or abs(time - locking) > TIMED * locking for time in times):
-            yield f"neighbouring starts lock more than {100 * TIMED:.0f} % sooner or later"
-        if resonant(self.averaged.centre, FORCED):
+        if any(time is None or abs(time - locking) > TIME_DIFFERENCE_MAX * locking for time in times):
+            yield f"neighbouring starts lock more than {100 * TIME_DIFFERENCE_MAX:.0f} % sooner or later"
+        if resonant(self.averaged.centre, 3 * RESONANCE_WIDTH):
             yield "another mode follows the survivor as its third harmonic, or as another combination"
-        if self.ending and self.ending.hold < SLOW * self._error:
+        if self.ending and self.ending.hold < TIMED_RATE_MARGIN_MIN * self._error:
             yield "the last rate is a small difference of large ones"
 
     def _doubts(self) -> Iterator[tuple[str, bool]]:
@@ -126,9 +140,9 @@ class Prediction(Displayed):
             yield f"nothing has settled after {self.motion.times[-1]:.3g} s", True
         elif not self.is_won:
             yield self.indecision, True
-        if self.ending is None or self.ending.hold < MARGIN * self._error:
+        if self.ending is None or self.ending.hold < RATE_MARGIN_MIN * self._error:
             yield "the final state attracts its neighbours only weakly", False
-        if min(flow.reach for flow in (self.motion, *self.neighbours)) < KICKED:
+        if min(flow.reach for flow in (self.motion, *self.neighbours)) < KICK_REACH_MIN:
             yield "a clock starts or passes below the angle of its escapement, or near it, and may miss kicks", True
         if any(neighbour.survivor != self.row or neighbour.dies for neighbour in self.neighbours):
             yield f"starts {100 * ASIDE:.0f} % away from this one end elsewhere", True
@@ -148,13 +162,13 @@ class Prediction(Displayed):
     def _limits(self) -> Iterator[str]:
         """Reasons to doubt averaging itself."""
         equations = self.averaged
-        if (fast := fastest(equations)) > WEAK:
+        if (fast := fastest(equations)) > AVERAGED_RATE_MAX:
             yield f"dampers and drives act within {1 / fast:.3g} radians of a swing, too fast to be averaged"
-        if (angle := equations.largest(self.motion.z)) > WIDE:
+        if (angle := equations.largest(self.motion.z)) > FIRST_ORDER_ANGLE_MAX:
             yield f"links may reach {degrees(angle):.3g} deg, beyond the range of first order"
-        if equations.mixing(self.motion.z, equations.turning(self.motion.z)) > MIXED:
+        if equations.mixing(self.motion.z, equations.turning(self.motion.z)) > 0.5:
             yield "an escapement responds to several frequencies at once, and may kick out of turn"
-        if resonant(equations.centre, NEAR):
+        if resonant(equations.centre, RESONANCE_WIDTH):
             yield "frequencies of different bands are in resonance"
 
 
@@ -177,7 +191,7 @@ def predict(scene: Scene, start: State | None = None) -> Prediction:
     if runs_away(equations, motions[0].z):
         raise ComputationError("drives are too strong for averaged equations: their amplitudes exceed half a turn")
     if (ending := _ending(motions[0])) and ending.is_stable is False:
-        motions = settle(equations, starts, shortest=PATIENCE * ending.relaxation)
+        motions = settle(equations, starts, shortest=LEAVING_TIMES * ending.relaxation)
         if (ending := _ending(motions[0])) and ending.is_stable is False:
             state, unstable, motions = _aside(equations, state), ending, motions[1:]
             ending = _ending(motions[0])
@@ -209,8 +223,8 @@ def _aside(equations: AveragedEquations, start: State) -> State:
 
 def _neighbours(z: Complexes) -> Iterator[Complexes]:
     """Neighbouring starts: every amplitude slightly perturbed, including zero ones."""
-    random = np.random.default_rng(SEED)
-    for _ in range(OTHERS):
+    random = np.random.default_rng(NEIGHBOUR_SEED)
+    for _ in range(4):
         off = random.standard_normal(len(z)) + 1j * random.standard_normal(len(z))
         yield z + ASIDE * off * (np.abs(z) + ASIDE * np.abs(z).max())
 

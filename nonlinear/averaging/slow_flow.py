@@ -14,21 +14,36 @@ from modal.report import Displayed
 from modal.types import Booleans, Complexes, Floats
 from nonlinear.averaging.equations import AveragedEquations, derivative
 
-GAIN, TURN = 0.4, 1.0  # largest growth and rotation (rad) within a step
-COARSE = 1.5  # times longer steps where Newton's method corrects the end
-BEAT = 8  # looks within a step at amplitudes that rotate freely
-PERIODS = 64  # fast periods in the first part
-MOST_STEPS = 6000
-PER_PART, FEWEST = 50, 16  # times kept of a part, and of one of which only the end counts
-TOGETHER = 16  # motions followed at once, each with its own steps
-ALIKE, HASTE = 0.1, 1.5  # change of amplitudes that keeps the pace, and of the pace that keeps the step size
-STOPPED = 0.01  # fall of amplitudes within an interval that dry friction alone causes: it stops them there
-FAR = 20.0  # rad, an amplitude beyond which the steps were too long
-CALM = 1e-3  # fraction of the energy that may change rows in half of the time of a settled motion
-ALONE = 3e-4  # fraction of the energy in all other rows once one has won
-DEAD = 1e-4  # fraction of the initial amplitude below which the motion has died out
-LOCKED = 0.01  # largest fraction of the energy outside the locked mode
-AWAY = pi  # rad, an amplitude beyond which links turn over, and averaged equations take ever smaller steps
+STEP_GROWTH_MAX = 0.4
+"""Tolerance: largest growth within a step, of which the method of fourth order errs by 1e-4."""
+STEP_TURN_MAX = 1.0
+"""Tolerance: largest rotation (rad) within a step, which Lawson's form takes exactly but for what it turns."""
+BEAT_PLACES = 8
+"""Tolerance: places within a step at which amplitudes that rotate freely are looked at: they miss 8 % of a beat."""
+FIRST_PERIODS = 64
+"""Cost: fast periods in the first part; benchmarks/sync/survivors.py."""
+SLOW_STEPS_MAX = 6000
+"""Limit: "averaged equations need more than 6000 steps"."""
+PART_TIMES = 50
+"""Cost: times kept of a part, a third of them where only its end counts; benchmarks/sync/survivors.py."""
+STEADY_CHANGE_MAX = 0.1
+"""Cost: change of amplitudes that keeps the pace; benchmarks/sync/survivors.py."""
+HASTE_MAX = 1.5
+"""Tolerance: change of the pace that keeps the step: errors grow with its fourth power, to the fivefold."""
+STOPPED_AMPLITUDE_RATIO = 0.01
+"""Physics: fall of amplitudes within an interval that dry friction alone causes: it stops them there."""
+STEP_ANGLE_MAX = 20.0
+"""Tolerance: an amplitude (rad) beyond which the steps were too long: no motion that is averaged comes near."""
+CALM_ENERGY_RATIO = 1e-3
+"""Tolerance: of the energy, what may change rows in half of the time of a settled motion; a tenth of what locks."""
+LONE_ENERGY_RATIO = 3e-4
+"""Tolerance: of the energy, what all other rows have once one has won: enough below LOCKED."""
+DEAD_AMPLITUDE_RATIO = 1e-4
+"""Limit: of the initial amplitude, below which the motion, or one of its bands, "dies out"."""
+LOCKED = 0.01
+"""Limit: largest fraction of the energy outside the locked mode, as "99 % of the energy" says."""
+AVERAGED_ANGLE_MAX = pi
+"""Limit: largest angle (rad): beyond it links turn over, and "drives are too strong for averaged equations"."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -54,7 +69,7 @@ class SlowFlow(Displayed):
     @property
     def dies(self) -> bool:
         """Whether the motion has died out."""
-        return bool(np.abs(self.z[:, -1]).max() <= DEAD * np.abs(self.z[:, 0]).max())
+        return bool(np.abs(self.z[:, -1]).max() <= DEAD_AMPLITUDE_RATIO * np.abs(self.z[:, 0]).max())
 
     @property
     def survivor(self) -> int:
@@ -102,31 +117,30 @@ Settling = Generator[_Stretch, None, tuple[SlowFlow, ...]]  # yields a stretch, 
 
 
 def settle(
-    equations: AveragedEquations, starts: Complexes, max_steps: int = MOST_STEPS, shortest: float = 0.0
+    equations: AveragedEquations, starts: Complexes, max_steps: int = SLOW_STEPS_MAX, shortest: float = 0.0
 ) -> tuple[SlowFlow, ...]:
     """The slow flow from each of these amplitudes (C, S) until all have settled, or for `max_steps` steps.
 
     Each is followed for at least `shortest` seconds, however little changes, because motions leave an unstable state
-    slowly. Pendula that drift past each other never settle; motions that grow beyond AWAY are not followed any further.
+    slowly. Pendula that drift past each other never settle; motions that grow beyond half a turn are not
+    followed any further.
     """
     return _follow(equations, [_settling(equations, starts, max_steps, shortest)])[0]
 
 
 def settle_apart(
-    averaged_equations: AveragedEquations, starts: Complexes, active: Booleans, max_steps: int = MOST_STEPS
+    averaged_equations: AveragedEquations, starts: Complexes, active: Booleans, max_steps: int = SLOW_STEPS_MAX
 ) -> Iterator[Complexes]:
     """The end (C,) of the same from each start, restricted to the modes kept of it (C, S).
 
-    Each has its own steps, COARSE times as long, and few of them where the motion is slow.
+    Each has its own steps, HASTE_MAX times as long, and few of them where the motion is slow.
     """
-    for part in (slice(start, start + TOGETHER) for start in range(0, starts.shape[1], TOGETHER)):
-        restrictions = [
-            averaged_equations if modes.all() else averaged_equations.restricted_to(modes)
-            for modes in active[:, part].T
-        ]
-        pairs = zip(restrictions, starts[:, part].T, strict=True)
-        motions = [_settling(equations, start[:, None], max_steps, 0.0, coarse=True) for equations, start in pairs]
-        yield from (motion.z[:, -1] for (motion,) in _follow(averaged_equations, motions, active[:, part]))
+    restrictions = [
+        averaged_equations if modes.all() else averaged_equations.restricted_to(modes) for modes in active.T
+    ]
+    pairs = zip(restrictions, starts.T, strict=True)
+    motions = [_settling(equations, start[:, None], max_steps, 0.0, coarse=True) for equations, start in pairs]
+    yield from (motion.z[:, -1] for (motion,) in _follow(averaged_equations, motions, active))
 
 
 @np.errstate(all="ignore")
@@ -151,7 +165,7 @@ def _settling(
     equations: AveragedEquations, starts: Complexes, max_steps: int, shortest: float, coarse: bool = False
 ) -> Settling:
     state = _begin_stretch(equations, starts, equations.reach(starts))
-    until = min(PERIODS * 2 * pi / float(equations.omega.min()), max_steps / state.pace)
+    until = min(FIRST_PERIODS * 2 * pi / float(equations.omega.min()), max_steps / state.pace)
     state, times, z = yield from _part(equations, state, 0.0, until, coarse)
     going = _going(equations, z, starts)
     while (going.any() or times[-1] < shortest) and not runs_away(equations, state.z):
@@ -175,18 +189,20 @@ def _begin_stretch(equations: AveragedEquations, z: Complexes, reach: Floats) ->
 
 def runs_away(equations: AveragedEquations, z: Complexes) -> bool:
     """Whether any of these amplitudes (C, ...) is beyond the range of averaged equations."""
-    return not equations.largest(z) <= AWAY
+    return not equations.largest(z) <= AVERAGED_ANGLE_MAX
 
 
 def _part(
     equations: AveragedEquations, state: _Stretch, begin: float, duration: float, coarse: bool
 ) -> Generator[_Stretch, None, tuple[_Stretch, Floats, Complexes]]:
-    """The state at the end, and amplitudes at PER_PART + 1 times, in steps that fit both ends of every interval.
+    """The state at the end, and amplitudes at PART_TIMES + 1 times, in steps that fit both ends of every interval.
 
     If only the end counts (`coarse`), at times a step apart where that is longer, and its rates Ω set the pace.
     """
-    width = COARSE if coarse else 1.0
-    count = min(PER_PART, max(FEWEST, ceil(duration * state.pace / width))) if coarse else PER_PART
+    width, count = 1.0, PART_TIMES
+    if coarse:  # Newton's method corrects the end
+        width = HASTE_MAX
+        count = min(PART_TIMES, max(PART_TIMES // 3, ceil(duration * state.pace / width)))
     span, amplitudes = duration / count, [state.z]
     while len(amplitudes) <= count:
         if len(amplitudes) > 1 and runs_away(equations, state.z):
@@ -194,31 +210,22 @@ def _part(
             break
         steps = max(1, ceil(span * state.pace / width))
         yield (further := replace(state, h=span / steps, steps=steps))
-        further.z = z = _stop_at_rest(equations, state.z, further.z)
-        if not _alike(state.z, z):
+        z, before = further.z, np.abs(state.z)
+        if equations.system.rubs:  # dry friction has brought the motion to rest within the interval
+            z = np.where(np.abs(z).max(axis=0) <= STOPPED_AMPLITUDE_RATIO * before.max(axis=0), 0.0, z)
+        further.z = z
+        if np.abs(before - np.abs(z)).max() > STEADY_CHANGE_MAX * before.max():
             turning = further.turning if coarse else equations.turning(z)
-            further.pace = _pace(equations, z, turning) if equations.largest(z) < FAR else 2 * state.pace
-        if further.pace <= HASTE * state.pace:
+            further.pace = _pace(equations, z, turning) if equations.largest(z) < STEP_ANGLE_MAX else 2 * state.pace
+        if further.pace <= HASTE_MAX * state.pace:
             state, amplitudes = further, [*amplitudes, z]
-        elif duration / PER_PART * further.pace <= MOST_STEPS:
+        elif duration / PART_TIMES * further.pace <= SLOW_STEPS_MAX:
             state.pace = further.pace
         elif runs_away(equations, z):
             state, amplitudes = further, amplitudes + [z] * (count + 1 - len(amplitudes))
         else:
-            raise ComputationError(f"averaged equations need more than {MOST_STEPS} steps for {span:.3g} s")
+            raise ComputationError(f"averaged equations need more than {SLOW_STEPS_MAX} steps for {span:.3g} s")
     return state, begin + np.linspace(0.0, duration, count + 1), np.moveaxis(np.array(amplitudes), 0, -1)
-
-
-def _stop_at_rest(equations: AveragedEquations, before: Complexes, z: Complexes) -> Complexes:
-    """Amplitudes (C, S) at the end of an interval, 0 where dry friction has brought the motion to rest within it."""
-    if not equations.system.rubs:
-        return z
-    return np.where(np.abs(z).max(axis=0) <= STOPPED * np.abs(before).max(axis=0), 0.0, z)
-
-
-def _alike(before: Complexes, after: Complexes) -> bool:
-    """Whether amplitudes agree within ALIKE of the largest, so that the pace can be kept."""
-    return bool(np.abs(np.abs(before) - np.abs(after)).max() <= ALIKE * np.abs(before).max())
 
 
 def _advance(equations: AveragedEquations, stretches: Sequence[_Stretch], active: Booleans | None) -> None:
@@ -229,8 +236,11 @@ def _advance(equations: AveragedEquations, stretches: Sequence[_Stretch], active
     steps = min(stretch.steps for stretch in stretches)
     for _ in range(steps):
         a, spin = equations.forcing(z, turning, active), 1j * equations.detuning(turning)
-        if active is None:  # otherwise only the end counts
-            reach = np.minimum(reach, _least_reach(equations, z, h * spin))
+        if active is None and equations.system.has_escapements:  # otherwise only the end counts
+            # the least while amplitudes rotate freely through a step, as in a beat
+            places = z[..., None] * np.exp((h * spin)[..., None] * np.arange(BEAT_PLACES) / BEAT_PLACES)
+            reaches = equations.reach(places.reshape(len(z), -1)).reshape(-1, BEAT_PLACES)
+            reach = np.minimum(reach, reaches.min(axis=-1))
         turn = np.exp(h / 2 * spin)
         half = turn * z
         b = equations.forcing(half + h / 2 * turn * a, turning, active)
@@ -248,32 +258,24 @@ def _advance(equations: AveragedEquations, stretches: Sequence[_Stretch], active
         stretch.steps -= steps
 
 
-def _least_reach(equations: AveragedEquations, z: Complexes, turns: Complexes) -> Floats:
-    """The least reach (S,) while amplitudes (C, S) rotate freely through these angles (as iφ), as in a beat."""
-    if not equations.system.has_escapements:
-        return np.asarray(np.inf)
-    places = z[..., None] * np.exp(turns[..., None] * np.arange(BEAT) / BEAT)
-    return np.asarray(equations.reach(places.reshape(len(z), -1)).reshape(-1, BEAT).min(axis=-1))
-
-
 def _pace(equations: AveragedEquations, z: Complexes, turning: Floats) -> float:
     """Steps per second from these amplitudes (C, S) on; modes that are left out set no pace."""
     is_active, moving = equations.shapes.any(axis=0), z.any(axis=0)
-    drift = float(np.abs(equations.detuning(turning)[is_active]).max()) / TURN
+    drift = float(np.abs(equations.detuning(turning)[is_active]).max()) / STEP_TURN_MAX
     if not moving.any():
         return drift
     both_parts = np.tile(is_active, 2)
     slopes = derivative(equations.smooth, z[:, moving], turning[:, moving])[:, both_parts][:, :, both_parts]
-    return max(float(np.linalg.norm(slopes, 2, axis=(1, 2)).max()) / GAIN, drift)
+    return max(float(np.linalg.norm(slopes, 2, axis=(1, 2)).max()) / STEP_GROWTH_MAX, drift)
 
 
 def _going(equations: AveragedEquations, z: Complexes, starts: Complexes) -> Booleans:
     """Which of the motions (C, S, T) are still undecided, (S,): neither settled nor dead nor one growing row."""
     energy = equations.energies(z[..., z.shape[-1] // 2 :])
     total = energy.sum(axis=0)
-    changing = np.ptp(energy, axis=-1).max(axis=0) > CALM * total.max(axis=-1)
+    changing = np.ptp(energy, axis=-1).max(axis=0) > CALM_ENERGY_RATIO * total.max(axis=-1)
     others = 1 - energy.max(axis=0) / np.where(total > 0, total, 1.0)
-    falling = total[:, -1] < (1 - CALM) * total[:, 0]
-    open_yet = falling | (others.max(axis=-1) > ALONE)
-    alive = np.abs(z[..., -1]).max(axis=0) > DEAD * np.abs(starts).max(axis=0)
+    falling = total[:, -1] < (1 - CALM_ENERGY_RATIO) * total[:, 0]
+    open_yet = falling | (others.max(axis=-1) > LONE_ENERGY_RATIO)
+    alive = np.abs(z[..., -1]).max(axis=0) > DEAD_AMPLITUDE_RATIO * np.abs(starts).max(axis=0)
     return np.asarray(changing & open_yet & alive)

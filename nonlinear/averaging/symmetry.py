@@ -26,8 +26,10 @@ from modal.types import Booleans, Complexes, Floats, Ints
 from nonlinear.averaging.equations import AveragedEquations
 from nonlinear.system import burdens
 
-MOST_IMAGES = 24  # pendula tried as the image of the widest
-EQUAL = 1e-3  # difference over the widest amplitude below which two pendula do the same
+IMAGES_MAX = 24
+"""Cost: pendula tried as the image of the widest; benchmarks/sync/exchange.py."""
+PENDULUM_DIFFERENCE_MIN = 1e-3
+"""Tolerance: over the widest amplitude, from which on two pendula do not do the same: settling leaves 1e-4."""
 
 
 @lru_cache(maxsize=16)
@@ -95,7 +97,7 @@ def count_copies(equations: AveragedEquations, z: Complexes) -> int:
     set_sizes = map(sum, set(map(tuple, alike.tolist())))
     distinct: list[Complexes] = []
     for turn in _turns(links, links, kind, max_images=len(kind)):
-        if all(np.abs(turn - neighbour).max() > EQUAL for neighbour in distinct):
+        if all(np.abs(turn - neighbour).max() > PENDULUM_DIFFERENCE_MIN for neighbour in distinct):
             matches = _alike(links, links * turn, kind)
             if np.array_equal(np.sort(matches.sum(axis=0)), np.sort(alike.sum(axis=0))) and matches.any(axis=0).all():
                 distinct.append(turn)
@@ -103,7 +105,7 @@ def count_copies(equations: AveragedEquations, z: Complexes) -> int:
     return n_permutations // (max(len(distinct), 1) * prod(map(factorial, set_sizes)))
 
 
-def _turns(links: Complexes, others: Complexes, kind: Ints, max_images: int = MOST_IMAGES) -> list[Complexes]:
+def _turns(links: Complexes, others: Complexes, kind: Ints, max_images: int = IMAGES_MAX) -> list[Complexes]:
     """The factors e^{−iφ_b} (B,) that bring the images of the pendulum that swings widest to its phases."""
     size = np.abs(links).max(axis=(1, 2))
     widest = int(size.argmax())
@@ -118,7 +120,7 @@ def _turns(links: Complexes, others: Complexes, kind: Ints, max_images: int = MO
 def _alike(links: Complexes, others: Complexes, kind: Ints) -> Booleans:
     """Which pendula of one kind do the same in two motions, (N, N)."""
     distance = np.abs(links[:, None] - others[None]).max(axis=(2, 3))
-    return np.asarray((distance <= EQUAL * np.abs(links).max()) & (kind[:, None] == kind))
+    return np.asarray((distance <= PENDULUM_DIFFERENCE_MIN * np.abs(links).max()) & (kind[:, None] == kind))
 
 
 def _places(equations: AveragedEquations) -> list[Ints]:

@@ -18,11 +18,14 @@ from tabulate import tabulate
 
 from modal.errors import SceneError
 from modal.scene import Bob, Cart, Fixed, Pendulum, Rod, Scene
-from nonlinear.chaos.studies import DECISIVE, Case, ChaosStudy, Finding, compare_starts, scale
+from nonlinear.chaos.studies import DECISIVE_UNCERTAINTIES, Case, ChaosStudy, Finding, compare_starts, scale
 
 Kind = type[Bob] | type[Rod]
 Table = tuple[Sequence[str], list[list[str]]]
-GRAVITY, PAPER_CART = 9.81, 100.0
+GRAVITY = 9.81
+"""Physics: m/s², as in both papers."""
+PAPER_CART_MASS = 100.0
+"""Format: kg, the cart of paper 000."""
 
 
 def study(paper: str, *, quick: bool = False) -> ChaosStudy:
@@ -42,7 +45,7 @@ def text(finding: Finding) -> str:
     study, (headings, rows) = finding.study, _TABLES[finding.study.paper](finding)
     how = (
         f"{study.ensemble} starts at rest with the energy of level links, {study.duration:g} s each; "
-        f"± is one standard uncertainty, differences count from {DECISIVE:g}"
+        f"± is one standard uncertainty, differences count from {DECISIVE_UNCERTAINTIES:g}"
     )
     table = tabulate(rows, headings, disable_numparse=True, colalign=("left", *["right"] * (len(headings) - 1)))
     return "\n".join([f"Paper {study.paper}: {study.claim}", how, "", table, "", *verdicts(finding)])
@@ -82,37 +85,30 @@ def _chain_verdicts(finding: Finding) -> list[str]:
     for series, exponents in finding.series().items():
         for name, power in (("links of one length", 0.0), ("one total length", 0.5)):
             values = [scale(exponent, exponent.scene.n_links**power) for _, exponent in exponents]
-            words.append(f"{series}, {name}: {_growing(values)}")
+            steps = [compare_starts(lower, upper) for lower, upper in pairwise(values)]
+            counts = f"of {len(steps)} steps to one link more λ grows in {steps.count(1)}, falls in {steps.count(-1)}"
+            verdict = "not supported" if -1 in steps else "undecided" if 0 in steps else "supported"
+            words.append(f"{series}, {name}: {verdict} ({counts}, within uncertainty in {steps.count(0)})")
     return words
-
-
-def _growing(values: Sequence[tuple[float, float]]) -> str:
-    steps = [compare_starts(lower, upper) for lower, upper in pairwise(values)]
-    counts = f"of {len(steps)} steps to one link more λ grows in {steps.count(1)}, falls in {steps.count(-1)}"
-    verdict = "supported" if all(step == 1 for step in steps) else "not supported" if -1 in steps else "undecided"
-    return f"{verdict} ({counts}, within uncertainty in {steps.count(0)})"
 
 
 # ----------------------------------------------------------------------------------------------- paper 000: on a cart
 
 
 def _carts(quick: bool) -> ChaosStudy:
-    masses = (None, PAPER_CART, 4.0) if quick else (None, 1000.0, PAPER_CART, 10.0, 4.0, 1.0)
+    masses = (None, PAPER_CART_MASS, 4.0) if quick else (None, 1000.0, PAPER_CART_MASS, 10.0, 4.0, 1.0)
     numbers = (1, 2) if quick else (1, 2, 3)
-    cases = tuple(Case(_double(n), mass, _on_cart(n, mass)) for n in numbers for mass in masses)
+    cases = tuple(_cart_case(n, mass) for n in numbers for mass in masses)
     claim = "sharing a cart makes double pendula more predictable"
     return ChaosStudy("000", claim, cases, 15.0 if quick else 60.0, 24 if quick else 48)
 
 
-def _double(number: int) -> str:
-    return "1 double pendulum" if number == 1 else f"{number} double pendula"
-
-
-def _on_cart(number: int, mass: float | None) -> Scene:
+def _cart_case(number: int, mass: float | None) -> Case:
+    double = "1 double pendulum" if number == 1 else f"{number} double pendula"
     support = Fixed() if mass is None else Cart(mass=mass)
     place = "a fixed support" if mass is None else f"a cart of {mass:g} kg"
-    title = f"{_double(number)} on {place}"
-    return Scene(title=title, gravity=GRAVITY, support=support, pendulum=(_pendulum(Rod, 2, number),))
+    pendulum = (_pendulum(Rod, 2, number),)
+    return Case(double, mass, Scene(title=f"{double} on {place}", gravity=GRAVITY, support=support, pendulum=pendulum))
 
 
 def _signs_of_change(finding: Finding) -> dict[str, list[int]]:
@@ -141,20 +137,14 @@ _TOLD = {-1: "more predictable", 1: "less predictable", 0: "no difference seen"}
 
 
 def _cart_verdicts(finding: Finding) -> list[str]:
-    words = []
+    words, at_paper_cart = [], []
     for name, signs in _signs_of_change(finding).items():
         verdict = "supported" if set(signs) == {-1} else "not supported" if 1 in signs else "undecided"
         counts = ", ".join(f"{word} with {signs.count(sign)}" for sign, word in _TOLD.items())
         words.append(f"{name}: {verdict} (of {len(signs)} carts {counts})")
-    return [*words, _paper_cart(finding)]
-
-
-def _paper_cart(finding: Finding) -> str:
-    words = []
-    for name, signs in _signs_of_change(finding).items():
         masses = [case.at for case, _ in finding.series()[name] if case.at is not None]
-        words.append(f"{name} – {_TOLD[signs[masses.index(PAPER_CART)]]}")
-    return f"the paper's cart of {PAPER_CART:g} kg: {'; '.join(words)}"
+        at_paper_cart.append(f"{name} – {_TOLD[signs[masses.index(PAPER_CART_MASS)]]}")
+    return [*words, f"the paper's cart of {PAPER_CART_MASS:g} kg: {'; '.join(at_paper_cart)}"]
 
 
 _STUDIES = {"000": _carts, "001": _chains}

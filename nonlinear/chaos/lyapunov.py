@@ -37,28 +37,30 @@ from nonlinear.integration.watches import GrowthSamples, tangent_direction
 from nonlinear.system import State, initial_state, numbers_of, system_of, validate_state
 
 TRANSIENT = 0.5
-"""Fraction of the duration run beforehand, for v to align with the fastest growing direction."""
-WIDEST = 10.0
-"""Spread of starts (rad)."""
-TOGETHER = 256
-"""Starts that a crew computes together: side by side 64 take hardly longer than 4."""
-MOST_SAMPLES = 50_000_000
-"""Numbers of the growth that are kept."""
-THIRDS = 3
-"""Parts of the whole time, of which the transient is the first."""
-SHORTEST, USUAL = 20.0, 200.0
-"""The shortest and the default duration, in sqrt(l/g) of the longest link."""
+"""Format: fraction of the duration run beforehand, for v to align with the fastest growing direction."""
+SPREAD_MAX = 10.0
+"""Limit: largest `spread` (rad), "must be a finite number from 0 to 10"."""
+STARTS_TOGETHER = 256
+"""Cost: starts that a crew computes together: side by side 64 take hardly longer than 4; benchmarks/ensembles.py."""
+GROWTH_SAMPLES_MAX = 50_000_000
+"""Limit: numbers of the growth that are kept: "must be at most … s for … starts of this scene"."""
+DURATION_TIMES = 200.0
+"""Limit: default of `duration` in sqrt(l/g) of the longest link."""
+DURATION_TIMES_MIN = 20.0
+"""Limit: the shortest duration, "must be at least … s for this scene, 20 sqrt(l/g)"."""
 TOLERANCE = 1e-7
-"""Integrator's tolerance: a trajectory soon leaves the true one, but both have the same mean growth."""
-BLOCKS, FEWEST = 10, 4
-"""Blocks of time for an uncertainty; least number of starts for one from their spread."""
-STICKY = 1.4
-"""Underestimation of the uncertainty by blocks of time: chaotic motion sticks to islands for longer than a block.
+"""Limit: default of `tolerance`: a trajectory soon leaves the true one, but both have the same mean growth."""
+BLOCKS = 10
+"""Format: blocks of time for an uncertainty, each longer than what growth remembers."""
+STARTS_FOR_SPREAD_MIN = 4
+"""Limit: number of starts whose spread tells an uncertainty; with fewer "use 4 starts or more"."""
+BLOCKS_WIDENING = 1.4
+"""Physics: what blocks of time leave out, as chaotic motion sticks to islands for longer than a block.
 
 Measured on 700 single runs: 2 standard uncertainties from the blocks contain λ in 84 to 92 of 100, not in 95.
 """
 CONFIDENCE = 0.95
-"""Coverage probability of the intervals."""
+"""Format: coverage probability of the intervals, as reports say."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -117,16 +119,16 @@ class Exponent(TextResult):
     @property
     def by_starts(self) -> bool:
         """Whether there are enough starts to estimate the uncertainty from their spread."""
-        return self.ensemble >= FEWEST
+        return self.ensemble >= STARTS_FOR_SPREAD_MIN
 
     @property
     def error(self) -> float:
         """Standard uncertainty (1/s): from the blocks of time or from the starts, whichever is larger.
 
-        With fewer than four starts the uncertainty from the blocks is multiplied by STICKY.
+        With fewer than four starts the uncertainty from the blocks is multiplied by 1.4.
         """
         in_time = float(self.blocks.std(ddof=1)) / sqrt(BLOCKS)
-        return max(in_time if self.by_starts else STICKY * in_time, self.spread / sqrt(self.ensemble))
+        return max(in_time if self.by_starts else BLOCKS_WIDENING * in_time, self.spread / sqrt(self.ensemble))
 
     @property
     def coverage(self) -> float:
@@ -203,11 +205,12 @@ class Exponent(TextResult):
             f"  {self.ensemble} starts over {self.duration:.4g} s each, after {self.times[self._first]:.3g} s; "
             f"{self.chaotic} of them above {self.floor:.2g} 1/s, the limit for regular motion"
         )
-        if FEWEST <= self.chaotic < self.ensemble:
+        if STARTS_FOR_SPREAD_MIN <= self.chaotic < self.ensemble:
             lines.append(f"  of those alone {self.of_the_chaotic.equation}")
         if not self.by_starts:
             lines.append(
-                f"  the uncertainty rests on blocks of time, widened {STICKY:g}-fold: use {FEWEST} starts or more"
+                f"  the uncertainty rests on blocks of time, widened {BLOCKS_WIDENING:g}-fold: "
+                f"use {STARTS_FOR_SPREAD_MIN} starts or more"
             )
         if np.isfinite(self.energy_drift):
             lines.append(f"  energy drift {self.energy_drift:.1e}")
@@ -252,7 +255,7 @@ def lyapunov_exponent(
     By default the duration is 200 sqrt(l/g) of the longest link, and the `starts` are `start`, by default the scene's
     own, and `members` − 1 more whose angles differ from it by up to `spread` (rad): in chaos they soon become
     independent, and together, if there are at least four, they give the uncertainty of λ.  `report` is called with the
-    simulated time, out of 1.5 times the duration.  A `crew` computes TOGETHER starts at a time.  After Ctrl-C λ comes
+    simulated time, out of 1.5 times the duration.  A `crew` computes 256 starts at a time.  After Ctrl-C λ comes
     from the part measured so far, if that is long enough.
 
     Raises SceneError for a scene in space, for motions of a support and forces that are no sines and for a duration
@@ -260,7 +263,7 @@ def lyapunov_exponent(
     """
     require(scene, "a Lyapunov exponent")
     frequencies_of(scene)
-    checked_number("spread", spread, 0.0, WIDEST)
+    checked_number("spread", spread, 0.0, SPREAD_MAX)
     duration = usual_duration(scene) if duration is None else duration
     validate(
         lambda: validate_numbers(duration, tolerance, 0.0),
@@ -273,13 +276,13 @@ def lyapunov_exponent(
     rng = np.random.default_rng(seed)
     states = starts if starts is not None else nearby(start or initial_state(scene), members, spread, rng)
     y = np.stack([tangent.equations.begin(validate_state(state, tangent.system)) for state in states], axis=1)
-    shortest = TRANSIENT * duration + SHORTEST / USUAL * usual_duration(scene)
+    shortest = TRANSIENT * duration + DURATION_TIMES_MIN / DURATION_TIMES * usual_duration(scene)
     end = (1 + TRANSIENT) * duration
     grow = partial(_grow, scene, end, tolerance, shortest)
-    if crew is None or y.shape[1] <= TOGETHER:
+    if crew is None or y.shape[1] <= STARTS_TOGETHER:
         times, growth, last = grow(y, report)
     else:
-        portions = np.array_split(y, range(TOGETHER, y.shape[1], TOGETHER), axis=1)
+        portions = np.array_split(y, range(STARTS_TOGETHER, y.shape[1], STARTS_TOGETHER), axis=1)
         parts = []
         for part in map_by_crew(grow, portions, crew):
             parts.append(part)
@@ -290,13 +293,18 @@ def lyapunov_exponent(
             np.concatenate([growth[: len(common_times) - 1] for _, growth, _ in parts], axis=1),
         )
         last = np.concatenate([last for _, _, last in parts], axis=1)
-    return Exponent(scene, times, growth, TRANSIENT * duration, _energy_drift(tangent, y, last))
+    system, drift = tangent.system, float("nan")
+    if not system.works:
+        before, after = (Mechanics(system, tangent.equations.read(rows.T)).energy for rows in (y, last))
+        largest = system.gravity * sum(float(group.block.b.sum()) for group in system.groups)
+        drift = float(np.max(np.abs(after - before)) / largest)
+    return Exponent(scene, times, growth, TRANSIENT * duration, drift)
 
 
 def usual_duration(scene: Scene) -> float:
     """200 sqrt(l/g) of the longest link (s)."""
     validate_scene(scene)
-    return USUAL * sqrt(max(link.length for link in scene.links()) / scene.gravity)
+    return DURATION_TIMES * sqrt(max(link.length for link in scene.links()) / scene.gravity)
 
 
 def nearby(state: State, members: int, spread: float, rng: np.random.Generator) -> list[State]:
@@ -308,16 +316,16 @@ def nearby(state: State, members: int, spread: float, rng: np.random.Generator) 
 
 def validate_duration(scene: Scene, duration: float) -> None:
     """SceneError for a duration (s) that is too short to tell growth from regular motion."""
-    shortest = SHORTEST / USUAL * usual_duration(scene)
+    shortest = DURATION_TIMES_MIN / DURATION_TIMES * usual_duration(scene)
     if not shortest <= duration < float("inf"):
-        words = f"must be at least {shortest:.3g} s for this scene, {SHORTEST:g} sqrt(l/g)"
+        words = f"must be at least {shortest:.3g} s for this scene, {DURATION_TIMES_MIN:g} sqrt(l/g)"
         raise SceneError([f"duration {duration!r}: {words}"])
 
 
 def _refuse_endless(duration: float, scale: float, members: int) -> None:
     """SceneError for more samples of the growth than can be kept."""
-    if (samples := (1 + TRANSIENT) * duration * scale * members) > MOST_SAMPLES:
-        longest = duration * MOST_SAMPLES / samples
+    if (samples := (1 + TRANSIENT) * duration * scale * members) > GROWTH_SAMPLES_MAX:
+        longest = duration * GROWTH_SAMPLES_MAX / samples
         raise SceneError([f"duration {duration:g}: must be at most {longest:.3g} s for {members} starts of this scene"])
 
 
@@ -331,7 +339,8 @@ def _grow(
     tangent = Tangent(system_of(scene))
     numbers = numbers_of(scene, system=tangent.system)
     numbers = replace(numbers, switching=switching_numbers(tangent.system))
-    count, members = THIRDS * ceil(end * float(tangent.scale[-1, 0]) / THIRDS), y.shape[1]
+    count = 3 * ceil(end * float(tangent.scale[-1, 0]) / 3)  # the transient is the first third
+    members = y.shape[1]
     times = np.linspace(0.0, end, count + 1)
     units = np.broadcast_to(tangent.scale, y.shape)
     lanes_y = np.concatenate((y, units * tangent_direction(len(y))))
@@ -347,11 +356,3 @@ def _grow(
             raise
     count_known = int(np.isfinite(gains.rows).all(1).sum())
     return times[: count_known + 1], np.diff(gains.rows[:count_known], axis=0, prepend=0.0), gains.last
-
-
-def _energy_drift(tangent: Tangent, first: Floats, last: Floats) -> float:
-    system = tangent.system
-    if system.works:
-        return float("nan")
-    before, after = (Mechanics(system, tangent.equations.read(y.T)).energy for y in (first, last))
-    return float(np.max(np.abs(after - before)) / (system.gravity * sum(float(g.block.b.sum()) for g in system.groups)))

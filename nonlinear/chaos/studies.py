@@ -20,10 +20,10 @@ from modal.types import Crew, Floats, map_by_crew
 from nonlinear.chaos.lyapunov import Exponent, lyapunov_exponent
 from nonlinear.system import Group, State, system_of
 
-DECISIVE = 3.0
-"""Standard uncertainties that a difference must exceed: a table has many pairs, and one in twenty exceeds two."""
-WIDEST, SHARE = 0.5, 0.9
-"""Largest angle (rad) of links but the last from level, and share of the last link's range that may compensate it."""
+DECISIVE_UNCERTAINTIES = 3.0
+"""Limit: that a difference must exceed, as the table says: it has many pairs, and one in twenty exceeds two."""
+LAST_LINK_RATIO = 0.9
+"""Format: of the last link's range, with which it may compensate the links above, at most half a radian from level."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -95,7 +95,7 @@ def level_starts(scene: Scene, ensemble: int, seed: int = 0) -> list[State]:
 def _level(group: Group, rng: np.random.Generator) -> Floats:
     """Angles (n, P): all but the last near 90°, the last such that Σ b cos θ = 0, all on a random side."""
     b = group.block.b
-    width = np.minimum(WIDEST, SHARE * b[-1] / np.maximum(b[:-1].sum(0), 1e-300))
+    width = np.minimum(0.5, LAST_LINK_RATIO * b[-1] / np.maximum(b[:-1].sum(0), 1e-300))
     upper = np.pi / 2 + width * rng.uniform(-1, 1, b[:-1].shape)
     last = np.arccos(-np.sum(b[:-1] * np.cos(upper), axis=0) / b[-1])
     return np.asarray(rng.choice((-1.0, 1.0), b.shape[1]) * np.concatenate((upper, last[None])))
@@ -110,5 +110,5 @@ def scale(exponent: Exponent, factor: float) -> tuple[float, float]:
 
 def compare_starts(first: tuple[float, float], second: tuple[float, float]) -> int:
     """1 where the second is larger beyond their uncertainties, −1 where it is smaller, else 0."""
-    difference, error = second[0] - first[0], DECISIVE * hypot(first[1], second[1])
+    difference, error = second[0] - first[0], DECISIVE_UNCERTAINTIES * hypot(first[1], second[1])
     return int(difference > error) - int(difference < -error)

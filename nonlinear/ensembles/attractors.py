@@ -20,14 +20,17 @@ from modal.scene import Scene, drive_period
 from modal.scene.parameters import Variation
 from modal.types import Floats, Ints
 from nonlinear.ensembles.running import Ensemble, ensemble
-from nonlinear.ensembles.strobes import KEPT, natural_units, repetition, settling_time, strobe_times
+from nonlinear.ensembles.strobes import JUDGED_STROBES, natural_units, repetition, settling_time, strobe_times
 from nonlinear.postprocessing import largest_angle
 from nonlinear.simulation import simulate
 from nonlinear.system import State
 
-ALIKE = 3e-3  # of natural units, within which strobes are those of one attractor
-MOST = 40  # attractors that are told apart
-EQUAL = 1e-2  # degrees between largest angles that count as equal: mirror images go by their strobes
+ATTRACTOR_GAP_MIN = 3e-3
+"""Tolerance: in natural units, from which on strobes are those of two attractors: a settled motion is within 1e-4."""
+ATTRACTORS_MAX = 40
+"""Limit: attractors that are told apart; starts that end in further ones count as "none of these"."""
+EQUAL_ANGLES_GAP = 1e-2
+"""Tolerance: between largest angles (deg) that count as equal: mirror images go by their strobes."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -89,22 +92,27 @@ def find_attractors(
         raise SceneError([f"vary {path}: {words}" for path in other])
     period = drive_period(scene).seconds
     if duration is None:
-        duration = settling_time(scene, period) + KEPT * period
+        duration = settling_time(scene, period) + JUDGED_STROBES * period
     last = int(duration / period * (1 + 1e-12))
-    if last < KEPT:
-        raise SceneError([f"duration {duration:g} s: an attractor takes {KEPT} periods of {period:.4g} s"])
-    times = strobe_times(period, settle=(last - KEPT + 1) * period)
+    if last < JUDGED_STROBES:
+        raise SceneError([f"duration {duration:g} s: an attractor takes {JUDGED_STROBES} periods of {period:.4g} s"])
+    times = strobe_times(period, settle=(last - JUDGED_STROBES + 1) * period)
     ensembled = ensemble(scene, max(duration, times[-1]), vary=axes, output=times.tolist(), report=report, **options)
     if not ensembled.require("start").columns:  # a share without a chunk
         return ensembled, (), np.full(ensembled.size, nan)
-    states = [part[:, -KEPT:] for part in ensembled.states()]
+    states = [part[:, -JUDGED_STROBES:] for part in ensembled.states()]
     strobes = natural_units(ensembled.question.system, states)
     repeats, turns = repetition(strobes, ensembled.question.system.n_links)
     labels, members = clustered(strobes, repeats, turns)
-    attractors = [
-        _attractor(scene, period, int(repeats[k]), tuple(turns[k].tolist()), [rows[k, -1] for rows in states])
-        for k in members
-    ]
+    attractors = []
+    for k in members:
+        last_angles, rates, *rest = (rows[k, -1] for rows in states)
+        links = last_angles - 2 * np.pi * np.round(last_angles / (2 * np.pi))
+        state = State(links, rates, float(rest[0]), float(rest[1]), *rest[2:])
+        whole_turns, largest = tuple(turns[k].tolist()), nan
+        if not any(whole_turns):
+            largest = degrees(largest_angle(simulate(scene, int(repeats[k]) * period, start=state)))
+        attractors.append(Attractor(int(repeats[k]), whole_turns, largest, state))
     order = _order(attractors)
     rank = np.zeros(len(order) + 1)
     rank[1 + np.array(order, dtype=int)] = 1 + np.arange(len(order))
@@ -123,13 +131,13 @@ def clustered(strobes: Floats, period: Ints, turns: Ints) -> tuple[Ints, list[in
     [1, 2, 1, 2]
     """
     labels, members = np.zeros(len(strobes), dtype=np.int64), list[int]()
-    while len(members) < MOST and len(left := np.flatnonzero((period > 0) & (labels == 0))):
+    while len(members) < ATTRACTORS_MAX and len(left := np.flatnonzero((period > 0) & (labels == 0))):
         first, p = left[0], period[left[0]]
         alike = left[(period[left] == p) & (turns[left] == turns[first]).all(1)]
         orbit = strobes[first, -p:]
         apart = [_apart(strobes[alike, -p:], np.roll(orbit, k, 0), turns.shape[1]) for k in range(p)]
         members.append(int(first))
-        labels[alike[np.min(apart, axis=0) < ALIKE]] = len(members)
+        labels[alike[np.min(apart, axis=0) < ATTRACTOR_GAP_MIN]] = len(members)
     return labels, members
 
 
@@ -140,19 +148,12 @@ def _apart(strobes: Floats, other: Floats, links: int) -> Floats:
     return np.asarray(np.abs(change).max((1, 2)))
 
 
-def _attractor(scene: Scene, period: float, p: int, turns: tuple[int, ...], last: list[Any]) -> Attractor:
-    links = last[0] - 2 * np.pi * np.round(last[0] / (2 * np.pi))
-    state = State(links, last[1], float(last[2]), float(last[3]), *last[4:])
-    largest = nan if any(turns) else degrees(largest_angle(simulate(scene, p * period, start=state)))
-    return Attractor(p, turns, largest, state)
-
-
 def _order(attractors: list[Attractor]) -> list[int]:
     """By period, turns and largest angle; equal ones by the angles of their strobe."""
     sizes = np.nan_to_num([each.largest_angle_deg for each in attractors])
     rising = np.argsort(sizes, kind="stable")
     group = np.zeros(len(attractors), dtype=int)
-    group[rising] = np.cumsum(np.diff(sizes[rising], prepend=sizes[rising[:1]]) > EQUAL)
+    group[rising] = np.cumsum(np.diff(sizes[rising], prepend=sizes[rising[:1]]) > EQUAL_ANGLES_GAP)
     keys = [
         (each.period, any(each.turns), group[k], each.turns, each.state.links.tolist())
         for k, each in enumerate(attractors)

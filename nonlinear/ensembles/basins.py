@@ -28,20 +28,25 @@ from nonlinear.ensembles.attractors import Attractor, find_attractors
 from nonlinear.ensembles.measures import configurations
 from nonlinear.ensembles.running import Ensemble, EnsembleResult, ensemble
 from nonlinear.ensembles.runs import form_of
-from nonlinear.ensembles.strobes import MOST as LONGEST
+from nonlinear.ensembles.strobes import REPEAT_PERIODS_MAX
 from nonlinear.reduction import usual_start
 from nonlinear.synchronization import agreement
 from nonlinear.synchronization.study import theory_of_scene
 from nonlinear.synchronization.study import usual_duration as sync_duration
 from nonlinear.system import has_start
 
-SIZE, WIDEST = 64, 170.0  # places along each angle, and how far from hanging (deg), where nobody says
-SIZE_ONE_BY_ONE = 12  # where each takes as long as a run of its own
+GRID_SIZE = 64
+"""Limit: default of `vary`: places along each of two angles."""
+GRID_SIZE_ONE_BY_ONE = 12
+"""Limit: the same where each start takes as long as a run of its own."""
+GRID_ANGLE_MAX = 170.0
+"""Limit: default of `vary`: how far (deg) from hanging."""
 EARLIEST = "first_turn_s"
 NONE = "none of these"
 ATTRACTOR = "attractor"
 SLOW = ("configuration", "order")
-PERIODS = 30.0  # of sqrt(l/g), where nobody says how long
+BASIN_TIMES = 30.0
+"""Limit: default of `duration` in sqrt(l/g)."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -110,7 +115,7 @@ class Basins(EnsembleResult):
         if not self.names or not self.shares()[NONE]:
             return ""
         if self.attractor is not None:
-            return f"; {NONE}: not settled yet, or not periodic within {LONGEST} periods of the drives"
+            return f"; {NONE}: not settled yet, or not periodic within {REPEAT_PERIODS_MAX} periods of the drives"
         return f"; {NONE}: at rest, not settled yet, or in another motion"
 
     def whole(self) -> dict[str, Any]:
@@ -207,7 +212,7 @@ def usual_duration(scene: Scene, measure: str) -> float:
     if measure in SLOW and scene.is_driven:
         with suppress(ComputationError):
             return sync_duration(scene, theory_of_scene(scene, usual_start(scene)))
-    return float(PERIODS * np.sqrt(max(link.length for link in scene.links()) / scene.gravity))
+    return float(BASIN_TIMES * np.sqrt(max(link.length for link in scene.links()) / scene.gravity))
 
 
 @checked
@@ -243,13 +248,13 @@ def usual_axes(scene: Scene) -> list[str]:
     elif scene.is_forced:
         most = 2 * degrees(sqrt(scene.gravity / first.links[0].length))
         return [
-            f"pendulum[0].start.angles_deg[0]={-WIDEST:g}:{WIDEST:g}:{SIZE}",
-            f"pendulum[0].start.rates_deg[0]={-most:.3g}:{most:.3g}:{SIZE}",
+            f"pendulum[0].start.angles_deg[0]={-GRID_ANGLE_MAX:g}:{GRID_ANGLE_MAX:g}:{GRID_SIZE}",
+            f"pendulum[0].start.rates_deg[0]={-most:.3g}:{most:.3g}:{GRID_SIZE}",
         ]
     else:
         raise SceneError(["vary: this scene has one starting angle: choose two numbers"])
-    size = SIZE if form_of(scene) is not None else SIZE_ONE_BY_ONE
-    return [f"{place}={-WIDEST:g}:{WIDEST:g}:{size}" for place in places]
+    size = GRID_SIZE if form_of(scene) is not None else GRID_SIZE_ONE_BY_ONE
+    return [f"{place}={-GRID_ANGLE_MAX:g}:{GRID_ANGLE_MAX:g}:{size}" for place in places]
 
 
 @checked

@@ -22,8 +22,8 @@ from modal.scene.parameters import Variable, Variation, find_places, parse_varia
 from modal.types import Floats, Ints
 from nonlinear.ensembles.running import ensemble
 from nonlinear.ensembles.strobes import (
-    KEPT,
-    MOST,
+    JUDGED_STROBES,
+    REPEAT_PERIODS_MAX,
     links_named,
     natural_units,
     repetition,
@@ -37,7 +37,8 @@ from nonlinear.integration import validate
 from nonlinear.reduction import usual_start
 from nonlinear.system import System, system_of
 
-AT_ONCE = 128  # members with periods of their own that are sampled at the times of all of them
+VALUES_TOGETHER = 128
+"""Cost: members with periods of their own that are sampled at the times of all of them; benchmarks/ensembles.py."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -110,7 +111,7 @@ class BifurcationDiagram(Drawable, Result):
         values, settle = self.variation.values, self.settle[np.isfinite(self.settle)]
         lines = [
             f"{counted(len(values), 'value', 'values')} of {self.variation.path} from {values[0]:g} to {values[-1]:g}",
-            f"the last {KEPT} strobes of each, at {self.phase_deg:g}° of the drives, after a transient of "
+            f"the last {JUDGED_STROBES} strobes of each, at {self.phase_deg:g}° of the drives, after a transient of "
             + (f"{settle.min():.4g} s" if np.ptp(settle) == 0 else f"{settle.min():.4g} to {settle.max():.4g} s"),
         ]
         failed = Counter(self.reasons.values()).items()
@@ -119,9 +120,9 @@ class BifurcationDiagram(Drawable, Result):
     def _ranges(self) -> Iterator[tuple[str, ...]]:
         known = np.isfinite(self.times[:, 0]) & ~np.isin(np.arange(len(self.times)), list(self.reasons))
         repeats, values = self.repeats, np.array(self.variation.values)
-        for period in sorted(set(repeats[known].tolist()), key=lambda some: some or MOST + 1):
+        for period in sorted(set(repeats[known].tolist()), key=lambda some: some or REPEAT_PERIODS_MAX + 1):
             some = values[known & (repeats == period)]
-            name = str(period) if period else f"not within {MOST}, or not yet"
+            name = str(period) if period else f"not within {REPEAT_PERIODS_MAX}, or not yet"
             yield name, str(len(some)), f"{some.min():.6g}", f"{some.max():.6g}"
 
 
@@ -160,14 +161,14 @@ def find_bifurcations(
     )
     periods, transients, reasons = _in_time(scene, variation, settle)
     known, done = np.flatnonzero(np.isfinite(periods)), 0
-    times = np.full((len(periods), KEPT), np.nan)
+    times = np.full((len(periods), JUDGED_STROBES), np.nan)
     for k in known:
         times[k] = strobe_times(periods[k], phase_deg, settle=transients[k])
     states = [np.full((*times.shape, *tail), np.nan) for tail in _tails(system_of(scene))]
     groups = [*_parts(periods, known)]
     for number, part in enumerate(groups):
         stored = _stored(number, len(groups), options)
-        rows, failed = _strobed(scene, variation, part, times[part], partial(_further, report, done), stored)
+        rows, failed = _strobed(scene, variation, part, times[part], partial(_forward, report, done), stored)
         for state, row in zip(states, rows, strict=True):
             state[part] = row
         reasons |= failed
@@ -209,7 +210,7 @@ def _in_time(scene: Scene, variation: Variation, settle: float | None) -> tuple[
 def _parts(periods: Floats, known: Ints) -> Iterator[Ints]:
     """Values that go together: all that have one period, others in groups of similar ones."""
     ascending = known[np.argsort(periods[known], kind="stable")]
-    together = AT_ONCE if len(np.unique(periods[known])) > 1 else max(len(known), 1)
+    together = VALUES_TOGETHER if len(np.unique(periods[known])) > 1 else max(len(known), 1)
     for first in range(0, len(known), together):
         yield ascending[first : first + together]
 
@@ -223,7 +224,7 @@ def _stored(number: int, groups: int, options: dict[str, Any]) -> dict[str, Any]
     return options | {"folder": folder, **({"share": ((first - number) % of, of)} if of > 1 else {})}
 
 
-def _further(report: Callable[[float], object], before: int, done: float) -> None:
+def _forward(report: Callable[[float], object], before: int, done: float) -> None:
     report(before + done)
 
 

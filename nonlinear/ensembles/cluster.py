@@ -9,16 +9,13 @@ from contextlib import ExitStack, contextmanager
 from modal.errors import ComputationError, MissingExtraError
 from nonlinear.ensembles.executors import KeptPool, WorkerPool, Workers
 
-PATIENCE = 10.0
-"""Time limit (s) for a scheduler to answer."""
-
 
 @contextmanager
-def cluster(address: str, patience: float = PATIENCE) -> Iterator[WorkerPool]:
+def cluster(address: str, patience: float = 10.0) -> Iterator[WorkerPool]:
     """All workers of a scheduler such as tcp://192.168.0.2:8786; they need this package installed.
 
-    Raises MissingExtraError without the package `distributed`, ComputationError where no scheduler answers or it has no
-    workers.
+    It has `patience` seconds to answer.  Raises MissingExtraError without the package `distributed`, ComputationError
+    where no scheduler answers or it has no workers.
     """
     try:
         from distributed import Client

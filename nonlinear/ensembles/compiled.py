@@ -28,7 +28,8 @@ from nonlinear.integration.switches import Switches
 from nonlinear.integration.within import Step, Watch
 from nonlinear.system import Numbers
 
-BUFFER = 2048  # steps that are looked at in NumPy together
+BUFFER_STEPS = 2048
+"""Cost: steps that are looked at in NumPy together; benchmarks/ensembles.py."""
 REASONS = {SHORT: TOO_SHORT, INFINITE: NOT_FINITE, JAMMED: STUCK}
 
 
@@ -95,9 +96,13 @@ def integrate(
     error, horizon, gain, largest = np.zeros((4, count))
     ran = Ran(np.full((size, count), np.nan), error, horizon, gain, largest, final)
     status = np.zeros(count, dtype=np.int64)
-    which, marks = np.zeros(BUFFER, dtype=np.int64), np.zeros((2, BUFFER))
-    before, after, stages = np.zeros((size, BUFFER)), np.zeros((size, BUFFER)), np.zeros((STAGES + 1, size, BUFFER))
-    acting = np.zeros((held, BUFFER))
+    which, marks = np.zeros(BUFFER_STEPS, dtype=np.int64), np.zeros((2, BUFFER_STEPS))
+    before, after, stages = (
+        np.zeros((size, BUFFER_STEPS)),
+        np.zeros((size, BUFFER_STEPS)),
+        np.zeros((STAGES + 1, size, BUFFER_STEPS)),
+    )
+    acting = np.zeros((held, BUFFER_STEPS))
     spread = np.ascontiguousarray(np.broadcast_to(scale, (size, scale.shape[1])))
     ends, tables = np.append(task.breaks, task.end), _tables(task.lanes.inputs)
     arguments = (

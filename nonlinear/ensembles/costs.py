@@ -17,9 +17,9 @@ from nonlinear.ensembles.members import Members
 from nonlinear.ensembles.question import (
     COMPILED,
     LANES,
-    ONE_BY_ONE,
     PLAIN,
     RETIRED,
+    RUN_SECONDS_MIN,
     WITHOUT_SERIES,
     EnsembleRequest,
     refused,
@@ -38,8 +38,8 @@ SOONER = {LANES: 1.0, COMPILED: 5.0}
 FOLDERS = "by which this folder was begun"
 TANGENT = "lyapunov"
 """The measure that needs tangent equations beside the others."""
-STARTING = 0.02
-"""Seconds that numba's loop takes for a few members as well."""
+NUMBA_SECONDS = 0.02
+"""Cost: that numba's loop takes for a few members as well; benchmarks/ensembles.py."""
 CALLING = 1.5e-4, 6e-5
 """Seconds that a step of lanes in NumPy takes for a few members as well: for each link, and for its square."""
 RECORDED = CAPABILITIES["engine numba"].unless["moved_support"]
@@ -117,7 +117,7 @@ def _offers(members: Members, duration: float, tolerance: float, measures: Seque
     """What every engine that takes these members would take for them."""
     scene, whole = members.scene, members.size * seconds_each(members.scene, duration, tolerance)
     links, steps = scene.n_links, steps_of(scene, duration, tolerance)
-    beside = {COMPILED: STARTING, LANES: steps * (CALLING[0] * links + CALLING[1] * links**2)}
+    beside = {COMPILED: NUMBA_SECONDS, LANES: steps * (CALLING[0] * links + CALLING[1] * links**2)}
     numbers = first_numbers(members)
     return {
         name: Offer(beside[name] + whole / SOONER[name], code_of(name, numbers, measures))
@@ -157,6 +157,6 @@ def seconds_of(question: EnsembleRequest, chunks: int) -> float:
     """Seconds of work in so many chunks, on one core."""
     count = min(chunks * question.chunk, question.members.size)
     if question.engine == PLAIN:
-        return count * max(ONE_BY_ONE, least_seconds(question.scene, question.duration, question.tolerance))
+        return count * max(RUN_SECONDS_MIN, least_seconds(question.scene, question.duration, question.tolerance))
     each = seconds_each(question.scene, question.duration, question.tolerance)
     return count * each / SOONER.get(question.engine, 1.0)

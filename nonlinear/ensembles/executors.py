@@ -30,18 +30,13 @@ from modal.report import Displayed
 from nonlinear.dynamics import children_without_interrupts
 from nonlinear.integration import validate_whole
 
-AHEAD = 2
-"""How many portions a worker has before it, its own included."""
-TRIES = 3
-"""How often a portion is handed to an executor that loses it."""
 DIED = "its process died, perhaps for lack of memory"
 DEAD = "the workers have died: give in place of the executor what makes one, and what they had is done again"
 SIZES = ("_max_workers", "max_workers", "num_workers")
 """Where executors of the standard library and loky, of executorlib and of mpi4py say how many workers they have."""
-PATIENCE = 0.5
-"""Seconds that this process works alone before it starts others: what is small is done by then."""
-STARTING = 2.0
-"""Least seconds of remaining work that justify starting other processes, about what these take to start."""
+PROCESS_SECONDS = 2.0
+"""Cost: what other processes take to start, and the least remaining work that justifies it; a quarter of that this
+process works alone, as what is small is done by then; benchmarks/ensembles.py."""
 P = TypeVar("P")
 R = TypeVar("R")
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
@@ -193,14 +188,14 @@ def _shared(
 ) -> Generator[R, None, list[P]]:
     """What the function makes of portions, a few in flight at a time; those of an executor that broke are handed back.
 
-    What an executor that still works has lost or cancelled it is given again, TRIES times in all, in whatever words it
+    What an executor that still works has lost or cancelled it is given again, three times in all, in whatever words it
     tells of it.
     """
     executor, size = pool_of(crew)
     flying: dict[Future[R | Failure], tuple[P, int]] = {}
     try:
         while True:
-            more = islice(portions, AHEAD * size - len(flying))
+            more = islice(portions, 2 * size - len(flying))  # one in work, one waiting
             flying |= {_submitted(function, portion, executor): (portion, 1) for portion in more}
             if not flying:
                 return []
@@ -217,7 +212,7 @@ def _shared(
                     yield result
                 elif broken:
                     lost.append(portion)
-                elif tries == TRIES or not isinstance(error, Exception):
+                elif tries == 3 or not isinstance(error, Exception):
                     raise error
                 else:
                     flying[_submitted(function, portion, executor)] = portion, tries + 1
@@ -323,9 +318,9 @@ class Workers(Displayed):
         while alone and (task := next(tasks, None)) is not None:
             yield function(*task.arguments)
             seconds = monotonic() - begun
-            if seconds > PATIENCE and (self.workers or cores()) > 1:
+            if seconds > PROCESS_SECONDS / 4 and (self.workers or cores()) > 1:
                 left = list(tasks)
-                alone = len(left) < 2 or seconds / (task.number + 1) * len(left) < STARTING
+                alone = len(left) < 2 or seconds / (task.number + 1) * len(left) < PROCESS_SECONDS
                 tasks = (each for each in left)
         yield from self._by_crew(function, list(tasks))
 

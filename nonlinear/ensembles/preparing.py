@@ -18,8 +18,8 @@ from modal.scene.doors import checked
 from nonlinear.ensembles.costs import code_of, first_numbers
 from nonlinear.ensembles.measures import requested_measures, validate_measures
 from nonlinear.ensembles.members import members_of
-from nonlinear.ensembles.question import COMPILED
-from nonlinear.ensembles.running import USUAL, ensemble
+from nonlinear.ensembles.question import COMPILED, ENSEMBLE_TOLERANCE
+from nonlinear.ensembles.running import ensemble
 from nonlinear.integration import ASKED, Choice, Request, choose, estimate_timescales, validate, validate_numbers
 from nonlinear.integration.kernels import LANE_LINKS_MAX, integrator
 from nonlinear.integration.methods import offers
@@ -27,8 +27,6 @@ from nonlinear.integration.readiness import Code, compiled_in, kept_in
 from nonlinear.system import state_at_rest, system_of
 
 ONE, MANY, ANY = "one motion", "many motions", "Any scene in the plane"
-TILT = 0.1  # angle (rad) from which the motions start that are run for the sake of compiling
-PART = 0.01  # and how long these are, in periods of the fastest oscillation
 
 
 @dataclass(frozen=True, repr=False)
@@ -92,7 +90,9 @@ class Compilation(Result):
         return {"scene": self.scene and (self.scene.title or None), self.key: self.records()}
 
 
-def compile_engines(scene: Scene | None = None, tolerance: float = USUAL, measures: Sequence[str] = ()) -> Compilation:
+def compile_engines(
+    scene: Scene | None = None, tolerance: float = ENSEMBLE_TOLERANCE, measures: Sequence[str] = ()
+) -> Compilation:
     """Compile what this scene can use, by running it for a moment, and keep it for later processes.
 
     Without a scene it is what serves every scene: single motions in the plane by numba.
@@ -138,12 +138,12 @@ def compile_engines(scene: Scene | None = None, tolerance: float = USUAL, measur
 def _general() -> Iterator[CompiledCode]:
     """The integrator, and that of structures, as single bobs need them."""
     for runs, scene in ((ONE, load("chain-1")), (f"{ONE} on a structure", load("tower"))):
-        yield replace(next(_codes(scene, USUAL, ())), runs=runs)
+        yield replace(next(_codes(scene, ENSEMBLE_TOLERANCE, ())), runs=runs)
 
 
 def _codes(scene: Scene, tolerance: float, measures: Sequence[str]) -> Iterator[CompiledCode]:
-    system, duration = system_of(scene), PART * 2 * pi / estimate_timescales(scene).swing
-    begun = state_at_rest(scene, [np.degrees(TILT)] * scene.n_links)
+    system, duration = system_of(scene), 2 * pi / estimate_timescales(scene).swing
+    begun = state_at_rest(scene, [np.degrees(0.5)] * scene.n_links)
     request = Request(scene, system, begun, np.array([0.0, duration]))
 
     def series() -> Code | None:
@@ -165,7 +165,7 @@ def _codes(scene: Scene, tolerance: float, measures: Sequence[str]) -> Iterator[
     kernel = partial(integrator, on_structure=system.structure is not None)
     yield _ready(ONE, COMPILED, problems, kernel, compiled)
     yield _ready(ONE, "heyoka", refusals(scene, "method taylor"), series, expanded)
-    starts = [[TILT] * scene.n_links] * 2
+    starts = [[0.5] * scene.n_links] * 2
 
     def code() -> Code | None:
         return code_of(COMPILED, first_numbers(members_of(scene, starts, None)), measures)

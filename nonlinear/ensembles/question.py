@@ -25,7 +25,8 @@ from nonlinear.integration import choose, estimate_timescales
 from nonlinear.integration.methods import step_count
 from nonlinear.system import System, slack_of, system_of
 
-VERSION = 1
+ENSEMBLE_VERSION = 1
+"""Format: of the files of an ensemble."""
 PLAIN, LANES, COMPILED = "simulate", "numpy", "numba"
 RETIRED = "heyoka"
 """The engine of older folders, which are still read."""
@@ -33,11 +34,20 @@ WITHOUT_SERIES = (
     "engine heyoka: is no longer there, for Taylor series take single motions (simulate's method taylor): take auto, "
     "in another folder than one that heyoka began"
 )
-SECONDS, FEWEST, MOST = 4.0, 16, 16_384  # of a chunk; its members
-ROOM = 64_000_000  # bytes of samples in a chunk
-ONE_BY_ONE = 0.15  # s that a run by itself takes at least
-CHECKED = 4  # members that are run by themselves as well
-SEED = 19
+ENSEMBLE_TOLERANCE = 1e-9
+"""Limit: default of `tolerance` of many motions, from ensembles to sweeps."""
+CHUNK_SECONDS = 4.0
+"""Cost: of work in a chunk, of ensembles and of sweeps; benchmarks/ensembles.py."""
+CHUNK_MEMBERS_MIN = 16
+"""Cost: members of a chunk, of ensembles and of sweeps; benchmarks/ensembles.py."""
+CHUNK_MEMBERS_MAX = 16_384
+"""Cost: members of a chunk; benchmarks/ensembles.py."""
+CHUNK_BYTES_MAX = 64_000_000
+"""Cost: samples of a chunk in memory; benchmarks/ensembles.py."""
+RUN_SECONDS_MIN = 0.15
+"""Cost: what a run by itself takes; benchmarks/ensembles.py."""
+CHECKED_SEED = 19
+"""Format: of the draw of members that are run by themselves, which a folder's files depend on."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -100,7 +110,7 @@ class EnsembleRequest(Displayed):
         """Everything in it, for a file."""
         section = self.measures.section
         return {
-            "version": VERSION,
+            "version": ENSEMBLE_VERSION,
             "members": self.members.header(),
             "duration_s": self.duration,
             "tolerance": self.tolerance,
@@ -133,11 +143,11 @@ def steps_of(scene: Scene, duration: float, tolerance: float) -> float:
 def chunk_of(scene: Scene, duration: float, tolerance: float, samples: int, engine: str) -> int:
     """How many members a chunk has."""
     if engine == PLAIN:
-        return FEWEST
+        return CHUNK_MEMBERS_MIN
     width = 2 * (scene.n_links + 1) + 1
-    fitting = ROOM // (8 * width * max(samples, 1))
-    wished = SECONDS / seconds_each(scene, duration, tolerance)
-    return int(max(min(wished, fitting, MOST), FEWEST))
+    fitting = CHUNK_BYTES_MAX // (8 * width * max(samples, 1))
+    wished = CHUNK_SECONDS / seconds_each(scene, duration, tolerance)
+    return int(max(min(wished, fitting, CHUNK_MEMBERS_MAX), CHUNK_MEMBERS_MIN))
 
 
 def refused(members: Members, duration: float, tolerance: float) -> str:
@@ -190,8 +200,8 @@ def _drawn(members: Members, places: list[Place]) -> str:
     if not members.scene.spring or all("start" in place for place in places):
         return ""
     system = system_of(members.scene)
-    for first in range(0, members.size, MOST):
-        for k, those in enumerate(slack_of(members.part(first, first + MOST).system)):
+    for first in range(0, members.size, CHUNK_MEMBERS_MAX):
+        for k, those in enumerate(slack_of(members.part(first, first + CHUNK_MEMBERS_MAX).system)):
             if np.any(np.not_equal(those, system.slack[k])):
                 return f"spring[{system.suspension.springs[k].entry}] has a length as drawn in some members alone"
     return ""
@@ -207,5 +217,5 @@ def _of_hoist(scene: Scene, place: Place) -> bool:
 
 def sample_of(size: int, count: int) -> tuple[int, ...]:
     """So many members drawn at random."""
-    drawn = np.random.default_rng(SEED).choice(size, size=min(count, size), replace=False)
+    drawn = np.random.default_rng(CHECKED_SEED).choice(size, size=min(count, size), replace=False)
     return tuple(sorted(drawn.tolist()))

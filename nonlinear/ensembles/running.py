@@ -26,12 +26,12 @@ from modal.scene.parameters import Vary
 from modal.types import Floats, Ints
 from nonlinear.ensembles.computing import DISAGREES, Chunk, compute, engine_of
 from nonlinear.ensembles.costs import Decision, choose_engine, seconds_of
-from nonlinear.ensembles.executors import DIED, Crew, computed, cores, pool_of
+from nonlinear.ensembles.executors import DIED, PROCESS_SECONDS, Crew, computed, cores, pool_of
 from nonlinear.ensembles.measures import requested_measures, validate_measures
 from nonlinear.ensembles.members import Members, Starts, members_of
 from nonlinear.ensembles.plain import state_columns, validate_plain
 from nonlinear.ensembles.question import (
-    CHECKED,
+    ENSEMBLE_TOLERANCE,
     PLAIN,
     RETIRED,
     WITHOUT_SERIES,
@@ -45,10 +45,9 @@ from nonlinear.integration import sample_times, validate, validate_numbers, vali
 from nonlinear.integration.readiness import Forgone, lose, rent
 from nonlinear.system import Motion, System, system_of
 
-USUAL = 1e-9  # tolerance
 END = "end"
-AT_ONCE = 3.0  # s of work that are not worth the start of other processes
-MOST_NUMBERS = 100_000_000  # kept in memory
+SAMPLES_MAX = 100_000_000
+"""Limit: numbers of all members at all samples, which are kept in memory."""
 Output = str | int | Sequence[float] | Floats | None
 Report = Callable[[float], object]
 Numbered = tuple[int, Chunk]
@@ -259,11 +258,11 @@ def ensemble(
     starts: Starts | None = None,
     vary: Vary | None = None,
     output: Output = None,
-    tolerance: float = USUAL,
+    tolerance: float = ENSEMBLE_TOLERANCE,
     measures: Sequence[str] = (),
     engine: str = "auto",
     folder: str | os.PathLike[str] | None = None,
-    check: int = CHECKED,
+    check: int = 4,
     chunk: int | None = None,
     share: tuple[int, int] | None = None,
     workers: int | None = None,
@@ -385,7 +384,7 @@ def _question(
     checked = () if chosen == PLAIN else sample_of(members.size, check)
     question = EnsembleRequest(members, duration, tolerance, chosen, wanted, times, keeps_end, checked)
     fitting = chunk or chunk_of(scene, duration, tolerance, len(question.wanted.times), chosen)
-    if (numbers := members.size * len(times) * 2 * scene.n_links) > MOST_NUMBERS:
+    if (numbers := members.size * len(times) * 2 * scene.n_links) > SAMPLES_MAX:
         raise SceneError([f"output: {numbers:.3g} numbers are too many to keep: use fewer samples, or measures"])
     return replace(question, chunk=fitting), decision
 
@@ -446,7 +445,7 @@ def _chunks(
 ) -> Generator[Numbered, None, None]:
     """The chunks that are left, by their numbers, as they come, without what an engine that is not ready would save."""
     count = min(workers or cores(), max(len(left), 1))
-    few = workers is None and seconds_of(question, len(left)) < AT_ONCE
+    few = workers is None and seconds_of(question, len(left)) < PROCESS_SECONDS
     if crew is None and (count == 1 or few):
         for number in left:
             with rent(forgone):

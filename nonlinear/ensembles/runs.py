@@ -20,7 +20,7 @@ from nonlinear.dynamics import Lanes
 from nonlinear.ensembles.lanes import run as run_in_lanes
 from nonlinear.ensembles.lanes import task_of
 from nonlinear.ensembles.measures import Context, columns_of_members, ending_times, validate_measures
-from nonlinear.ensembles.question import ROOM
+from nonlinear.ensembles.question import CHUNK_BYTES_MAX, ENSEMBLE_TOLERANCE
 from nonlinear.ensembles.results import Wanted
 from nonlinear.ensembles.running import ensemble
 from nonlinear.integration import SolverInfo, Trajectory, choose, sample_times
@@ -33,8 +33,6 @@ from nonlinear.system import numbers_of_all, system_of
 TIMED = ("sine", "constant")
 """Kinds of forces whose numbers may differ between members that go together."""
 
-TOLERANCE = 1e-9
-FEWEST = 4  # scenes for which the equations are written out
 REASON = "side by side with others of its form"
 
 
@@ -75,7 +73,7 @@ def run_together(scenes: Iterable[Scene], duration: float) -> dict[Scene, Trajec
     scenes = validate_scenes(scenes if isinstance(scenes, Sequence) else [*scenes])
     runs: dict[Scene, Trajectory] = {}
     for group in _by_form([scene for scene in scenes if not _switches(scene)]).values():
-        if len(group) >= FEWEST:
+        if len(group) >= 4:  # fewer do not pay for equations that are written out
             runs |= _together(group, duration)
     return runs
 
@@ -126,7 +124,7 @@ def _measured(scenes: Sequence[Scene], seconds: float, name: str) -> dict[Scene,
     """The measure of scenes of one form, or of one scene."""
     for scene in scenes:
         validate_measures((name,), scene, seconds)
-    tolerance = chaos.TOLERANCE if name == "lyapunov" else TOLERANCE
+    tolerance = chaos.TOLERANCE if name == "lyapunov" else ENSEMBLE_TOLERANCE
     if form_of(scenes[0]) is None:
         member = ensemble(scenes[0], seconds, starts=[usual_start(scenes[0])], measures=[name], engine="simulate")
         if member.failures:
@@ -160,7 +158,7 @@ def _together(scenes: Sequence[Scene], duration: float) -> dict[Scene, Trajector
     kept, times = [], []
     for scene in scenes:
         try:
-            if scene.has_damping and choose(scene, duration, TOLERANCE).method == "Radau":
+            if scene.has_damping and choose(scene, duration, ENSEMBLE_TOLERANCE).method == "Radau":
                 continue
             usual_start(scene)
             times.append(times_of(scene, duration))
@@ -169,10 +167,10 @@ def _together(scenes: Sequence[Scene], duration: float) -> dict[Scene, Trajector
         kept.append(scene)
     runs: dict[Scene, Trajectory] = {}
     longest = max(map(len, times), default=1)
-    at_once = max(1, ROOM // (8 * longest * (4 * scenes[0].n_links + 4)))
+    at_once = max(1, CHUNK_BYTES_MAX // (8 * longest * (4 * scenes[0].n_links + 4)))
     for first in range(0, len(kept), at_once):
         part = slice(first, first + at_once)
-        if len(kept[part]) >= FEWEST:
+        if len(kept[part]) >= 4:
             runs |= _integrated(kept[part], times[part], duration)
     return runs
 
@@ -181,7 +179,7 @@ def _integrated(scenes: Sequence[Scene], times: Sequence[Floats], duration: floa
     numbers = numbers_of_all(scenes)
     lanes = Lanes(numbers)
     y = np.stack([lanes.layout.begin(usual_start(scene)) for scene in scenes], axis=1)
-    task, _, _ = task_of(lanes, numbers, y, Wanted(duration, TOLERANCE))
+    task, _, _ = task_of(lanes, numbers, y, Wanted(duration, ENSEMBLE_TOLERANCE))
     padded = np.full((len(scenes), max(map(len, times))), np.inf)
     for row, moments in zip(padded, times, strict=True):
         row[: len(moments)] = moments
@@ -191,7 +189,7 @@ def _integrated(scenes: Sequence[Scene], times: Sequence[Floats], duration: floa
     for k, (scene, moments) in enumerate(zip(scenes, times, strict=True)):
         if k in outcome.reasons:
             continue
-        run = SolverInfo("minimal", "DOP853", REASON, TOLERANCE, steps=int(outcome.steps[k]))
+        run = SolverInfo("minimal", "DOP853", REASON, ENSEMBLE_TOLERANCE, steps=int(outcome.steps[k]))
         rows = samples.rows[k, : len(moments)]
         rows[-1] = outcome.y[:, k]
         runs[scene] = Trajectory(scene, system_of(scene), moments, lanes.layout.read(rows), run)

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from math import sqrt
 from typing import Any
 
 import numpy as np
@@ -25,6 +24,7 @@ from modal.report import Form, silent
 from modal.scene import Scene, require
 from modal.scene.doors import checked, checked_index, checked_number, formerly
 from modal.types import Floats
+from nonlinear.chaos import usual_duration
 from nonlinear.dynamics import Lanes
 from nonlinear.ensembles.energies import Accounts
 from nonlinear.ensembles.measures import section_of
@@ -35,12 +35,14 @@ from nonlinear.integration import estimate_timescales
 from nonlinear.reduction import usual_start
 from nonlinear.system import Numbers, State, numbers_of, system_of
 
-ORBITS, PERIODS = 24, 200.0  # motions, and how long each goes on in sqrt(l/g), where nobody says
-MOST_ORBITS = 100_000
-TRIES = 20_000  # starts drawn for each one that has the energy
-ROUNDS = 20  # in which they are drawn
-SEED = 7
-FASTEST = 1e4  # of the scene's fastest swing: a motion with faster links takes days
+MEMBERS_MAX = 100_000
+"""Limit: "members …: must be at most 100000"."""
+ROUND_DRAWS = 1_000
+"""Format: starts drawn at once for every ten that are wanted, on which the random ones depend."""
+DRAW_ROUNDS_MAX = 20
+"""Limit: rounds in which "no start drawn at random has this energy"."""
+LINK_RATE_MAX = 1e4
+"""Limit: of the scene's fastest swing: "links would turn … times as fast as the scene swings", which takes days."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -104,7 +106,7 @@ def find_section(
     *,
     energy: float | None = None,
     crossing: str | None = None,
-    members: int = ORBITS,
+    members: int = 24,
     report: Callable[[float], object] = silent,
     **options: Any,
 ) -> PoincareSection:
@@ -114,17 +116,22 @@ def find_section(
     angle upwards through 0.  SceneError for a scene that does not keep its energy, and where no start has it.
     """
     require(scene, "a Poincaré section")
-    checked_index("members", members, 1, MOST_ORBITS)
+    checked_index("members", members, 1, MEMBERS_MAX)
     system = system_of(scene)
     text = crossing or f"{system.labels[system.first]}>0"
     try:
         section = section_of(f"section:{text}", system)
     except SceneError as error:
         raise SceneError([f"crossing {problem.replace('section:', '')}" for problem in error.problems]) from None
-    energy = _usual_energy(scene) if energy is None else checked_number("energy", energy)
+    if energy is None:
+        try:
+            energy = energy_of(scene, usual_start(scene))
+        except SceneError as error:
+            raise SceneError([f"{error}: give `energy`"]) from None
+    energy = checked_number("energy", energy)
     starts = starts_at(scene, energy, members, section=section)
-    length = PERIODS * sqrt(max(link.length for link in scene.links()) / scene.gravity)
-    motions = ensemble(scene, duration or length, starts=starts, measures=[f"section:{text}"], report=report, **options)
+    length = duration or usual_duration(scene)
+    motions = ensemble(scene, length, starts=starts, measures=[f"section:{text}"], report=report, **options)
     crossed = system.labels[section.row]
     others = [label for label in system.labels[system.first :] if label != crossed]
     return PoincareSection(motions.require(), energy, section, text, (others or [crossed])[0])
@@ -134,14 +141,6 @@ def find_section(
 def section_table(section: PoincareSection, form: Form) -> str:
     """As text, csv (one line a crossing) or json, the `form`."""
     return section.report(form)
-
-
-def _usual_energy(scene: Scene) -> float:
-    """The energy of the scene's own start, or of its first mode."""
-    try:
-        return energy_of(scene, usual_start(scene))
-    except SceneError as error:
-        raise SceneError([f"{error}: give `energy`"]) from None
 
 
 # ----------------------------------------------------------------------------------------------- starts at an energy
@@ -155,7 +154,7 @@ def energy_of(scene: Scene, state: State) -> float:
 
 
 def starts_at(
-    scene: Scene, energy: float, count: int, *, section: Passing | None = None, seed: int | tuple[int, ...] = SEED
+    scene: Scene, energy: float, count: int, *, section: Passing | None = None, seed: int | tuple[int, ...] = 7
 ) -> list[State]:
     """So many states with this energy (J) above rest, on a section if there is one; SceneError where none is found."""
     numbers = numbers_of(scene)
@@ -169,8 +168,8 @@ def starts_at(
     if lowest is not None and section is None:
         widest = _widest(numbers, energy - lowest)
     starts: list[State] = []
-    for _ in range(ROUNDS):
-        y = np.zeros((layout.size, TRIES // ROUNDS * max(1, count // 10)))
+    for _ in range(DRAW_ROUNDS_MAX):
+        y = np.zeros((layout.size, ROUND_DRAWS * max(1, count // 10)))
         y[first:half] = widest * rng.uniform(-1.0, 1.0, (half - first, y.shape[1]))
         if section:
             y[section.row] = section.level
@@ -182,8 +181,8 @@ def starts_at(
         good = np.flatnonzero(left >= 0)
         y = y[:, good]
         y[half : 2 * half] *= np.sqrt(left[good] / energies.moving[good])
-        if (fastest := float(np.abs(y[half + first : 2 * half]).max(initial=0.0))) > FASTEST * pace:
-            told = f"links would turn at {fastest:.3g} rad/s, over {FASTEST:g} times as fast as the scene swings"
+        if (fastest := float(np.abs(y[half + first : 2 * half]).max(initial=0.0))) > LINK_RATE_MAX * pace:
+            told = f"links would turn at {fastest:.3g} rad/s, over {LINK_RATE_MAX:g} times as fast as the scene swings"
             raise SceneError([f"energy {energy:g} J: {told}"])
         motion = layout.read(y.T)
         starts += [motion[k] for k in range(min(len(good), count - len(starts)))]

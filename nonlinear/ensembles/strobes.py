@@ -30,17 +30,25 @@ from nonlinear.integration import validate, validate_whole
 from nonlinear.reduction import usual_start
 from nonlinear.system import System, system_of, translations
 
-ORBITS, SPREAD, STROBES, SEED = 24, 10.0, 200, 7  # motions, degrees and strobes where nobody says
-KEPT, MOST = 50, 16  # strobes by which a settled motion is judged, and the longest period (T) that is told
-SAME = 1e-4  # of natural units, within which a motion repeats
-STEADY = 0.9  # the part of its distance from a shorter period that a motion keeps
-DECAYED, FEWEST = 10.0, 200.0  # e-folds of the slowest decay in a transient, and its periods, at least
+JUDGED_STROBES = 50
+"""Limit: strobes by which a settled motion is judged: "an attractor takes 50 periods"."""
+REPEAT_PERIODS_MAX = 16
+"""Limit: the longest period of a motion in those of the drives, beyond which it does "not repeat within 16"."""
+REPEAT_GAP_MAX = 1e-4
+"""Tolerance: in natural units, within which a motion repeats: a decay of ten e-folds leaves 5e-5."""
+APPROACH_RATIO_MAX = 0.9
+"""Tolerance: of its distance from a shorter period, which a motion keeps: one that still approaches it loses more in
+50 periods."""
+SETTLING_TIMES = 10.0
+"""Limit: default of `settle` in e-folds of the slowest decay."""
+SETTLING_PERIODS_MIN = 200
+"""Limit: the least default of `settle`, and that of `duration` after it, in periods."""
 
 
 # ------------------------------------------------------------------------------------------------------- in time
 
 
-def strobe_times(period: float, phase_deg: float = 0.0, *, settle: float = 0.0, count: int = KEPT) -> Floats:
+def strobe_times(period: float, phase_deg: float = 0.0, *, settle: float = 0.0, count: int = JUDGED_STROBES) -> Floats:
     """The first `count` times (s) from `settle` (s) on at which the drives are at a phase (deg) of their period (s).
 
     >>> strobe_times(2.0, 90.0, settle=3.0, count=3).tolist()
@@ -57,7 +65,7 @@ def settling_time(scene: Scene, period: float) -> float:
         decay = [-float(value.real) for value in natural_modes(scene).eigenvalue if value.real < 0]
     except MultipendulaError:
         decay = []
-    return max(DECAYED / min(decay) if decay else 0.0, FEWEST * period)
+    return max(SETTLING_TIMES / min(decay) if decay else 0.0, SETTLING_PERIODS_MIN * period)
 
 
 # ------------------------------------------------------------------------------------------------------- repetition
@@ -95,14 +103,14 @@ def repetition(strobes: Floats, links: int) -> tuple[Ints, Ints]:
     """
     period, turns = np.zeros(len(strobes), dtype=np.int64), np.zeros((len(strobes), links), dtype=np.int64)
     far: dict[int, Floats] = {}
-    for p in range(1, min(MOST, strobes.shape[1] // 3) + 1):
+    for p in range(1, min(REPEAT_PERIODS_MAX, strobes.shape[1] // 3) + 1):
         change = strobes[:, p:] - strobes[:, :-p]
         whole = np.round(np.nan_to_num(change[:, -1, :links]) / (2 * np.pi))
         change[..., :links] -= 2 * np.pi * whole[:, None]
         far[p] = np.abs(change).max(2)
-        new = (period == 0) & (far[p].max(1) < SAME)
+        new = (period == 0) & (far[p].max(1) < REPEAT_GAP_MAX)
         for q in (q for q in far if q < p and p % q == 0):
-            new &= far[q][:, -p:].max(1) > STEADY * far[q][:, :p].max(1)
+            new &= far[q][:, -p:].max(1) > APPROACH_RATIO_MAX * far[q][:, :p].max(1)
         period[new], turns[new] = p, whole[new]
     return period, turns
 
@@ -119,7 +127,9 @@ def repetition_words(period: Ints) -> str:
         if p
     ]
     if count := int(np.count_nonzero(period == 0)):
-        lines.append(f"{counted(count, 'motion does', 'motions do')} not repeat within {MOST}, or not yet")
+        lines.append(
+            f"{counted(count, 'motion does', 'motions do')} not repeat within {REPEAT_PERIODS_MAX}, or not yet"
+        )
     return ", ".join(lines)
 
 
@@ -155,7 +165,7 @@ class StroboscopicSection(EnsembleResult):
     @property
     def repeats(self) -> Ints:
         """After how many periods each motion repeats, by its last strobes, (S,); 0 for none."""
-        states = [rows[:, -KEPT:] for rows in self.states]
+        states = [rows[:, -JUDGED_STROBES:] for rows in self.states]
         return repetition(natural_units(self.system, states), self.system.n_links)[0]
 
     def points(self, link: int) -> tuple[Floats, Floats]:
@@ -210,11 +220,11 @@ def find_strobes(
     duration: float | None = None,
     *,
     phase_deg: float = 0.0,
-    spread_deg: float = SPREAD,
+    spread_deg: float = 10.0,
     settle: float = 0.0,
-    members: int = ORBITS,
+    members: int = 24,
     of: str | Sequence[str] = (),
-    seed: int = SEED,
+    seed: int = 7,
     report: Callable[[float], object] = silent,
     **options: Any,
 ) -> StroboscopicSection:
@@ -243,7 +253,7 @@ def find_strobes(
     )
     period, system = drive_period(scene).seconds, system_of(scene)
     shown = links_named(of, system)
-    until = settle + STROBES * period if duration is None else duration
+    until = settle + SETTLING_PERIODS_MIN * period if duration is None else duration
     times = strobe_times(period, phase_deg, settle=settle, count=max(int((until - settle) / period) + 1, 1))
     times = times[times <= until * (1 + 1e-12)]
     if not len(times):

@@ -15,21 +15,22 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from modal.errors import ComputationError
 from modal.types import Floats
 from nonlinear.orbits.continuation import OrbitPoint, OrbitProblem, between
 from nonlinear.orbits.floquet import Map
 
-FINE, COARSE = 6, 4  # orbits through which the two polynomials pass
-APART = 0.2  # of an interval: how near each other these may be
-LOOKS, ZOOMS = 24, 3  # places in an interval, and in turn about the lowest of them
-NEAR = 0.1  # of a value at such a place, below which the minimum beside it is looked at
-MOST = 12  # orbits computed between two of a branch
-SHORTEST = 1e-4  # of an interval
-FIRM = 1.0  # below −FIRM at both ends, a margin is taken to stay negative between them
-ALIKE = 1e-10  # squared distance below which two pairs are the same: those of equal pendula
+POLYNOMIAL_NODES = 6
+"""Tolerance: orbits through which the finer polynomial passes, the coarser through two fewer: their difference is what
+judges both."""
+INTERVAL_PLACES = 24
+"""Cost: places between two orbits at which the polynomials are evaluated, and in turn about the lowest of them;
+benchmarks/orbits.py."""
+ORBITS_BETWEEN_MAX = 12
+"""Cost: orbits computed between two of a branch; benchmarks/orbits.py."""
+EQUAL_PAIRS_GAP = 1e-10
+"""Tolerance: squared distance below which two pairs are those of equal pendula: the root is lost at a double one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,11 +73,15 @@ def _arc(start: OrbitPoint, end: OrbitPoint) -> float:
 
 def _search(problem: OrbitProblem, nodes: list[Node], first: Node, last: Node) -> None:
     """Add to the nodes, in order, those between two of them that the search computes."""
-    budget = MOST
+    budget = ORBITS_BETWEEN_MAX
     waiting = [(first, last)]
     while waiting and budget:
         start, end = waiting.pop()
-        part = None if _stays(start.map, end.map) else _lowest(nodes, start, end)
+        if not len(start.map.margins):
+            continue
+        # a margin below −1 at both ends is far from any change: the orbits between are unstable for sure
+        is_unstable = bool(np.any((start.map.margins < -1) & (end.map.margins < -1)))
+        part = None if is_unstable else _lowest(nodes, start, end)
         if part is None:
             continue
         budget -= 1
@@ -97,60 +102,51 @@ def _search(problem: OrbitProblem, nodes: list[Node], first: Node, last: Node) -
 
 def _lowest(nodes: Sequence[Node], start: Node, end: Node) -> float | None:
     """The part of the way to an orbit at which a margin, of one sign at both ends, may have the other; else None."""
-    agree = (start.map.is_within == end.map.is_within) & ~_alike(start.map, end.map)
+    is_equal_pair = np.maximum(np.abs(start.map.margins), np.abs(end.map.margins)) < EQUAL_PAIRS_GAP
+    is_equal_pair[:2] = False
+    agree = (start.map.is_within == end.map.is_within) & ~is_equal_pair
     sign = np.where(start.map.is_within, 1.0, -1.0)
     chosen = _spread(nodes, start, end)
+    counts = POLYNOMIAL_NODES, min(POLYNOMIAL_NODES - 2, max(2, len(chosen) - 1))
 
     def margins(parts: Floats) -> tuple[Floats, Floats]:
         """Those of the polynomials at parts (P,) of the way, by sign, and their doubts, (P, m)."""
         at = start.length + parts * (end.length - start.length)
-        fine, coarse = (_margins_between(chosen[:count], at) for count in (FINE, min(COARSE, max(2, len(chosen) - 1))))
+        fine, coarse = (_margins_between(chosen[:count], at) for count in counts)
         return sign * fine, np.abs(fine - coarse) if start.map.conservative else np.zeros_like(fine)
 
-    parts = np.linspace(0.0, 1.0, LOOKS + 1)
+    parts = np.linspace(0.0, 1.0, INTERVAL_PLACES + 1)
     lowest, doubt = margins(parts)
     for which in np.flatnonzero(agree):
         for at in _dips(lowest[:, which], doubt[:, which]):
             part, low, unsure = parts[at], lowest[at, which], doubt[at, which]
-            width = 1 / LOOKS
-            for _ in range(ZOOMS):
-                closer = np.clip(part + np.linspace(-width, width, LOOKS + 1), 0.0, 1.0)
+            width = 1 / INTERVAL_PLACES
+            for _ in range(3):
+                closer = np.clip(part + np.linspace(-width, width, INTERVAL_PLACES + 1), 0.0, 1.0)
                 values, doubts = (table[:, which] for table in margins(closer))
                 index = int(values.argmin())
-                part, low, unsure, width = closer[index], values[index], doubts[index], 2 * width / LOOKS
-            if low - unsure < -start.map.doubt[which] and SHORTEST < part < 1 - SHORTEST:
+                part, low, unsure, width = closer[index], values[index], doubts[index], 2 * width / INTERVAL_PLACES
+            if low - unsure < -start.map.doubt[which] and 0 < part < 1:
                 return float(part)
     return None
 
 
-def _stays(start: Map, end: Map) -> bool:
-    """Whether the orbits between are unstable for sure, or have no disturbances."""
-    return not len(start.margins) or bool(np.any((start.margins < -FIRM) & (end.margins < -FIRM)))
-
-
-def _alike(start: Map, end: Map) -> NDArray[np.bool_]:
-    """Which margins are those of two pairs that are the same along the branch."""
-    is_same = np.maximum(np.abs(start.margins), np.abs(end.margins)) < ALIKE
-    is_same[:2] = False
-    return np.asarray(is_same)
-
-
 def _dips(values: Floats, doubt: Floats) -> Iterator[int]:
-    """Where values (P,) have a minimum that may lie below 0, by the parabola through it and its neighbours."""
+    """Where values (P,) have a minimum that may lie near 0, by the parabola through it and its neighbours."""
     previous, centre, following = values[:-2], values[1:-1], values[2:]
     bend = previous - 2 * centre + following
     for at in np.flatnonzero((centre <= previous) & (centre <= following) & (bend > 0)):
         low = centre[at] - (following[at] - previous[at]) ** 2 / (8 * bend[at])
-        if low - doubt[at + 1] < NEAR * centre[at]:
+        if low - doubt[at + 1] < centre[at] / 2:
             yield int(at) + 1
 
 
 def _spread(nodes: Sequence[Node], start: Node, end: Node) -> list[Node]:
-    """Both ends and the nodes nearest to them, at most FINE, none too near another."""
-    middle, spacing = (start.length + end.length) / 2, APART * (end.length - start.length)
+    """Both ends and the nodes nearest to them, at most POLYNOMIAL_NODES, none too near another."""
+    middle, spacing = (start.length + end.length) / 2, (end.length - start.length) / 4
     chosen = [start, end]
     for node in sorted(nodes, key=lambda neighbour: abs(neighbour.length - middle)):
-        if len(chosen) == FINE:
+        if len(chosen) == POLYNOMIAL_NODES:
             break
         if all(abs(node.length - neighbour.length) >= spacing for neighbour in chosen):
             chosen.append(node)

@@ -19,19 +19,33 @@ from modal.errors import ComputationError
 from modal.report import Displayed
 from modal.scene.parameters import Variation
 from modal.types import Floats
+from nonlinear.integration.method import SAFETY
 from nonlinear.orbits.orbit import Orbit
 
-NEWTON, DONE, FAR = 8, 1e-7, 0.5  # corrections; the last one, after which 1e-14 are left; the longest
-CLOSED = 1e-9  # largest residual of an orbit in natural units
-TURN = 0.3  # largest angle (rad) between neighbouring tangents
-LEAST = 1e-6  # shortest step
-AIMED = 0.93  # of how far apart neighbours may be
-ROUNDS = 60
-SINGULAR = 1e-5  # of the largest singular value, that of the second branch where two cross
-AMPLITUDE, PHASE = 0.02, 0.1  # how far neighbours of a forced branch may differ: relative, and rad
-SMALL = radians(0.1)  # angle (rad) below which differences are measured by it
-SAME_PLACE = 1e-8  # of the range of a number, within which a point stands for a value
-ASIDE = (0.3, 0.7, 0.5, 0.1, 0.9)  # of a bracket, tried where a point in it was not found
+CORRECTION_MIN = 1e-7
+"""Tolerance: a correction below it is the last, as its square is left; a step below it does not leave its point."""
+ORBIT_RESIDUAL_MAX = 1e-9
+"""Tolerance: how far an orbit may miss its start, in natural units: integration leaves 1e-11, a wrong solution 1."""
+STEP_MAX = 0.1
+"""Cost: the default of `longest`, in natural units and parts of a range; benchmarks/orbits.py."""
+TANGENT_TURN_MAX = 0.3
+"""Cost: largest angle (rad) between neighbouring tangents; benchmarks/orbits.py."""
+NEIGHBOUR_GROWTH_MAX = 0.02
+"""Cost: how far neighbours of a forced branch may differ in amplitude, relative; benchmarks/orbits.py."""
+NEIGHBOUR_TURN_MAX = 0.1
+"""Cost: the same in phase (rad); benchmarks/orbits.py."""
+MEASURED_ANGLE_MIN = radians(0.1)
+"""Cost: amplitudes below it differ by parts of it; benchmarks/orbits.py."""
+CROSSING_SINGULAR_RATIO = 1e-5
+"""Tolerance: singular values below it, relative, are those of a second branch, within the accuracy of a crossing."""
+PLACE_ACCURACY = 1e-10
+"""Tolerance: of the way between two points, to which a point in it is located: an orbit is known to 1e-11."""
+BRANCH_ORBITS_MAX = 400
+"""Limit: orbits of a branch, which then "was followed no further than" its last."""
+DENSE_BRANCH_ORBITS_MAX = 4000
+"""Limit: the same where orbits lie close together, as of forced motions."""
+BRACKET_PARTS = (0.3, 0.7, 0.5, 0.1, 0.9)
+"""Cost: tried in a bracket where a point in it was not found; benchmarks/orbits.py."""
 
 
 class OrbitProblem(Protocol):
@@ -63,8 +77,8 @@ def correct(
     Directions whose singular values are below `rcond`, relative, are left as guessed.  None where Newton's method does
     not converge.
     """
-    u, last_size = guess, np.inf
-    for _ in range(NEWTON):
+    u, last_size = guess, 1.0
+    while True:
         try:
             r, J = problem.equations(u)
         except (ComputationError, FloatingPointError):
@@ -75,12 +89,12 @@ def correct(
             return None
         step = np.linalg.lstsq(J, -r, rcond=rcond)[0]
         size = float(np.linalg.norm(step))
-        if size > FAR or (size > last_size and size > DONE):
-            return None
-        u, last_size = u + step, size
-        if size < DONE:
+        u = u + step
+        if size < CORRECTION_MIN:
             return u, J if row is None else J[:-1]
-    return None
+        if size > last_size / 2:  # neither near nor coming nearer
+            return None
+        last_size = size
 
 
 def tangent_of(J: Floats, direction: Floats) -> Floats:
@@ -98,7 +112,7 @@ def point(problem: OrbitProblem, guess: Floats, row: Floats, rcond: float | None
         orbit = problem.orbit(u)
     except ComputationError:
         return None
-    return OrbitPoint(u, tangent_of(J, row), orbit) if orbit.residual < CLOSED else None
+    return OrbitPoint(u, tangent_of(J, row), orbit) if orbit.residual < ORBIT_RESIDUAL_MAX else None
 
 
 def level(current: OrbitPoint, following: OrbitPoint) -> float:
@@ -107,40 +121,39 @@ def level(current: OrbitPoint, following: OrbitPoint) -> float:
 
 
 def relative_distance(current: OrbitPoint, following: OrbitPoint) -> float:
-    """How far neighbouring forced motions are apart in amplitude and in phase, over AMPLITUDE and PHASE.
+    """How far neighbouring forced motions are apart in amplitude and in phase, over what they may be.
 
     The phase is that of the link with the largest angle of the first, if it has one.
     """
     first, second = current.orbit, following.orbit
-    size, link = max(first.amplitude, SMALL), first.amplitudes.argmax()
-    grown = abs(second.amplitude - first.amplitude) / size / AMPLITUDE
-    turn = float(np.abs(np.angle(np.exp(1j * (second.phases[link] - first.phases[link]))))) / PHASE
-    return max(grown, min(first.amplitude / SMALL, 1.0) * turn) if isfinite(turn) else grown
+    size, link = max(first.amplitude, MEASURED_ANGLE_MIN), first.amplitudes.argmax()
+    grown = abs(second.amplitude - first.amplitude) / size / NEIGHBOUR_GROWTH_MAX
+    turn = float(np.abs(np.angle(np.exp(1j * (second.phases[link] - first.phases[link]))))) / NEIGHBOUR_TURN_MAX
+    return max(grown, min(first.amplitude / MEASURED_ANGLE_MIN, 1.0) * turn) if isfinite(turn) else grown
 
 
 def follow(
     problem: OrbitProblem,
     first: OrbitPoint,
     *,
-    step: float = 0.02,
-    longest: float = 0.08,
-    shortest: float = LEAST,
+    step: float,
+    longest: float,
     distance: Callable[[OrbitPoint, OrbitPoint], float] = level,
 ) -> Iterator[OrbitPoint]:
     """The points of a branch, from the first one on, as long as there are any; `distance` at most 1 for neighbours."""
     current = first
     yield current
-    while step >= shortest:
+    while step >= CORRECTION_MIN:
         following = point(problem, current.u + step * current.tangent, current.tangent)
-        if following is None or following.tangent @ current.tangent < np.cos(TURN):
+        if following is None or following.tangent @ current.tangent < np.cos(TANGENT_TURN_MAX):
             step /= 2
             continue
         if (gap := distance(current, following)) > 1:
-            step *= max(0.25, AIMED / gap)
+            step *= max(0.25, SAFETY / gap)
             continue
         turn = float(np.arccos(np.clip(following.tangent @ current.tangent, -1, 1)))
-        grown = min(float(np.clip(TURN / 3 / max(turn, 1e-9), 0.5, 1.5)), AIMED / max(gap, 1e-9))
-        step = float(np.clip(step * grown, shortest, longest))
+        grown = min(float(np.clip(TANGENT_TURN_MAX / 3 / max(turn, 1e-9), 0.5, 1.5)), SAFETY / max(gap, 1e-9))
+        step = min(step * grown, longest)
         current = following
         yield current
 
@@ -177,7 +190,7 @@ def with_values(problem: OrbitProblem, points: Sequence[OrbitPoint], variation: 
     merged_points = list(points[:1])
     for following in points[1:]:
         low, high = sorted((float(merged_points[-1].u[-1]), float(following.u[-1])))
-        passed_places = np.sort(places[(places > low + SAME_PLACE) & (places < high - SAME_PLACE)])
+        passed_places = np.sort(places[(places > low) & (places < high)])
         for place in passed_places if merged_points[-1].u[-1] < following.u[-1] else passed_places[::-1]:
             merged_points.append(locate(problem, merged_points[-1], following, partial(_past, float(place))))
         merged_points.append(following)
@@ -198,29 +211,28 @@ def locate(
     start: OrbitPoint,
     end: OrbitPoint,
     test: Callable[[OrbitPoint], float],
-    accuracy: float = 1e-10,
     *,
     crossing: bool = False,
 ) -> OrbitPoint:
     """The point between two where a test function is 0; it has different signs at them (Illinois' rule).
 
-    Where branches cross, the equations do not tell how far along the other branch a point is (SINGULAR): there it is
-    that of the cubic.  If Newton's method fails all the same, the nearest point found is the answer.
+    Where branches cross, the equations do not tell how far along the other branch a point is: there it is that of the
+    cubic.  If Newton's method fails all the same, the nearest point found is the answer.
     """
     low, high, f_low, f_high = 0.0, 1.0, test(start), test(end)
     best, size = (start, abs(f_low)) if abs(f_low) < abs(f_high) else (end, abs(f_high))
-    kept_end, enough, misses = 0, accuracy * max(abs(f_low), abs(f_high)), 0
-    for _ in range(ROUNDS):
-        part = (
-            (low * f_high - high * f_low) / (f_high - f_low) if not misses else low + ASIDE[misses - 1] * (high - low)
-        )
-        if not low < part < high or high - low < accuracy:
+    kept_end, enough, misses = 0, PLACE_ACCURACY * max(abs(f_low), abs(f_high)), 0
+    while high - low >= PLACE_ACCURACY:
+        part = (low * f_high - high * f_low) / (f_high - f_low)
+        if misses:
+            part = low + BRACKET_PARTS[misses - 1] * (high - low)
+        if not low < part < high:
             break
         try:
-            inner = between(problem, start, end, part, SINGULAR if crossing else None)
+            inner = between(problem, start, end, part, CROSSING_SINGULAR_RATIO if crossing else None)
         except ComputationError:
             misses += 1
-            if misses > len(ASIDE):
+            if misses > len(BRACKET_PARTS):
                 break
             continue
         value, misses = test(inner), 0

@@ -20,6 +20,9 @@ from nonlinear.dynamics.variational import Force
 from nonlinear.orbits.between import refined_points
 from nonlinear.orbits.branch import Branch, Report
 from nonlinear.orbits.continuation import (
+    BRANCH_ORBITS_MAX,
+    ORBIT_RESIDUAL_MAX,
+    STEP_MAX,
     OrbitPoint,
     at_edge,
     correct,
@@ -28,20 +31,22 @@ from nonlinear.orbits.continuation import (
     tangent_of,
     with_values,
 )
+from nonlinear.orbits.flow import ORBIT_TOLERANCE
 from nonlinear.orbits.orbit import Orbit
-from nonlinear.orbits.shooting import COARSEST, FINEST, MOST_SEGMENTS, SEGMENTS, Clock, Shooting, shooting, spread
+from nonlinear.orbits.shooting import LEAST_ASKED, TOLERANCE_MAX, TOLERANCE_MIN, Clock, Shooting, shooting, spread
 from nonlinear.orbits.special import Special, along_cycles
-from nonlinear.system import Motion, State, System, system_of, translations, validate_state
+from nonlinear.system import Motion, State, system_of, translations, validate_state
 
-TOLERANCE = 1e-11
-CLOSED = 1e-8
-SMALLEST = 1e-100  # period (s)
-SAME = 1e-6
-DRIFTING = 1e-2  # how close to c/M the rate of the cart's drift is
-DYING = 1e-2  # of the first amplitude, below which a branch has died out
-MOST = 400
-LOOSE, ROUGH = 1e-9, 1e-5  # tolerance and accuracy where only a critical value is wanted
-STEPS, BEYOND = 40, 4.0  # orbits across a critical value; how far they go, over the distance to it
+SEGMENTS_MAX = 10_000
+"""Limit: most `segments`, "must be a whole number from 1 to 10000"."""
+ORBIT_DIFFERENCE_MIN = 1e-6
+"""Tolerance: relative, from which on two orbits are different: their multipliers are known to 1e-7."""
+DRIFT_RATE_ERROR = 1e-2
+"""Tolerance: how close to c/M the rate of the cart's drift is: pendula that swing with it change that rate."""
+DYING_AMPLITUDE_RATIO = 1e-2
+"""Limit: of the first amplitude, below which a branch ends, not `complete`."""
+CRITICAL_ORBITS_MAX = 40
+"""Limit: orbits across a critical value, after which it is not found."""
 
 
 @checked
@@ -51,8 +56,8 @@ def periodic_orbit(
     period: float,
     *,
     force: Force | None = None,
-    tolerance: float = TOLERANCE,
-    segments: int = SEGMENTS,
+    tolerance: float = ORBIT_TOLERANCE,
+    segments: int = 2,
 ) -> Orbit:
     """The periodic orbit close to a motion from a start, by Newton's method.
 
@@ -60,9 +65,9 @@ def periodic_orbit(
     the `period` (s) is kept; otherwise it is the first guess, and the link that moves furthest turns back at the start.
     Raises ComputationError where the method finds none.
     """
-    checked_number("tolerance", tolerance, FINEST, COARSEST)
-    checked_index("segments", segments, 1, MOST_SEGMENTS)
-    checked_number("period", period, SMALLEST)
+    checked_number("tolerance", tolerance, TOLERANCE_MIN, TOLERANCE_MAX)
+    checked_index("segments", segments, 1, SEGMENTS_MAX)
+    checked_number("period", period, LEAST_ASKED)
     validate_state(start, system_of(scene))
     probe = shooting(scene, tolerance=tolerance, segments=segments, force=force)
     y = probe.first.equations.begin(start)
@@ -146,7 +151,7 @@ def averaged_start(problem: Shooting, equilibrium: RelativeEquilibrium) -> tuple
 
 
 @checked
-def cycle_of(scene: Scene, equilibrium: RelativeEquilibrium, *, tolerance: float = TOLERANCE) -> Orbit:
+def cycle_of(scene: Scene, equilibrium: RelativeEquilibrium, *, tolerance: float = ORBIT_TOLERANCE) -> Orbit:
     """The limit cycle close to an averaged configuration; ComputationError where there is none."""
     problem = shooting(scene, tolerance=tolerance)
     y, period, leader = averaged_start(problem, equilibrium)
@@ -154,9 +159,9 @@ def cycle_of(scene: Scene, equilibrium: RelativeEquilibrium, *, tolerance: float
 
 
 @checked
-def limit_cycles(scene: Scene, *, tolerance: float = TOLERANCE) -> tuple[Orbit, ...]:
+def limit_cycles(scene: Scene, *, tolerance: float = ORBIT_TOLERANCE) -> tuple[Orbit, ...]:
     """The limit cycles close to the averaged configurations of a driven scene, each once."""
-    checked_number("tolerance", tolerance, FINEST, COARSEST)
+    checked_number("tolerance", tolerance, TOLERANCE_MIN, TOLERANCE_MAX)
     cycles: list[Orbit] = []
     for equilibrium in relative_equilibria(average(scene)):
         try:
@@ -170,12 +175,8 @@ def limit_cycles(scene: Scene, *, tolerance: float = TOLERANCE) -> tuple[Orbit, 
 
 def is_same_orbit(cycle: Orbit, reference: Orbit) -> bool:
     """Whether two orbits have equal frequencies, amplitudes and largest multipliers."""
-    numbers = [[orbit.omega, orbit.amplitude, *_sizes(orbit)] for orbit in (cycle, reference)]
-    return bool(np.allclose(numbers[0], numbers[1], rtol=SAME, atol=SAME))
-
-
-def _sizes(orbit: Orbit) -> Sequence[float]:
-    return sorted(np.abs(orbit.floquet.others).tolist())
+    numbers = [[orbit.omega, orbit.amplitude, *np.sort(np.abs(orbit.floquet.others))] for orbit in (cycle, reference)]
+    return bool(np.allclose(numbers[0], numbers[1], rtol=ORBIT_DIFFERENCE_MIN, atol=ORBIT_DIFFERENCE_MIN))
 
 
 def growth(orbit: Orbit) -> float:
@@ -187,7 +188,7 @@ def growth(orbit: Orbit) -> float:
     rates = np.log(np.abs(orbit.floquet.others)) / orbit.period
     for drift in _drifts(orbit) if len(rates) else ():
         at = int(np.abs(rates - drift).argmin())
-        if abs(rates[at] / drift - 1) < DRIFTING:
+        if abs(rates[at] / drift - 1) < DRIFT_RATE_ERROR:
             rates = np.delete(rates, at)
     return float(rates.max(initial=-np.inf))
 
@@ -199,21 +200,17 @@ def _drifts(orbit: Orbit) -> Iterator[float]:
         if system.structure is None:
             resisting, mass = float(equations.momentum_slope(orbit.y)[0]), system.total_mass
         else:
+            # the carriers' own dampers, not those between points
+            dampers = [
+                carrier.damping if carrier.D is None else np.zeros(carrier.size)
+                for carrier in system.structure.carriers
+            ]
             half = equations.layout.half
             displacement = np.pad(translation, (0, half - len(translation)))
-            resisting = float(translation @ _dampings(system) @ translation)
+            resisting = float(np.concatenate(dampers) @ translation**2)
             mass = float(displacement @ equations.momenta(orbit.y[:half, None], displacement[:, None])[:, 0])
         if resisting:
             yield -resisting / mass
-
-
-def _dampings(system: System) -> Floats:
-    """What the carriers' own dampers, not those between points, resist: the diagonal (first, first)."""
-    assert system.structure is not None
-    dampers = [
-        carrier.damping if carrier.D is None else np.zeros(carrier.size) for carrier in system.structure.carriers
-    ]
-    return np.diag(np.concatenate(dampers))
 
 
 @formerly(variation="vary")
@@ -223,9 +220,9 @@ def follow_cycles(
     vary: str | Variation,
     *,
     start: tuple[State, float] | None = None,
-    tolerance: float = TOLERANCE,
-    longest: float = 0.1,
-    max_orbits: int = MOST,
+    tolerance: float = ORBIT_TOLERANCE,
+    longest: float = STEP_MAX,
+    max_orbits: int = BRANCH_ORBITS_MAX,
     crew: Crew | None = None,
     report: Report = silent,
 ) -> tuple[Branch, ...]:
@@ -284,7 +281,7 @@ def _beginnings(
         try:
             u = solution(problem, y, period, value)
             orbit = problem.orbit(u)
-            if orbit.residual < CLOSED < orbit.amplitude:
+            if orbit.residual < ORBIT_RESIDUAL_MAX < orbit.amplitude:
                 yield Beginning(problem, u, orbit, words)
         except ComputationError:
             continue
@@ -333,7 +330,7 @@ class BranchWalk:
             if len(points) > 1 and not 0 < current.u[-1] < 1:
                 points[-1] = at_edge(problem, points[-2], current)
                 return points, True
-            dies = not problem.clock and current.orbit.amplitude < DYING * beginning.orbit.amplitude
+            dies = not problem.clock and current.orbit.amplitude < DYING_AMPLITUDE_RATIO * beginning.orbit.amplitude
             if len(points) >= self.max_orbits or dies:
                 break
         return points, False
@@ -354,19 +351,19 @@ def first_special_point(
 ) -> Special | None:
     """The first special point on the orbits that begin beside a configuration at a value of a number, towards `at`.
 
-    None where there is none until BEYOND times as far; ComputationError where no orbit is found at the beginning.
+    None where there is none until four times as far; ComputationError where no orbit is found at the beginning.
     """
     y, period, leader = averaged_start(shooting(equilibrium.averaged.scene), equilibrium)
-    problem = shooting(scene, leader=leader, tolerance=LOOSE, variation=variation)
+    problem = shooting(scene, leader=leader, variation=variation)
     u = solution(problem, y, period, value)
     distance = problem.place(at) - problem.place(value)
     towards = np.append(np.zeros(len(u) - 1), np.sign(distance))
     previous = OrbitPoint(u, tangent_of(problem.equations(u)[1], towards), problem.orbit(u))
     steps = follow(problem, previous, step=abs(distance) / 2, longest=max(2 * abs(distance), 0.05))
-    for current in islice(steps, 1, STEPS):
-        if special := next(along_cycles(problem, [previous, current], ROUGH), None):
+    for current in islice(steps, 1, CRITICAL_ORBITS_MAX):
+        if special := next(along_cycles(problem, [previous, current]), None):
             return special
-        if (current.u[-1] - u[-1]) / distance > BEYOND:
+        if (current.u[-1] - u[-1]) / distance > 4:
             break
         previous = current
     return None

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import islice
+from itertools import islice, product
 
 import numpy as np
 
@@ -16,22 +16,32 @@ from modal.errors import ComputationError
 from modal.types import Floats
 from nonlinear.orbits.between import refined_points
 from nonlinear.orbits.branch import Branch
-from nonlinear.orbits.continuation import OrbitPoint, at_edge, follow, level, point, relative_distance, with_values
+from nonlinear.orbits.continuation import (
+    BRANCH_ORBITS_MAX,
+    DENSE_BRANCH_ORBITS_MAX,
+    OrbitPoint,
+    at_edge,
+    follow,
+    level,
+    point,
+    relative_distance,
+    with_values,
+)
 from nonlinear.orbits.cycles import turning
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.orbits.shooting import Shooting, shooting, spread
 from nonlinear.orbits.special import Special, along_cycles
 
-AWAY = (0.02, 0.05, 0.01, 0.1)  # first steps along the new branch that are tried, in natural units
-MOST = 100
-FORCED = 1000  # orbits of a forced motion, which lie closer together
+FIRST_STEPS = (0.02, 0.05, 0.01, 0.1)
+"""Cost: first steps along the new branch that are tried, in natural units; benchmarks/orbits.py."""
 LEAVES = ("branch point", "period doubling")
 
 
 def leaving_branch(branch: Branch, special: Special, *, max_orbits: int | None = None, step: float = 0.05) -> Branch:
-    """The branch that leaves at a branch point or a period doubling, up to `max_orbits` orbits (MOST, or FORCED).
+    """The branch that leaves at a branch point or a period doubling.
 
-    Raises ComputationError at other points and where no branch is found.
+    It has up to `max_orbits` orbits, by default 100, of a forced motion 1,000.  Raises ComputationError at other points
+    and where no branch is found.
     """
     if special.kind not in LEAVES:
         raise ComputationError(f"no other branch leaves at a {special.kind}")
@@ -42,10 +52,13 @@ def leaving_branch(branch: Branch, special: Special, *, max_orbits: int | None =
     old = null.T @ (null @ old)
     new = null[0] * (null[1] @ old) - null[1] * (null[0] @ old)
     new /= np.linalg.norm(new)
-    first = next(_firsts(problem, u, new), None)
-    if first is None:
+    for offset, sign in product(FIRST_STEPS, (1.0, -1.0)):
+        first = point(problem, u + offset * sign * new, sign * new)
+        if first and abs((first.u - u) @ new) > offset / 2:  # it has not fallen back to the old branch
+            break
+    else:
         raise ComputationError(f"no branch was found that leaves at this {special.kind}")
-    max_orbits = max_orbits or (FORCED if problem.clock else MOST)
+    max_orbits = max_orbits or (DENSE_BRANCH_ORBITS_MAX if problem.clock else BRANCH_ORBITS_MAX) // 4
     points = list(islice(_inside(problem, first, step), max_orbits))
     points = refined_points(problem, points)
     specials = tuple(along_cycles(problem, points))
@@ -74,19 +87,12 @@ def _at(branch: Branch, special: Special, times: int) -> tuple[Shooting, Floats,
     return problem, unknowns(orbit), unknowns(end) - unknowns(start)
 
 
-def _firsts(problem: Shooting, u: Floats, new: Floats) -> Iterator[OrbitPoint]:
-    for offset in AWAY:
-        for sign in (1.0, -1.0):
-            row = sign * new
-            first = point(problem, u + offset * row, row)
-            if first and abs((first.u - u) @ new) > offset / 2:
-                yield first
-
-
 def _inside(problem: Shooting, first: OrbitPoint, step: float) -> Iterator[OrbitPoint]:
     """The points of the branch as long as its number is within the range, to its edge, and once around a closed one."""
     previous, has_left = first, False
-    for current in follow(problem, first, longest=step, distance=relative_distance if problem.clock else level):
+    for current in follow(
+        problem, first, step=step / 2, longest=step, distance=relative_distance if problem.clock else level
+    ):
         if problem.variation and not 0 <= current.u[-1] <= 1:
             if current is not first:
                 yield at_edge(problem, previous, current)

@@ -20,10 +20,10 @@ from modal.types import Floats
 from nonlinear.orbits.forced import forced_orbit, linear_response
 from nonlinear.orbits.orbit import Orbit
 
-POINTS, FINE, ROUNDS = 33, 5, 4
-"""Frequencies over the band, between those beside the highest, and rounds that find the size of the force."""
-CLOSE = 2e-3
-"""Relative error of the largest angle."""
+BAND_FREQUENCIES = 33
+"""Tolerance: frequencies over the band, and three times as close beside the highest: a peak is wider than their gap."""
+SWING_ANGLE_ERROR = 2e-3
+"""Tolerance: relative, of the largest angle, with which the size of the force goes over into the peak."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -65,18 +65,18 @@ def finite_swing(
     if not 0 < angle < np.pi:
         raise SceneError([f"angle {np.degrees(angle):g}: is above 0 and below 180 degrees"])
     plain = scene.replace(force=())
-    grid = np.geomspace(*band, POINTS)
+    grid = np.geomspace(*band, BAND_FREQUENCIES)
 
     def forced_scene(size: float, frequency: float) -> Scene:
         return plain.replace(force=(SineForce(on=on, direction=direction, amplitude=size, frequency_hz=frequency),))
 
     size = angle / max(linear_response(forced_scene(1.0, f)).amplitude for f in grid.tolist())
-    for _ in range(ROUNDS):
+    for _ in range(4):
         orbits = {f: forced_orbit(forced_scene(size, f)) for f in grid.tolist()}
         widest = max(orbits, key=lambda f: orbits[f].amplitude)
         orbits |= {f: forced_orbit(forced_scene(size, f)) for f in _between(sorted(orbits), widest)}
         largest = max(orbit.amplitude for orbit in orbits.values())
-        if abs(largest / angle - 1) < CLOSE:
+        if abs(largest / angle - 1) < SWING_ANGLE_ERROR:
             break
         size *= angle / largest
     else:
@@ -95,7 +95,7 @@ def _between(frequencies: list[float], middle: float) -> list[float]:
     """More frequencies on both sides of one."""
     at = frequencies.index(middle)
     ends = frequencies[max(at - 1, 0)], frequencies[min(at + 1, len(frequencies) - 1)]
-    return [f for f in np.linspace(*ends, 2 * FINE + 1).tolist() if f not in frequencies]
+    return [f for f in np.linspace(*ends, BAND_FREQUENCIES // 3).tolist() if f not in frequencies]
 
 
 def _half(orbit: Orbit, column: int) -> float:

@@ -35,8 +35,10 @@ from numpy.typing import NDArray
 from modal.report import Displayed, Summary, brief
 from modal.types import Complexes, Floats
 
-ON_CIRCLE = 1e-7  # how far beyond 1 the accuracy of an orbit may carry |c|, and a multiplier of a conservative scene
-REAL = 1e-6  # imaginary part of c below which two equal ones are taken for real
+CIRCLE_EXCESS_MAX = 1e-7
+"""Tolerance: how far beyond 1 the accuracy of an orbit may carry |c|, and a multiplier of a conservative scene."""
+PAIR_SPLIT_MIN = 1e-6
+"""Tolerance: how far rounding may part two equal multipliers, or c: by the root of that of the map."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +76,9 @@ class Map:
         """How far below 0 the accuracy of an orbit may carry each of the margins."""
         if not self.conservative:
             return np.zeros(len(self.margins))
-        return np.array([ON_CIRCLE, ON_CIRCLE, *[4 * REAL**2] * len(self.margins)])[: len(self.margins)]
+        return np.array([CIRCLE_EXCESS_MAX, CIRCLE_EXCESS_MAX, *[4 * PAIR_SPLIT_MIN**2] * len(self.margins)])[
+            : len(self.margins)
+        ]
 
     @cached_property
     def is_within(self) -> NDArray[np.bool_]:
@@ -135,10 +139,10 @@ class Floquet(Displayed):
             return True
         if self.half:
             c = np.linalg.eigvals(self.quotient_map)
-            return bool(np.all(np.abs(c.imag) < REAL) and np.all(np.abs(c.real) <= 1 + ON_CIRCLE))
+            return bool(np.all(np.abs(c.imag) < PAIR_SPLIT_MIN) and np.all(np.abs(c.real) <= 1 + CIRCLE_EXCESS_MAX))
         if self.conservative:
             t = (self.others + 1 / self.others) / 2
-            return bool(np.all(np.abs(t.imag) < REAL) and np.all(np.abs(t.real) <= 1 + ON_CIRCLE))
+            return bool(np.all(np.abs(t.imag) < PAIR_SPLIT_MIN) and np.all(np.abs(t.real) <= 1 + CIRCLE_EXCESS_MAX))
         return bool(np.all(np.abs(self.others) < 1))
 
     @property
@@ -151,9 +155,9 @@ class Floquet(Displayed):
     def n_split_pairs(self) -> int:
         """Pairs off the real axis and off the unit circle: of c where `half`; else growing ones."""
         if self.half:
-            return int(np.sum(np.linalg.eigvals(self.quotient_map).imag > REAL))
+            return int(np.sum(np.linalg.eigvals(self.quotient_map).imag > PAIR_SPLIT_MIN))
         if self.conservative:
-            return int(np.sum(((self.others + 1 / self.others).imag > 2 * REAL) & (np.abs(self.others) > 1)))
+            return int(np.sum(((self.others + 1 / self.others).imag > 2 * PAIR_SPLIT_MIN) & (np.abs(self.others) > 1)))
         return int(np.sum((self.others.imag > 0) & (np.abs(self.others) > 1)))
 
     @property

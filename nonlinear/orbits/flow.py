@@ -21,6 +21,7 @@ import scipy
 from modal.errors import ComputationError
 from modal.report import Displayed
 from modal.types import Floats
+from nonlinear.averaging.equations import ARRAY_ENTRIES
 from nonlinear.dynamics.elimination import SINGULAR
 from nonlinear.dynamics.generated import UNDEFINED, InputFunction, Rate
 from nonlinear.dynamics.variational import TINY, Force, Variational
@@ -40,13 +41,17 @@ from nonlinear.integration.method import (
 from nonlinear.integration.switched import Switched
 from nonlinear.system import System
 
-FIRST = 1 / 24  # the first step over the whole time
-MOST = 20_000  # steps
-STILL = 1e-3  # way of y in natural units, in a step in which it hardly moves
-LOOSE = 100  # tolerances by which such a step may err in V
-DEEPEST = 7  # divisions of divided steps
+ORBIT_TOLERANCE = 1e-12
+"""Tolerance: default of a step's error: orbits close to 1e-11 then, and their multipliers are known to 1e-7."""
+FLOW_STEPS_MAX = 20_000
+"""Limit: steps, beyond which "the motion takes too many steps to be followed over a period"."""
+STILL_STEP_WAY = 1e-3
+"""Tolerance: way of y in natural units, in a step in which it hardly moves, so that its error says nothing of V."""
+STILL_STEP_ERROR = 100
+"""Tolerance: step tolerances by which such a step may err in V: V itself is wanted less accurate than y."""
+STEP_DIVISIONS_MAX = 7
+"""Limit: divisions of divided steps, beyond which "the derivatives of the motion cannot be followed"."""
 UNFOLLOWED = "the derivatives of the motion cannot be followed over a period"
-AT_ONCE = 1_000_000  # entries of J at the stages of steps that are taken together
 
 
 class Path(NamedTuple):
@@ -98,7 +103,7 @@ class Flow(Displayed):
     shows = "system: system; tolerance: tolerance"
 
     system: System
-    tolerance: float = 1e-12
+    tolerance: float = ORBIT_TOLERANCE
     force: Force | None = None
     change: NumberChange | None = None
     equations: Variational = field(init=False)
@@ -139,7 +144,7 @@ class Flow(Displayed):
             if solver.t >= solver.t_bound or (switched_equations and switched_equations.rests):
                 break
             steps, _, _ = solver.advance((), 1)
-            if not steps or len(samples) > MOST:
+            if not steps or len(samples) > FLOW_STEPS_MAX:
                 raise ComputationError("the motion takes too many steps to be followed over a period")
             parts += steps
             samples.append((solver.t - start, solver.y, solver.f))
@@ -155,7 +160,8 @@ class Flow(Displayed):
             switched_equations.switches,
             np.eye(len(solver.y)).tolist(),
             switched_equations.met_switch or 0,
-            self._timed_inputs(solver.t),
+            # the inputs before those of contacts
+            [*self.equations.inputs_at(solver.t, ())] if self.equations.inputs_at else [],
         )
         y, f, held_inputs, count_before = (
             solver.y,
@@ -177,10 +183,6 @@ class Flow(Displayed):
             saltation[:-1, -1] = jump_slope[:, 0] / TINY
         return saltation
 
-    def _timed_inputs(self, time: float) -> list[float]:
-        """The inputs before those of contacts."""
-        return [*self.equations.inputs_at(time, ())] if self.equations.inputs_at else []
-
     def _solver(self, y: Floats, duration: float, state: list[float] | None, start: float) -> FloatDOP853:
         """What takes steps from y."""
         equations = self.switched_equations or self.equations
@@ -190,7 +192,7 @@ class Flow(Displayed):
                 self.switched_equations.resume([*state])
             else:
                 self.switched_equations.release(start, y)
-        options: Any = {"first_step": duration * FIRST, "rtol": self.tolerance, "atol": self.tolerance * self.scale}
+        options: Any = {"rtol": self.tolerance, "atol": self.tolerance * self.scale}
         rates = (equations.rate, equations.inputs_at, equations.is_time_only, equations.derivative)
         try:
             solver = FloatDOP853(*rates, start, y, start + duration, **options)
@@ -225,7 +227,7 @@ class Flow(Displayed):
     def _carry(self, V: Floats, parts: Sequence[FloatStep | Floats]) -> Floats:
         """V at the end of these steps and of the saltation matrices between them."""
         steps, size = [part for part in parts if isinstance(part, FloatStep)], len(V)
-        chunk = max(1, AT_ONCE // (STAGES * size**2))
+        chunk = max(1, ARRAY_ENTRIES // (STAGES * size**2))
         maps = (step_map for k in range(0, len(steps), chunk) for step_map in self._step_maps(steps[k : k + chunk]))
         if self.change is not None:
             V = scipy.linalg.block_diag(V, 1.0)
@@ -239,13 +241,13 @@ class Flow(Displayed):
         Where y hardly moves, as at an unstable equilibrium, its error says nothing of V: a step that errs in V is
         divided.  ComputationError where that is so again and again, as where both ends of a spring meet.
         """
-        if depth > DEEPEST:
+        if depth > STEP_DIVISIONS_MAX:
             raise ComputationError(UNFOLLOWED)
         maps, errors = self._maps(steps)
         for k, error in errors.items():
-            if error <= LOOSE:
+            if error <= STILL_STEP_ERROR:
                 continue
-            parts = ceil(min(error / LOOSE, 1e8) ** -ERROR_POWER / STEP_SAFETY) + 1
+            parts = ceil(min(error / STILL_STEP_ERROR, 1e8) ** -ERROR_POWER / STEP_SAFETY) + 1
             product = np.eye(maps.shape[-1])
             for piece in self._step_maps(self._divide(steps[k], parts), depth + 1):
                 product = piece @ product
@@ -293,7 +295,7 @@ class Flow(Displayed):
             K[stage] = J[:, stage] @ (unit + (SHARES[stage, :stage] @ flat[:stage]).reshape(n_steps, size, size))
         ends = unit + (SHARES[STAGES] @ flat).reshape(n_steps, size, size)
         ways = lengths * (np.abs(stages).max(1) / self.scale).max(1)
-        still_steps = np.flatnonzero(ways < STILL)
+        still_steps = np.flatnonzero(ways < STILL_STEP_WAY)
         return np.asarray(ends), dict(zip(still_steps.tolist(), self._errors(K[:, still_steps]).tolist(), strict=True))
 
     def _input_slopes(self, u: Floats) -> Floats:

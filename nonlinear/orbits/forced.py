@@ -21,22 +21,21 @@ from modal.scene import Scene, drive_period, require
 from modal.scene.doors import checked, formerly
 from modal.scene.parameters import Variation, validate_variations, variation_of, vary
 from modal.types import Floats
+from nonlinear.averaging.equilibria import NEWTON_ROUNDS_MAX
 from nonlinear.orbits.branch import Branch, Report
-from nonlinear.orbits.continuation import relative_distance
-from nonlinear.orbits.cycles import CLOSED, TOLERANCE, Beginning, BranchWalk, solution
-from nonlinear.orbits.flow import Flow
-from nonlinear.orbits.orbit import Orbit
+from nonlinear.orbits.continuation import DENSE_BRANCH_ORBITS_MAX, ORBIT_RESIDUAL_MAX, STEP_MAX, relative_distance
+from nonlinear.orbits.cycles import Beginning, BranchWalk, solution
+from nonlinear.orbits.flow import ORBIT_TOLERANCE, Flow
+from nonlinear.orbits.orbit import CYCLE_SAMPLES, Orbit
 from nonlinear.orbits.shooting import Shooting, shooting
 from nonlinear.system import State, system_of
 
-SAMPLES = 64  # of the linear response in a period of its fastest drive
-STILL, ROUNDS = 1e-12, 30  # of the equilibrium under the mean of what acts
-SETTLING = (20, 40, 120)  # periods after which Newton's method is tried on a motion, one after the other
+SETTLING_PERIODS = (20, 40, 120)
+"""Cost: after which Newton's method is tried on a motion, one after the other; benchmarks/orbits.py."""
 NOWHERE = (
     "no periodic motion was found, neither beside the linear response nor where the motion from there settles: give "
     "another start: one whose motion settles"
 )
-LONGEST, MOST = 0.1, 4000  # step in natural units and parts of the range; orbits of a branch
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -76,20 +75,20 @@ def linear_response(scene: Scene) -> LinearResponse:
     """
     require(scene, "a forced periodic orbit")
     drives, flow = drive_period(scene), Flow(system_of(scene))
-    equations, size, n_samples = flow.equations, len(flow.scale), SAMPLES * max(drives.cycles)
+    equations, size, n_samples = flow.equations, len(flow.scale), CYCLE_SAMPLES * max(drives.cycles)
     u = equations.inputs_beside(np.arange(n_samples) * (drives.seconds / n_samples), np.zeros((size, n_samples)))
     y = np.concatenate((flow.rest, np.zeros(size // 2)))
-    for _ in range(ROUNDS):
+    for _ in range(NEWTON_ROUNDS_MAX):
         b, J = equations.linearize(np.repeat(y[:, None], n_samples, axis=1), np.array(u))
         A, acting = J.mean(axis=0), np.fft.rfft(b, axis=1).T
         shift = np.linalg.lstsq(-A, acting[0].real / n_samples, rcond=None)[0]
         if not np.all(np.isfinite(shift)):
             break
         y = y + shift
-        if np.abs(shift / flow.scale).max() < STILL:
+        if np.abs(shift / flow.scale).max() < ORBIT_TOLERANCE:
             break
     response, rates = np.zeros_like(acting), 2j * np.pi * np.fft.rfftfreq(n_samples, drives.seconds / n_samples)
-    for k in np.flatnonzero(np.abs(acting).max(axis=1) > STILL * np.abs(acting).max()):
+    for k in np.flatnonzero(np.abs(acting).max(axis=1) > ORBIT_TOLERANCE * np.abs(acting).max()):
         if k:
             response[k] = np.linalg.lstsq(rates[k] * np.eye(size) - A, acting[k], rcond=None)[0]
     motion = y + np.fft.irfft(response.T, n_samples).T
@@ -101,7 +100,9 @@ def linear_response(scene: Scene) -> LinearResponse:
 
 @formerly(cycles="periods")
 @checked
-def forced_orbit(scene: Scene, *, start: State | None = None, periods: int = 1, tolerance: float = TOLERANCE) -> Orbit:
+def forced_orbit(
+    scene: Scene, *, start: State | None = None, periods: int = 1, tolerance: float = ORBIT_TOLERANCE
+) -> Orbit:
     """The periodic motion of a scene under its drives, over so many `periods` of them together.
 
     It is the one beside a `start` at the time 0, by default beside the linear response or where the motion from there
@@ -126,9 +127,9 @@ def follow_forced_orbits(
     *,
     start: State | None = None,
     periods: int = 1,
-    tolerance: float = TOLERANCE,
-    longest: float = LONGEST,
-    max_orbits: int = MOST,
+    tolerance: float = ORBIT_TOLERANCE,
+    longest: float = STEP_MAX,
+    max_orbits: int = DENSE_BRANCH_ORBITS_MAX,
     report: Report = silent,
 ) -> tuple[Branch, ...]:
     """The periodic motions of a scene under its drives along a number, followed through their folds, within its range.
@@ -179,7 +180,7 @@ def _beginning(
         return _beginning_near(problem, flow.equations.begin(start), value, "start")
     y = linear_response(varied_scene).y[0]
     period = problem.clock.period(value) if problem.clock else np.inf
-    for settling in (0, *SETTLING):
+    for settling in (0, *SETTLING_PERIODS):
         try:
             for _k in range(settling):
                 y = flow(y, np.zeros((len(y), 0)), period).y
@@ -202,6 +203,6 @@ def _beginning_near(problem: Shooting, y: Floats, value: float | None, words: st
     problem = replace(problem, turns=tuple(turns.tolist()) if turns.any() else ())
     u = solution(problem, y, period, value)
     orbit = problem.orbit(u)
-    if orbit.residual > CLOSED:
+    if orbit.residual > ORBIT_RESIDUAL_MAX:
         raise ComputationError("the motion beside this one does not close")
     return Beginning(problem, u, orbit, words)

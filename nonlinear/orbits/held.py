@@ -22,14 +22,22 @@ from modal.scene.parameters import Variable, Variation, validate_variations, var
 from modal.types import Floats
 from nonlinear.orbits.between import refined_points
 from nonlinear.orbits.branch import Branch, Report
-from nonlinear.orbits.continuation import OrbitPoint, at_edge, correct, follow, locate, tangent_of, with_values
-from nonlinear.orbits.modes import TOLERANCE, nonlinear_mode, oscillating
+from nonlinear.orbits.continuation import (
+    BRANCH_ORBITS_MAX,
+    STEP_MAX,
+    OrbitPoint,
+    at_edge,
+    correct,
+    follow,
+    locate,
+    tangent_of,
+    with_values,
+)
+from nonlinear.orbits.flow import ORBIT_TOLERANCE
+from nonlinear.orbits.modes import COARSE_STEP_MAX, nonlinear_mode, oscillating
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.orbits.special import Special, collisions, passing
 from nonlinear.orbits.symmetric import Quarter, quarter_of
-
-NUDGE = 1e-6  # of the range, for derivatives by the number
-LONGEST, MOST = 0.1, 400  # step in natural units and parts of the range; orbits
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,13 +55,15 @@ class Held:
 
     def equations(self, u: Floats) -> tuple[Floats, Floats]:
         """The coordinates a quarter of a period later and the excess of the largest angle, and their derivatives."""
-        quarter, neighbour = self.quarter_at(self.value(u[-1])), self.quarter_at(self.value(u[-1] + NUDGE))
+        quarter = self.quarter_at(self.value(u[-1]))
+        nudge = quarter.flow.tolerance**0.5  # rounding and curvature take equal parts of a one-sided difference
+        neighbour = self.quarter_at(self.value(u[-1] + nudge))
         r, J = quarter.equations(u[:-1])
         neighbour_r, _ = neighbour.equations(u[:-1])
         angle, slope = _largest(quarter, u[:-1])
         neighbour_angle, _ = _largest(neighbour, u[:-1])
         rows = np.vstack(
-            (np.column_stack((J, (neighbour_r - r) / NUDGE)), np.append(slope, (neighbour_angle - angle) / NUDGE))
+            (np.column_stack((J, (neighbour_r - r) / nudge)), np.append(slope, (neighbour_angle - angle) / nudge))
         )
         return np.append(r, angle - self.amplitude), rows
 
@@ -91,7 +101,7 @@ def mode_along(
     vary: str | Variation,
     largest_angle: float = radians(30),
     *,
-    tolerance: float = TOLERANCE,
+    tolerance: float = ORBIT_TOLERANCE,
     report: Report = silent,
 ) -> Branch:
     """The orbits of a `mode` of the table with this largest angle (rad), along a number of the scene.
@@ -109,7 +119,7 @@ def mode_along(
 
     problem = Held(quarter_at, variation, largest_angle)
     first_scene = variable.at({variation.path: variation.values[0]})
-    begin = nonlinear_mode(first_scene, mode, largest_angle, longest=0.2, locate=False)
+    begin = nonlinear_mode(first_scene, mode, largest_angle, longest=COARSE_STEP_MAX, locate=False)
     if not begin.complete:
         raise ComputationError(f"the orbits of mode {mode} do not reach {degrees(largest_angle):.4g} deg")
     u = np.append(begin.points[-1].u, 0.0)
@@ -119,14 +129,14 @@ def mode_along(
     first = OrbitPoint(solution[0], tangent_of(solution[1], up), problem.orbit(solution[0]))
     points: list[OrbitPoint] = []
     complete = False
-    for current in follow(problem, first, step=LONGEST / 4, longest=LONGEST):
+    for current in follow(problem, first, step=STEP_MAX / 4, longest=STEP_MAX):
         points.append(current)
         report(len(points))
         if len(points) > 1 and not 0 < current.u[-1] < 1:
             points[-1] = at_edge(problem, points[-2], current)
             complete = True
             break
-        if len(points) >= MOST:
+        if len(points) >= BRANCH_ORBITS_MAX:
             break
     modes, row = oscillating(first_scene, mode)
     points = refined_points(problem, points)

@@ -15,19 +15,28 @@ from modal.scene import Scene, require
 from modal.scene.doors import checked, checked_number, formerly
 from nonlinear.orbits.between import refined_points
 from nonlinear.orbits.branch import Branch, Report
-from nonlinear.orbits.continuation import OrbitPoint, follow, locate, point
+from nonlinear.orbits.continuation import (
+    DENSE_BRANCH_ORBITS_MAX,
+    STEP_MAX,
+    OrbitPoint,
+    follow,
+    locate,
+    point,
+)
+from nonlinear.orbits.flow import ORBIT_TOLERANCE
 from nonlinear.orbits.orbit import Orbit
-from nonlinear.orbits.shooting import COARSEST, FINEST
+from nonlinear.orbits.shooting import LEAST_ASKED, TOLERANCE_MAX, TOLERANCE_MIN
 from nonlinear.orbits.special import along_backbone
 from nonlinear.orbits.symmetric import Quarter, quarter_of
 
-TOLERANCE = 1e-12
-SMALL = radians(0.5)  # the first orbit of a branch
-STEP, COARSE = 0.08, 0.2  # longest steps in natural units, for a curve and to reach a point
-FARTHEST = radians(170)
-SMALLEST, FARTHEST_TURN = 1e-12, 20.0  # rad, and J: largest angles and energies that can be asked for
-MOST = 2000  # orbits of a branch
-STILL = 1e-9  # angle (rad) of links over the displacements (m, rad) of carriers, below which they hang still
+FIRST_ANGLE = radians(0.5)
+"""Cost: default of the first orbit's largest angle; benchmarks/orbits.py."""
+COARSE_STEP_MAX = 2 * STEP_MAX
+"""Cost: longest step where only the end of a branch is wanted; benchmarks/orbits.py."""
+SEARCH_ANGLE_MAX = radians(170)
+"""Limit: where no frequency is off by that much up to here, none is."""
+ANGLE_MAX = 20.0
+"""Limit: largest angle (rad) that can be asked for, "must be a finite number from 1e-12 to 20"."""
 
 
 @formerly(number="mode", to="largest_angle")
@@ -38,9 +47,9 @@ def nonlinear_mode(
     largest_angle: float = radians(90),
     *,
     energy: float | None = None,
-    first: float = SMALL,
-    longest: float = STEP,
-    tolerance: float = TOLERANCE,
+    first: float = FIRST_ANGLE,
+    longest: float = 0.08,
+    tolerance: float = ORBIT_TOLERANCE,
     max_orbits: int | None = None,
     locate: bool = True,
     report: Report = silent,
@@ -49,31 +58,29 @@ def nonlinear_mode(
 
     With an `energy` (J, above that of the equilibrium) the last one has this energy instead, if that comes first.
     Dampers and drives are left out.  To `locate` special points, orbits are added where stability changes twice between
-    two others.  The branch ends before that where it ends by itself or after `max_orbits` (MOST) orbits,
+    two others.  The branch ends before that where it ends by itself or after `max_orbits` (4,000) orbits,
     and is then not `complete`.  Raises SceneError for a mode that the scene does not have or that is no oscillation
     along the rail, ComputationError where no orbit is found beside the linear mode.
     """
-    checked_number("largest_angle", largest_angle, SMALLEST, FARTHEST_TURN)
-    checked_number("first", first, SMALLEST, FARTHEST_TURN)
-    checked_number("tolerance", tolerance, FINEST, COARSEST)
+    checked_number("largest_angle", largest_angle, LEAST_ASKED, ANGLE_MAX)
+    checked_number("first", first, LEAST_ASKED, ANGLE_MAX)
+    checked_number("tolerance", tolerance, TOLERANCE_MIN, TOLERANCE_MAX)
     if energy is not None:
-        checked_number("energy", energy, SMALLEST)
+        checked_number("energy", energy, LEAST_ASKED)
     modes, row = oscillating(scene, mode)
     problem = quarter_of(modes.scene, tolerance)
     first = min(first, largest_angle / 2)
     steps = follow(problem, beginning(problem, modes, row, first), step=first, longest=longest)
-    points, complete = _until(
-        problem, steps, lambda current: _excess(current.orbit, largest_angle, energy), max_orbits or MOST, report
-    )
+
+    def excess(current: OrbitPoint) -> float:
+        """How far an orbit is beyond the largest angle or the energy asked for, whichever is nearer."""
+        over = current.orbit.amplitude - largest_angle
+        return over if energy is None else max(over, current.orbit.energy / energy - 1)
+
+    points, complete = _until(problem, steps, excess, max_orbits or DENSE_BRANCH_ORBITS_MAX, report)
     points = refined_points(problem, points) if locate else points
     special = tuple(along_backbone(problem, points)) if locate else ()
     return Branch(f"mode {mode}", tuple(points), special, problem, complete=complete, linear=float(modes.omega[row]))
-
-
-def _excess(orbit: Orbit, to: float, energy: float | None) -> float:
-    """How far an orbit is beyond the largest angle or the energy asked for, whichever is nearer."""
-    over = orbit.amplitude - to
-    return over if energy is None else max(over, orbit.energy / energy - 1)
 
 
 def _until(
@@ -103,7 +110,7 @@ def mode_orbit(scene: Scene, number: int, amplitude: float) -> Orbit:
 
     Raises what `nonlinear_mode` does, and ComputationError where the branch does not reach this angle.
     """
-    branch = nonlinear_mode(scene, number, amplitude, longest=COARSE, locate=False)
+    branch = nonlinear_mode(scene, number, amplitude, longest=COARSE_STEP_MAX, locate=False)
     if not branch.complete:
         raise ComputationError(f"the orbits of mode {number} do not reach {degrees(amplitude):.4g} deg")
     return branch.orbits[-1]
@@ -113,17 +120,17 @@ def mode_orbit(scene: Scene, number: int, amplitude: float) -> Orbit:
 def orbit_where_off(scene: Scene, number: int, share: float = 0.01) -> Orbit | None:
     """The first orbit of mode `number` whose frequency is this share off the linear one.
 
-    None where there is none up to FARTHEST; raises what `nonlinear_mode` does.
+    None where there is none up to 170°; raises what `nonlinear_mode` does.
     """
     modes, row = oscillating(scene, number)
-    problem, linear = quarter_of(modes.scene, TOLERANCE), float(modes.omega[row])
+    problem, linear = quarter_of(modes.scene, ORBIT_TOLERANCE), float(modes.omega[row])
 
     def off(current: OrbitPoint) -> float:
         return abs(current.orbit.omega / linear - 1) - share
 
-    steps = follow(problem, beginning(problem, modes, row, SMALL), step=SMALL, longest=COARSE)
-    inside = takewhile(lambda current: current.orbit.amplitude < FARTHEST, steps)
-    points, has_reached = _until(problem, inside, off, MOST)
+    steps = follow(problem, beginning(problem, modes, row, FIRST_ANGLE), step=FIRST_ANGLE, longest=COARSE_STEP_MAX)
+    inside = takewhile(lambda current: current.orbit.amplitude < SEARCH_ANGLE_MAX, steps)
+    points, has_reached = _until(problem, inside, off, DENSE_BRANCH_ORBITS_MAX)
     return points[-1].orbit if has_reached else None
 
 
@@ -154,15 +161,11 @@ def oscillating(scene: Scene, number: int) -> tuple[Modes, int]:
         raise SceneError([f"mode {number}: the equilibrium is unstable"])
     if conservative_modes.omega[row] == 0:
         raise SceneError([f"mode {number}: a rigid translation does not oscillate"])
-    if _is_carriers_alone(conservative_modes, row):
+    shape = conservative_modes.shape(row)
+    hanging = float(np.finfo(float).eps ** 0.5) * np.abs(shape.supports).max(initial=0.0)
+    if np.abs(shape.angles).max() < hanging:  # a mode of carriers, which leaves every link as it hangs
         raise SceneError([f"mode {number}: moves no link, and orbits are labelled by the largest angle of one"])
     return conservative_modes, row
-
-
-def _is_carriers_alone(modes: Modes, row: int) -> bool:
-    """Whether a mode of a structure moves carriers and leaves every link as it hangs."""
-    shape = modes.shape(row)
-    return bool(len(shape.supports)) and np.abs(shape.angles).max() < STILL * np.abs(shape.supports).max()
 
 
 def beginning(problem: Quarter, modes: Modes, row: int, amplitude: float) -> OrbitPoint:

@@ -16,12 +16,18 @@ from nonlinear.orbits.floquet import Floquet
 from nonlinear.orbits.flow import Flow, Path
 from nonlinear.system import Motion, State
 
-SAMPLES = 128  # a cycle of the drives, at which a forced motion is read
-LOOKS = 8  # points in every step among which the largest angle is searched
-FAINT = 1e-2  # of the largest angle, below which a fundamental has no phase
-AT_REST = 1e-9  # a largest angle (rad) within the accuracy of an orbit
-SYMMETRIC = 1e-4  # of the largest coordinate, by which a symmetric motion may miss its mirror image
-NEARLY = 0.99  # of the largest sample, from which on a step may hold the largest angle
+CYCLE_SAMPLES = 128
+"""Tolerance: samples of a cycle of the drives, whose mean has the harmonics up to the 64th."""
+STEP_SAMPLES = 8
+"""Cost: points in every step among which the largest angle is searched; benchmarks/orbits.py."""
+PEAK_RATIO = 0.99
+"""Tolerance: of the largest sample, from which on a step may hold the largest angle: samples miss less than 1 %."""
+FUNDAMENTAL_RATIO_MIN = 1e-2
+"""Tolerance: of the largest angle, below which a fundamental is taken for none, so that its phase says nothing."""
+ORBIT_ANGLE_ERROR = 1e-9
+"""Tolerance: a largest angle (rad) within the accuracy of an orbit."""
+MIRROR_GAP_MAX = 1e-4
+"""Tolerance: of the largest angle, by which a symmetric motion may miss its mirror image: by interpolation in steps."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -86,7 +92,7 @@ class Orbit(Displayed):
 
         The fundamental of an angle θ of a forced motion is the part of θ at the frequency ω of the drive: with
         c = 2/T ∫ θ e^(−iωt) dt it is |c| cos(ωt + arg c), and the drive's A sin(ωt + φ) is ahead by nothing of itself.
-        NaN where it is less than FAINT of the largest angle, as in a motion of twice the drive's period.
+        NaN where it is less than 1 % of the largest angle, as in a motion of twice the drive's period.
         """
         drive = next(iter(sines_of(self.scene).values()))
         times, q, _ = self._samples
@@ -94,7 +100,7 @@ class Orbit(Displayed):
         if any(self.turns):
             angles = angles - 2 * np.pi * np.outer(times / self.period, self.turns)
         c = np.exp(-2j * np.pi * drive.frequency_hz * times) @ angles
-        heard = 2 * np.abs(c) / len(times) > np.maximum(FAINT * self.amplitudes, AT_REST)
+        heard = 2 * np.abs(c) / len(times) > np.maximum(FUNDAMENTAL_RATIO_MIN * self.amplitudes, ORBIT_ANGLE_ERROR)
         return np.where(heard, np.angle(1j * c * np.exp(-1j * np.radians(drive.phase_deg))), np.nan)
 
     @property
@@ -114,19 +120,19 @@ class Orbit(Displayed):
     def is_symmetric(self) -> bool:
         """Whether a forced motion is its own mirror image half a cycle of the drives later."""
         angles = self._samples[1][:, self.flow.equations.layout.first :] - self.flow.system.rest
-        later = np.roll(angles, SAMPLES // 2, axis=0)
-        return not any(self.turns) and bool(np.abs(angles + later).max() < SYMMETRIC * np.abs(angles).max())
+        later = np.roll(angles, CYCLE_SAMPLES // 2, axis=0)
+        return not any(self.turns) and bool(np.abs(angles + later).max() < MIRROR_GAP_MAX * np.abs(angles).max())
 
     @property
     def coordinates(self) -> Floats:
-        """The coordinates q (N, n) at even times of a period, SAMPLES a cycle of the drives."""
+        """The coordinates q (N, n) at even times of a period, CYCLE_SAMPLES a cycle of the drives."""
         return self._samples[1]
 
     @cached_property
     def _samples(self) -> tuple[Floats, Floats, Floats]:
-        """Times (N,) of a period, SAMPLES a cycle of the drives, with q and v there, (N, n)."""
+        """Times (N,) of a period, CYCLE_SAMPLES a cycle of the drives, with q and v there, (N, n)."""
         half = self.flow.equations.layout.half
-        times = np.arange(SAMPLES * max(self.cycles, 1)) * (self.period / (SAMPLES * max(self.cycles, 1)))
+        times = np.arange(CYCLE_SAMPLES * max(self.cycles, 1)) * (self.period / (CYCLE_SAMPLES * max(self.cycles, 1)))
         ends, states, rates = self.path
         at = np.clip(np.searchsorted(ends, times, side="right") - 1, 0, len(ends) - 2)
         h = np.diff(ends)[at][:, None]
@@ -176,11 +182,11 @@ def largest(times: Floats, x: Floats, v: Floats, a: Floats) -> Floats:
     has_length = h[:, 0] > 0
     h = h[has_length]
     powers = quintic(h, *(part[has_length] for values in (x, v, a) for part in (values[:-1], values[1:])))
-    looks = np.linspace(0, 1, LOOKS + 1)[:, None] ** np.arange(6)
+    looks = np.linspace(0, 1, STEP_SAMPLES + 1)[:, None] ** np.arange(6)
     samples = np.abs(np.tensordot(looks, powers, 1))
     angles = samples.max(axis=(0, 1))
     tall = samples.max(axis=0)
-    for step, link in zip(*np.nonzero(tall >= NEARLY * angles), strict=True):
+    for step, link in zip(*np.nonzero(tall >= PEAK_RATIO * angles), strict=True):
         curve = np.polynomial.Polynomial(powers[:, step, link])
         turns = curve.deriv().roots()
         turns = turns.real[(np.abs(turns.imag) < 1e-9) & (turns.real > 0) & (turns.real < 1)]

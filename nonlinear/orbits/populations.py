@@ -23,19 +23,14 @@ from modal.scene import Fixed, Pendulum, Scene, require
 from modal.scene.doors import require_type
 from modal.types import Complexes, Floats
 from nonlinear.averaging import AveragedPattern, Pattern, averaged_pattern
+from nonlinear.averaging.equilibria import NEWTON_ROUNDS_MAX
+from nonlinear.averaging.populations import MOTION_ANGLE_MIN
+from nonlinear.orbits.continuation import CORRECTION_MIN
 from nonlinear.orbits.cycles import averaged_start, limit_cycles
-from nonlinear.orbits.floquet import deflate, of_monodromy
-from nonlinear.orbits.flow import Arrival, Flow
+from nonlinear.orbits.floquet import PAIR_SPLIT_MIN, deflate, of_monodromy
+from nonlinear.orbits.flow import ORBIT_TOLERANCE, Arrival, Flow
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.orbits.shooting import shooting
-
-TOLERANCE = 1e-12
-CLOSED = 1e-10  # of the unknowns in natural units, the last Newton step
-ROUNDING = 1e-7  # the last step that is accepted where further ones do not become smaller
-NEWTON = 25
-LEAP = 0.3  # rad, or in natural units: the longest step
-FAINT = 1e-3  # rad, below which a motion has died out
-BEATS = 1e-6  # of a multiplier, its imaginary part from which on a pair oscillates
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -82,7 +77,7 @@ class PatternOrbit(Displayed):
     @property
     def turns(self) -> tuple[bool, ...]:
         """Whether it oscillates at all: whether its multiplier is one of a pair."""
-        return tuple(bool(abs(values[0].imag) > BEATS) for values in self.multipliers)
+        return tuple(bool(abs(values[0].imag) > PAIR_SPLIT_MIN) for values in self.multipliers)
 
     @property
     def is_stable(self) -> bool:
@@ -100,7 +95,7 @@ class PatternOrbit(Displayed):
 
 
 def pattern_orbit(
-    pattern: Pattern, near_by: AveragedPattern | PatternOrbit | None = None, *, tolerance: float = TOLERANCE
+    pattern: Pattern, near_by: AveragedPattern | PatternOrbit | None = None, *, tolerance: float = ORBIT_TOLERANCE
 ) -> PatternOrbit:
     """The periodic orbit of a pattern beside an averaged one, or beside that of a scene with other numbers.
 
@@ -108,12 +103,17 @@ def pattern_orbit(
     """
     require(pattern.few, "a periodic orbit")
     flow = Flow(pattern.system, tolerance)
-    y, period, leader = _guess(pattern, near_by or averaged_pattern(pattern))
+    neighbour = near_by or averaged_pattern(pattern)
+    if isinstance(neighbour, PatternOrbit):
+        orbit = neighbour.orbit
+        y, period, leader = orbit.y, orbit.period, int(orbit.amplitudes.argmax())
+    else:
+        y, period, leader = averaged_start(shooting(pattern.few), neighbour.state)
     E = pattern.sectors[0].states
     half = len(E) // 2
     turning = half + pattern.system.first + leader
-    c, T, last_size = E.T @ ((y - _rest(pattern)) / flow.scale), period, np.inf
-    for _ in range(NEWTON):
+    c, T = E.T @ ((y - _rest(pattern)) / flow.scale), period
+    for _ in range(NEWTON_ROUNDS_MAX):
         start, arrival = _ends_of_motion(pattern, flow, c, T)
         gap = E.T @ ((arrival.y - start) / flow.scale)
         slope = E.T @ arrival.V - np.eye(len(c))
@@ -123,12 +123,19 @@ def pattern_orbit(
         size = float(np.abs(step).max())
         if not np.isfinite(size):
             break
-        part = min(1.0, LEAP / size) if size else 1.0
+        part = min(1.0, 0.5 / size) if size else 1.0  # at most half a radian at once
         c, T = c + part * step[:-1], T + part * step[-1] / pattern.system.rate
-        if size < CLOSED or (size < ROUNDING and size > last_size / 2):
-            return _orbit_of(pattern, flow, c, T)
-        last_size = size
-    raise ComputationError(f"no periodic orbit {pattern.name} was found")
+        if size < CORRECTION_MIN:
+            break
+    if not size < CORRECTION_MIN:
+        raise ComputationError(f"no periodic orbit {pattern.name} was found")
+    y, arrival = _ends_of_motion(pattern, flow, c, T, np.eye(len(flow.scale)))
+    residual = float(np.abs((arrival.y - y) / flow.scale).max())
+    floquet = of_monodromy(arrival.V, [arrival.path.rates[0] / flow.scale], [], conservative=False)
+    orbit = Orbit(pattern.few, flow, y, T, floquet, residual, arrival.path, symmetric=False)
+    if orbit.amplitude < MOTION_ANGLE_MIN:
+        raise ComputationError(f"the motion {pattern.name} dies out")
+    return PatternOrbit(pattern, orbit, arrival.V)
 
 
 def _rest(pattern: Pattern) -> Floats:
@@ -144,25 +151,6 @@ def _ends_of_motion(
     y = _rest(pattern) + flow.scale * (E @ c)
     arrival = flow(y, flow.scale[:, None] * (E if V is None else V), T)
     return y, arrival._replace(V=arrival.V / flow.scale[:, None])
-
-
-def _guess(pattern: Pattern, neighbour: AveragedPattern | PatternOrbit) -> tuple[Floats, float, int]:
-    """A start, a period (s), and the link that turns back at the start, that swings furthest."""
-    if isinstance(neighbour, PatternOrbit):
-        return neighbour.orbit.y, neighbour.orbit.period, int(neighbour.orbit.amplitudes.argmax())
-    problem = shooting(pattern.few)
-    return averaged_start(problem, neighbour.state)
-
-
-def _orbit_of(pattern: Pattern, flow: Flow, c: Floats, T: float) -> PatternOrbit:
-    y, arrival = _ends_of_motion(pattern, flow, c, T, np.eye(len(flow.scale)))
-    residual = float(np.abs((arrival.y - y) / flow.scale).max())
-    rates = arrival.path.rates[0] / flow.scale
-    floquet = of_monodromy(arrival.V, [rates], [], conservative=False)
-    orbit = Orbit(pattern.few, flow, y, T, floquet, residual, arrival.path, symmetric=False)
-    if orbit.amplitude < FAINT:
-        raise ComputationError(f"the motion {pattern.name} dies out")
-    return PatternOrbit(pattern, orbit, arrival.V)
 
 
 def free_amplitude(scene: Scene, pendulum: Pendulum) -> float | None:

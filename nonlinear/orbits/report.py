@@ -15,11 +15,12 @@ from modal.report import ReportColumn, ReportTable, as_csv, counted, finite, lin
 from modal.scene import Scene, title_of, validate_scene
 from nonlinear.orbits.branch import Branch
 from nonlinear.orbits.cycles import growth
+from nonlinear.orbits.flow import ORBIT_TOLERANCE
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.orbits.special import Special
 
-CLOSED = 1e-11  # least residual that is told
-SHOWN = 16  # orbits of a branch in the text
+TABLE_ROWS_MAX = 16
+"""Format: rows of a table in the text: orbits of a branch, spread over it."""
 STABLE = (
     "stable: no disturbance of the orbit grows; largest |μ|: of its Floquet multipliers other than those that are 1 by "
     "a shift of time or place and by conserved quantities."
@@ -89,7 +90,15 @@ def orbit_rows(branch: Branch, number: int = 1) -> Iterator[dict[str, Any]]:
     """What CSV has of every orbit of a branch of this number."""
     for orbit in branch.orbits:
         yield {
-            **_shared_columns(branch, orbit),
+            **state_columns(
+                branch.variation,
+                _parameter(branch, orbit),
+                orbit.omega,
+                stable=orbit.is_stable,
+                angle_deg=degrees(orbit.amplitude),
+                # the drives of a forced motion set its rates, which its multipliers tell
+                growth=growth(orbit) if branch.variation and not branch.is_forced else None,
+            ),
             "branch": number,
             "from": branch.origin,
             **_columns(_driven(orbit)),
@@ -99,25 +108,13 @@ def orbit_rows(branch: Branch, number: int = 1) -> Iterator[dict[str, Any]]:
         }
 
 
-def _shared_columns(branch: Branch, orbit: Orbit) -> dict[str, Any]:
-    """What is told of whatever is followed; growth rates of orbits that no drives force."""
-    return state_columns(
-        branch.variation,
-        _parameter(branch, orbit),
-        orbit.omega,
-        stable=orbit.is_stable,
-        angle_deg=degrees(orbit.amplitude),
-        growth=growth(orbit) if branch.variation and not branch.is_forced else None,
-    )
-
-
 def _columns(driven: dict[str, Any]) -> dict[str, Any]:
     """The same as columns, whole turns separated by blanks."""
     return driven | ({"whole_turns": " ".join(map(str, driven["whole_turns"]))} if driven else {})
 
 
 def orbits_text(scene: Scene, branches: Sequence[Branch], linear: float | None = None) -> str:
-    """The branches as text, at most SHOWN orbits of each; `linear` is the frequency (rad/s) of the mode."""
+    """The branches as text, at most 16 orbits of each; `linear` is the frequency (rad/s) of the mode."""
     validate_scene(scene)
     return titled(title_of(scene), "periodic orbits", list(_parts(branches, linear)), "text")
 
@@ -126,11 +123,11 @@ def _parts(branches: Sequence[Branch], linear: float | None) -> Iterator[str]:
     for number, branch in enumerate(branches):
         direction = f" along {branch.variation.path}" if branch.variation else ""
         count, worst = counted(len(branch.orbits), "orbit", "orbits"), max(orbit.residual for orbit in branch.orbits)
-        closure = 10.0 ** ceil(log10(max(worst, CLOSED)))
+        closure = 10.0 ** ceil(log10(max(worst, ORBIT_TOLERANCE)))
         cycles = branch.orbits[0].cycles
         span = f", of {cycles} periods of the drives" if cycles > 1 else ""
         yield f"branch {number + 1}, from {branch.origin}{direction}: {count} that close to {closure:.0e}{span}"
-        indices = np.unique(np.linspace(0, len(branch.orbits) - 1, SHOWN).astype(int))
+        indices = np.unique(np.linspace(0, len(branch.orbits) - 1, TABLE_ROWS_MAX).astype(int))
         table = ReportTable.of(_quantities(branch, linear), [branch.orbits[at] for at in indices])
         yield table.written()
         yield "\n".join(_notes(branch))
@@ -169,10 +166,15 @@ def _largest(orbit: Orbit) -> float:
 def _notes(branch: Branch) -> Iterator[str]:
     for special in branch.special:
         yield special_words(branch, special)
-    if branch.is_forced:
-        yield from _forced_notes(branch)
+    last = branch.orbits[-1]
+    if branch.is_forced and branch.orbits[0].floquet.neutral:
+        yield "nothing holds the cart: a multiplier is 1, that of motions beginning at another place than x = 0."
+    if branch.is_forced and any(last.turns):
+        yield f"whole turns of the links in a period: {', '.join(map(str, last.turns))}."
+    if branch.is_forced and branch.returns:
+        yield f"the branch leaves the range where it began, at {_place(branch, last)}: another fold may lie beyond."
     if not branch.complete:
-        yield f"the branch was followed no further than {_place(branch, branch.orbits[-1])}."
+        yield f"the branch was followed no further than {_place(branch, last)}."
 
 
 def _missing_ends(branches: Sequence[Branch]) -> Iterator[str]:
@@ -185,16 +187,6 @@ def _missing_ends(branches: Sequence[Branch]) -> Iterator[str]:
         if not np.any(np.isclose(reached_values, value, rtol=1e-9)):
             place = f"{variation.path} = {value:g} {variation.unit}".rstrip()
             yield fill(f"at {place} no motion was found: begin with a run that settles there.", line_width())
-
-
-def _forced_notes(branch: Branch) -> Iterator[str]:
-    last = branch.orbits[-1]
-    if branch.orbits[0].floquet.neutral:
-        yield "nothing holds the cart: a multiplier is 1, that of motions beginning at another place than x = 0."
-    if any(last.turns):
-        yield f"whole turns of the links in a period: {', '.join(map(str, last.turns))}."
-    if branch.returns:
-        yield f"the branch leaves the range where it began, at {_place(branch, last)}: another fold may lie beyond."
 
 
 def special_words(branch: Branch, special: Special) -> str:

@@ -28,14 +28,16 @@ from nonlinear.dynamics.variational import Force
 from nonlinear.integration.switches import numbers_of as switching_of
 from nonlinear.orbits.continuation import place_in
 from nonlinear.orbits.floquet import Floquet, of_monodromy, scaled_translations
-from nonlinear.orbits.flow import Arrival, Flow, NumberChange, Path
+from nonlinear.orbits.flow import ORBIT_TOLERANCE, Arrival, Flow, NumberChange, Path
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.system import system_of, translations
 
-SEGMENTS, MOST_SEGMENTS = 2, 10_000
-FINEST, COARSEST = 1e-15, 1e-2  # tolerances
-NUDGE = 1e-7  # of the range of a number, for derivatives by one where the form of the equations changes
-BESIDE = 1e-4  # of a number of a scene, for derivatives of those of the equations by it
+LEAST_ASKED = 1e-12
+"""Limit: least angle (rad), energy (J) and period (s) of an orbit, "must be a finite number from 1e-12"."""
+TOLERANCE_MIN = 1e-15
+"""Limit: least `tolerance`, "must be a finite number from 1e-15 to 0.01"."""
+TOLERANCE_MAX = 1e-2
+"""Limit: largest `tolerance`."""
 
 
 @dataclass(frozen=True)
@@ -108,7 +110,7 @@ class Shooting:
     scene: Scene
     flow_at: FlowAt
     leader: int = 0
-    segments: int = SEGMENTS
+    segments: int = 2
     clock: Clock | None = None
     variation: Variation | None = None
     cycles: int = 0
@@ -220,7 +222,9 @@ class Shooting:
         if flow.change is not None:
             value_slopes = np.concatenate([end.V[:, -1] / self.first.scale for end in ends])
             return np.asarray(value_slopes + shifts) * self._stretch(u[-1])
-        nudge = NUDGE if u[-1] < 0.5 else -NUDGE
+        # the form of the equations changes with the number: a one-sided difference into the range, of which rounding
+        # and curvature take equal parts
+        nudge = float(np.copysign(flow.tolerance**0.5, 0.5 - u[-1]))
         flow, none = self.flow_at(self.value_at(float(u[-1]) + nudge)), np.zeros((self.size, 0))
         part = self.period(u) / self.segments
         neighbours = [flow(y, none, part, start=k * part).y for k, y in enumerate(self.states(u))]
@@ -304,16 +308,13 @@ class Shooting:
         """The derivative by y of what a translation conserves, none where something takes it."""
         system = flow.system
         if system.structure is None:
-            return [] if self._airy else [flow.equations.momentum_slope(y)]
+            # quadratic drag takes momentum that no impulse of it tells
+            has_drag = any(group.quadratic_drag is not None for group in system.groups)
+            return [] if has_drag else [flow.equations.momentum_slope(y)]
         if system.dissipates:
             return []
         half = flow.equations.layout.half
         return [flow.equations.impulse_slope(y, np.pad(translation, (0, half - len(translation))))]
-
-    @cached_property
-    def _airy(self) -> bool:
-        """Whether quadratic drag takes momentum that no impulse of it tells."""
-        return any(group.quadratic_drag is not None for group in self.first.system.groups)
 
     def energy_slope(self, u: Floats, tangent: Floats) -> float:
         """The derivative of the energy (J) at the start along a branch."""
@@ -330,8 +331,8 @@ def shooting(
     scene: Scene,
     *,
     leader: int = 0,
-    tolerance: float = 1e-12,
-    segments: int = SEGMENTS,
+    tolerance: float = ORBIT_TOLERANCE,
+    segments: int = 2,
     force: Force | None = None,
     variation: Variation | None = None,
     cycles: int = 0,
@@ -367,7 +368,7 @@ def _change(scene_at: Callable[[float], Scene], value: float, flow: Flow) -> Num
 
     None where a scene beside has another form, as a number is 0 there.
     """
-    samples, aside = [], BESIDE * abs(value)
+    samples, aside = [], float(np.finfo(float).eps ** (1 / 3)) * abs(value)
     reference = switching_of(flow.system)
     for neighbour_value in (value - aside, value + aside):
         try:

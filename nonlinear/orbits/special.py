@@ -10,14 +10,11 @@ import numpy as np
 
 from modal.errors import ComputationError
 from modal.report import Displayed, Summary
-from nonlinear.orbits.continuation import OrbitPoint, OrbitProblem, between, locate
+from nonlinear.orbits.continuation import PLACE_ACCURACY, OrbitPoint, OrbitProblem, between, locate
+from nonlinear.orbits.floquet import PAIR_SPLIT_MIN
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.orbits.shooting import Shooting
 from nonlinear.orbits.symmetric import Quarter
-
-HALVINGS = 30
-ON_CIRCLE = 1e-6
-MEETS = 1e-6  # of its values at the ends: a factor of the discriminant where pairs meet
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -75,10 +72,10 @@ def along_backbone(problem: Quarter, points: Sequence[OrbitPoint]) -> Iterator[S
         yield from sorted(specials, key=lambda special: float((special.point.u - start.u) @ (end.u - start.u)))
 
 
-def along_cycles(problem: Shooting, points: Sequence[OrbitPoint], accuracy: float = 1e-10) -> Iterator[Special]:
+def along_cycles(problem: Shooting, points: Sequence[OrbitPoint]) -> Iterator[Special]:
     """The special points of a branch of orbits without symmetry, in order.
 
-    Folds are where the varied number turns, in a conservative scene the energy; `accuracy` is that of `locate`.
+    Folds are where the varied number turns, in a conservative scene the energy.
     """
 
     def turning(point: OrbitPoint) -> float:
@@ -91,16 +88,15 @@ def along_cycles(problem: Shooting, points: Sequence[OrbitPoint], accuracy: floa
         specials: list[Special] = []
         is_fold = turning(start) * turning(end) < 0
         if is_fold:
-            specials.append(_special(problem, start, end, turning, "fold", index, of, accuracy=accuracy))
+            specials.append(_special(problem, start, end, turning, "fold", index, of))
         for sign, kind, is_excluded in ((1, "branch point", is_fold), (-1, "period doubling", False)):
             if not is_excluded and (test := passing(start, end, sign)):
-                specials.append(_special(problem, start, end, test, kind, index, accuracy=accuracy))
+                specials.append(_special(problem, start, end, test, kind, index))
         if problem.conservative:
             specials += [
-                Special("collision", crossing.orbit, index, crossing)
-                for crossing in collisions(problem, start, end, accuracy)
+                Special("collision", crossing.orbit, index, crossing) for crossing in collisions(problem, start, end)
             ]
-        elif crossing := _torus_point(problem, start, end, accuracy):
+        elif crossing := _torus_point(problem, start, end):
             specials.append(Special("torus", crossing.orbit, index, crossing))
         yield from sorted(specials, key=lambda special: float((special.point.u - start.u) @ (end.u - start.u)))
 
@@ -119,9 +115,7 @@ def passing(start: OrbitPoint, end: OrbitPoint, sign: int) -> Callable[[OrbitPoi
     return None
 
 
-def collisions(
-    problem: OrbitProblem, start: OrbitPoint, end: OrbitPoint, accuracy: float = 1e-10
-) -> Iterator[OrbitPoint]:
+def collisions(problem: OrbitProblem, start: OrbitPoint, end: OrbitPoint) -> Iterator[OrbitPoint]:
     """Where two pairs of multipliers meet and leave the circle or the real axis, or return.
 
     There a factor of the discriminant passes 0; where that of equal pairs hides it, the number of pairs apart changes.
@@ -135,23 +129,23 @@ def collisions(
     for which in (2 + np.flatnonzero(before != after)).tolist():
         ends = [factor(which)(point) for point in (start, end)]
         if ends[0] * ends[1] < 0:
-            meeting = locate(problem, start, end, factor(which), accuracy)
-            if abs(factor(which)(meeting)) < MEETS * max(map(abs, ends)):
+            meeting = locate(problem, start, end, factor(which))
+            if abs(factor(which)(meeting)) < PAIR_SPLIT_MIN * max(map(abs, ends)):
                 count += 1
                 yield meeting
     if not count and start.orbit.floquet.n_split_pairs != end.orbit.floquet.n_split_pairs:
         yield bisect(problem, start, end, lambda point: point.orbit.floquet.n_split_pairs)
 
 
-def _torus_point(problem: Shooting, start: OrbitPoint, end: OrbitPoint, accuracy: float) -> OrbitPoint | None:
+def _torus_point(problem: Shooting, start: OrbitPoint, end: OrbitPoint) -> OrbitPoint | None:
     """Where a complex pair of multipliers passes the unit circle; None where a pair grew apart beyond it instead."""
     if start.orbit.floquet.n_split_pairs == end.orbit.floquet.n_split_pairs:
         return None
     if start.orbit.floquet.closest_pair * end.orbit.floquet.closest_pair < 0:
-        meeting = locate(problem, start, end, lambda point: point.orbit.floquet.closest_pair, accuracy)
+        meeting = locate(problem, start, end, lambda point: point.orbit.floquet.closest_pair)
     else:
         meeting = bisect(problem, start, end, lambda point: point.orbit.floquet.n_split_pairs)
-    return meeting if abs(meeting.orbit.floquet.closest_pair) < ON_CIRCLE else None
+    return meeting if abs(meeting.orbit.floquet.closest_pair) < PAIR_SPLIT_MIN else None
 
 
 def _special(
@@ -164,9 +158,8 @@ def _special(
     of: str = "",
     *,
     breaks: bool = False,
-    accuracy: float = 1e-10,
 ) -> Special:
-    place = locate(problem, start, end, test, accuracy, crossing=kind == "branch point")
+    place = locate(problem, start, end, test, crossing=kind == "branch point")
     if kind == "branch point" and place.orbit.cycles and place.orbit.is_symmetric:
         of, breaks = "symmetry", True
     return Special(kind, place.orbit, index, place, of, breaks)
@@ -177,7 +170,7 @@ def bisect(
 ) -> OrbitPoint:
     """The point from which on a test gives another value than at the first one, by bisection."""
     low, high, first_value, changed_point = 0.0, 1.0, test(start), end
-    for _ in range(HALVINGS):
+    while high - low > PLACE_ACCURACY:
         try:
             middle = between(problem, start, end, (low + high) / 2)
         except ComputationError:

@@ -22,7 +22,8 @@ from nonlinear.ensembles.measures import Columns
 from nonlinear.ensembles.store import ChunkFolder, locked, remove
 from nonlinear.sweeps.study import Row, Study
 
-VERSION = 2
+JOURNAL_VERSION = 2
+"""Format: of the first line of a journal."""
 KNOWN = b'{"multipendula_journal"'
 
 
@@ -104,7 +105,7 @@ def open_checkpoint(path: str | os.PathLike[str], study: Study, *, fresh: bool =
     journal, is damaged, belongs to another sweep or to one that is running, OSError where it cannot be written.
     """
     name, salt = os.fspath(path), study.fingerprint
-    first = json.dumps({"multipendula_journal": VERSION, "sweep": salt}).encode() + b"\n"
+    first = json.dumps({"multipendula_journal": JOURNAL_VERSION, "sweep": salt}).encode() + b"\n"
     with _named(name), locked(name) as stream:
         content = stream.read()
         if fresh and content.startswith(KNOWN):
@@ -158,11 +159,8 @@ def _rows(name: str, content: bytes, first: bytes, study: Study) -> dict[int, Ro
 def _line(row: Row, salt: str) -> bytes:
     """[index, numbers, reason, checksum] in JSON; the checksum covers the preceding fields and the sweep."""
     text = json.dumps([row.index, row.numbers, row.reason])[:-1]
-    return f'{text}, "{_checksum(text, salt)}"]\n'.encode()
-
-
-def _checksum(text: str, salt: str) -> str:
-    return sha256(f"{salt}{text}".encode()).hexdigest()
+    checksum = sha256(f"{salt}{text}".encode()).hexdigest()
+    return f'{text}, "{checksum}"]\n'.encode()
 
 
 def _row(line: bytes, study: Study) -> Row:

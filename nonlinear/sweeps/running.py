@@ -21,16 +21,19 @@ from modal.scene.doors import checked, formerly, require_type
 from modal.scene.parameters import Place, Variable, Variation, find_places, texts_of, variation_of
 from modal.types import Floats
 from modal.vibration import Boundary, tongues, vertical_sine
-from nonlinear.ensembles.executors import DIED, PATIENCE, STARTING, Crew, computed, cores
+from nonlinear.ensembles.executors import DIED, PROCESS_SECONDS, Crew, computed, cores
 from nonlinear.ensembles.store import validate_store
 from nonlinear.integration import validate, validate_whole
 from nonlinear.sweeps.checkpoint import Checkpoint, RowFolder
 from nonlinear.sweeps.measures import parse_measures
-from nonlinear.sweeps.study import ENERGY, LYAPUNOV, PointChunk, Row, Study, SweepTask, measure_chunk, measure_each
+from nonlinear.sweeps.study import ENERGY, LYAPUNOV, PointChunk, Row, Study, measure_chunk, measure_each
 
 MEMBERS = 50
-"""Starts drawn at every energy, where nobody says how many."""
-MOST_REASONS, MOST_LINES = 5, 100
+"""Limit: default of `members`: starts drawn at every energy."""
+REASONS_SHOWN_MAX = 5
+"""Format: reasons of failures in a report."""
+ENERGY_LINES_MAX = 100
+"""Format: lines of a report that has one for every energy."""
 DRAWN = "At every energy {} starts at random (seed {}): q05, median and q95 are quantiles over them."
 NUMBERED = "Modes are numbered as in the table of the original scene."
 Report = Callable[[float], object]
@@ -124,8 +127,8 @@ def sweep(
     In a `folder` each chunk of points is a file; a `share` (k, n), with k from 0, is every n-th chunk alone, for n
     processes that know nothing of each other.
     `workers` is a number of processes, 1 to stay in this one; by default, all cores are used once the sweep has taken
-    PATIENCE.  `crew` is any `concurrent.futures.Executor`, or that of `nonlinear.ensembles.cluster`.  Rows depend on
-    neither.  `report` is given the number of points done.  On Ctrl-C the rows found so far are returned.  Raises
+    half a second.  `crew` is any `concurrent.futures.Executor`, or that of `nonlinear.ensembles.cluster`.  Rows depend
+    on neither.  `report` is given the number of points done.  On Ctrl-C the rows found so far are returned.  Raises
     ComputationError where workers cannot be started.
     """
     require_type("scene", scene, "Study", "Scene")
@@ -227,9 +230,20 @@ def _found(study: Study, left: Mapping[int, Sequence[int]], workers: int | None,
     if crew is None and (workers is None or count == 1):
         for chunk in chunks:
             before = monotonic()
-            yield from _here(task, chunk)
+            rows: list[Row] = []
+            try:
+                for row in measure_each(task, chunk):
+                    rows.append(row)
+            except KeyboardInterrupt:  # those computed before Ctrl-C are kept
+                yield rows
+                raise
+            yield rows
             remaining -= 1
-            if count > 1 and monotonic() - begun > PATIENCE and (monotonic() - before) * remaining > STARTING:
+            if (
+                count > 1
+                and monotonic() - begun > PROCESS_SECONDS / 4
+                and (monotonic() - before) * remaining > PROCESS_SECONDS
+            ):
                 break
     if remaining:
         yield from computed(partial(measure_chunk, task), chunks, crew, min(count, remaining), _died, _divided)
@@ -248,18 +262,6 @@ def _died(chunk: PointChunk) -> list[Row]:
     return [Row(index, {}, DIED) for index in sorted(chunk.wanted)]
 
 
-def _here(task: SweepTask, chunk: PointChunk) -> Rows:
-    """The rows of a chunk in this process; those computed before Ctrl-C are kept."""
-    done: list[Row] = []
-    try:
-        for row in measure_each(task, chunk):
-            done.append(row)
-    except KeyboardInterrupt:
-        yield done
-        raise
-    yield done
-
-
 def sweep_text(sweep: Sweep) -> str:
     """Minimum and maximum of every quantity with their locations, then the reasons for points that failed."""
     return "\n".join(_lines(sweep)) + "\n"
@@ -267,8 +269,12 @@ def sweep_text(sweep: Sweep) -> str:
 
 def _lines(sweep: Sweep) -> Iterator[str]:
     yield f"{len(sweep.rows)} of {sweep.study.size} points, {len(sweep.failures)} failed"
-    if sweep.study.by_energy and len(sweep.study.variations) == 1 and sweep.study.size <= MOST_LINES:
-        yield grid(list(_each(sweep)), ("energy (J)", *sweep.columns))
+    if sweep.study.by_energy and len(sweep.study.variations) == 1 and sweep.study.size <= ENERGY_LINES_MAX:
+        lines = []
+        for row in sweep.rows:
+            (energy,) = sweep.study.point(row.index).values()
+            lines.append([f"{energy:.6g}", *(f"{row.numbers.get(name, np.nan):.4g}" for name in sweep.columns)])
+        yield grid(lines, ("energy (J)", *sweep.columns))
     else:
         rows = [_range(sweep, name) for name in sweep.columns]
         yield grid(rows, ("number", "smallest", "at", "largest", "at"))
@@ -280,20 +286,13 @@ def _lines(sweep: Sweep) -> Iterator[str]:
         yield NUMBERED
 
 
-def _each(sweep: Sweep) -> Iterator[list[str]]:
-    """A line for every energy."""
-    for row in sweep.rows:
-        (energy,) = sweep.study.point(row.index).values()
-        yield [f"{energy:.6g}", *(f"{row.numbers.get(name, np.nan):.4g}" for name in sweep.columns)]
-
-
 def reasons(sweep: Sweep) -> Iterator[str]:
     """The reasons why points failed, the most frequent first."""
     counts = Counter(sweep.failures.values()).most_common()
-    for reason, count in counts[:MOST_REASONS]:
+    for reason, count in counts[:REASONS_SHOWN_MAX]:
         yield f"{count} × {visible(reason)}"
-    if len(counts) > MOST_REASONS:
-        yield f"and {len(counts) - MOST_REASONS} other reasons"
+    if len(counts) > REASONS_SHOWN_MAX:
+        yield f"and {len(counts) - REASONS_SHOWN_MAX} other reasons"
 
 
 def notes(sweep: Sweep) -> tuple[str, ...]:

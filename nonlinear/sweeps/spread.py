@@ -44,14 +44,14 @@ from nonlinear.ensembles import Ensemble, ensemble
 from nonlinear.ensembles.measures import places
 from nonlinear.integration import validate, validate_whole
 from nonlinear.sweeps.measures import parse_measures, validate_requests
-from nonlinear.sweeps.study import TOGETHER, PointChunk, SweepTask, measure_chunk
+from nonlinear.sweeps.study import MODES_TOGETHER_MAX, PointChunk, SweepTask, measure_chunk
 from nonlinear.system import State, system_of
 
 if TYPE_CHECKING:
     from modal.identification import Estimate
 
-MEMBERS, SAMPLES, SEED = 1000, 201, 5
-ROUNDING = 1e-12  # of a result, below which nothing is said to matter
+MOTION_SAMPLES = 201
+"""Format: samples of the motion of members."""
 QUANTILES, QUANTILE_NAMES = (0.05, 0.5, 0.95), ("q05", "q50", "q95")
 WRITTEN = re.compile(r"\s*([^=]+?)\s*=\s*(?:([^:%]+)(%?)|([^:]+):([^:]+))\s*")
 
@@ -320,7 +320,7 @@ def _distribution(numbers: Floats, unit: str = "") -> dict[str, float]:
 
 
 def _share(x: Floats, r: Floats) -> float:
-    if len(x) < 3 or x.std() == 0 or not r.std() > ROUNDING * abs(r.mean()):
+    if len(x) < 3 or x.std() == 0 or not r.std() > len(r) * np.finfo(float).eps * abs(r.mean()):
         return 0.0
     return float(np.corrcoef(x, r)[0, 1] ** 2)
 
@@ -332,8 +332,8 @@ def find_spread(
     uncertain: str | Sequence[str],
     duration: float | None = None,
     *,
-    members: int = MEMBERS,
-    seed: int = SEED,
+    members: int = 1000,
+    seed: int = 5,
     covariance: Estimate | str | os.PathLike[str] | None = None,
     start: State | None = None,
     measures: str | Sequence[str] = (),
@@ -373,7 +373,7 @@ def find_spread(
     motion = None
     if duration is not None:
         starts = None if start is None else [start] * members
-        motion = ensemble(scene, duration, starts=starts, vary=values, output=SAMPLES, report=report, **options)
+        motion = ensemble(scene, duration, starts=starts, vary=values, output=MOTION_SAMPLES, report=report, **options)
         motion.require("member")
         failures = failures | motion.failures
     measured, reasons = _measured(SweepTask(scene, requests, members), points) if requests else ({}, {})
@@ -390,8 +390,8 @@ def _measured(
         raise ComputationError(nominal.reason)
     columns = {name: (number, np.full(task.size, np.nan)) for name, number in nominal.numbers.items()}
     reasons: dict[int, str] = {}
-    for first in range(0, task.size, TOGETHER):
-        some = range(first, min(first + TOGETHER, task.size))
+    for first in range(0, task.size, MODES_TOGETHER_MAX):
+        some = range(first, min(first + MODES_TOGETHER_MAX, task.size))
         for row in measure_chunk(task, PointChunk([(k, points[k]) for k in some], frozenset(some))):
             for name in columns.keys() & row.numbers.keys():
                 columns[name][1][row.index] = row.numbers[name]

@@ -29,36 +29,39 @@ from modal.types import Floats
 from nonlinear import chaos
 from nonlinear.ensembles import ensemble, starts_at, validate_measures
 from nonlinear.ensembles.costs import engine_of_many
-from nonlinear.ensembles.question import seconds_each
+from nonlinear.ensembles.question import CHUNK_MEMBERS_MIN, CHUNK_SECONDS, ENSEMBLE_TOLERANCE, seconds_each
 from nonlinear.ensembles.runs import together
+from nonlinear.ensembles.sections import MEMBERS_MAX
 from nonlinear.integration import validate, validate_whole
 from nonlinear.integration.readiness import reproducible
 from nonlinear.sweeps.measures import Portion, RequestedMeasure, parse_measures, validate_requests
 
-MOST_AXES, MOST_POINTS = 3, 1_000_000
-VERSION = 1
-LANES = 512
-"""Starts drawn at energies that are measured together, at least."""
-FEWEST, MOST, PARTS = 64, 1024, 4
-"""Points whose motions are measured together, and into how many chunks a sweep of them is divided at least."""
-SECONDS, LEAST = 4.0, 16
-"""Seconds of work in motions that are worth fewer, and how many are together even then."""
-TOGETHER, SHARES, SQUARES = 256, 16, 1e5
-"""The same of modes, and the squares of links (of all points) that are worth fewer."""
+POINTS_MAX = 1_000_000
+"""Limit: "the sweep has … points: at most 1000000"."""
+SWEEP_VERSION = 1
+"""Format: of the definition of a sweep in its files."""
+STARTS_TOGETHER_MIN = 512
+"""Cost: starts drawn at energies that are measured together; benchmarks/ensembles.py."""
+MOTIONS_TOGETHER_MAX = 1024
+"""Cost: points whose motions are measured together; benchmarks/ensembles.py."""
+MODES_TOGETHER_MAX = 256
+"""Cost: points whose modes are measured together; benchmarks/modes.py."""
+MODES_CHUNKS_MIN = 16
+"""Cost: chunks into which a sweep of modes is divided, for as many processes; benchmarks/modes.py."""
+MODES_SQUARES_MAX = 1e5
+"""Cost: squares of links of all points whose modes are measured together; benchmarks/modes.py."""
 ENERGY = "start.energy"
 CAPABILITY = "a start by its energy"
 QUANTILES = {"q05": 0.05, "median": 0.5, "q95": 0.95}
 UNIT = re.compile(r"(_(rad|deg|m)_per_s|_per_s|_rad|_deg|_s|_m|_J)$")
 LYAPUNOV, CHAOTIC = "lyapunov", "chaotic_share"
-MOST_MEMBERS = 100_000
-TOLERANCE = 1e-9
 Measured = dict[str, float] | str
 """Columns of numbers, or why there are none."""
 
 
 @dataclass(frozen=True, repr=False)
 class Study(Displayed):
-    """A grid over one to MOST_AXES variations, the last one varying fastest; SceneError for an invalid one.
+    """A grid over one to three variations, the last one varying fastest; SceneError for an invalid one.
 
     Where `start.energy` is among them, `members` starts are drawn at every energy, by the `seed`
     (`measured_at`).
@@ -75,10 +78,10 @@ class Study(Displayed):
 
     def __post_init__(self) -> None:
         problems = []
-        if not 1 <= len(self.variations) <= MOST_AXES:
-            problems.append(f"a sweep needs 1 to {MOST_AXES} variations, not {len(self.variations)}")
-        if self.size > MOST_POINTS:
-            problems.append(f"the sweep has {' × '.join(map(str, self.shape))} points: at most {MOST_POINTS}")
+        if not 1 <= len(self.variations) <= 3:
+            problems.append(f"a sweep needs 1 to 3 variations, not {len(self.variations)}")
+        if self.size > POINTS_MAX:
+            problems.append(f"the sweep has {' × '.join(map(str, self.shape))} points: at most {POINTS_MAX}")
         if not self.measures:
             problems.append("a sweep needs a measure: frequencies, for example")
         places = [variation for variation in self.variations if variation.path != ENERGY]
@@ -124,7 +127,7 @@ class Study(Displayed):
         axes = [{"path": axis.path, "values": axis.values, "log": axis.log} for axis in self.variations]
         measures = [request.text for request in self.measures]
         drawn = {"members": self.members, "seed": self.seed} if self.by_energy else {}
-        return {"version": VERSION, "scene": describe(self.scene), "axes": axes, "measures": measures, **drawn}
+        return {"version": SWEEP_VERSION, "scene": describe(self.scene), "axes": axes, "measures": measures, **drawn}
 
     @property
     def task(self) -> SweepTask:
@@ -135,15 +138,16 @@ class Study(Displayed):
     def chunk(self) -> int:
         """How many points are measured together: by the study alone, as their last digits depend on it."""
         if self.by_energy:
-            return max(1, LANES // self.members)
+            return max(1, STARTS_TOGETHER_MIN // self.members)
         if all(request.measure.reads == SCENE_ITSELF for request in self.measures):
-            fitting = SQUARES / self.scene.n_links**2
-            return int(max(min(self.size // SHARES, fitting, TOGETHER), 1))
+            fitting = MODES_SQUARES_MAX / self.scene.n_links**2
+            return int(max(min(self.size // MODES_CHUNKS_MIN, fitting, MODES_TOGETHER_MAX), 1))
         if not together(self.scene):
             return 1
         longest = max(request.number or chaos.usual_duration(self.scene) for request in self.measures)
-        fitting = SECONDS / seconds_each(self.scene, longest, TOLERANCE)
-        return int(max(min(max(self.size // PARTS, FEWEST), fitting, MOST), LEAST))
+        fitting = CHUNK_SECONDS / seconds_each(self.scene, longest, ENSEMBLE_TOLERANCE)
+        wanted = max(self.size // 4, 4 * CHUNK_MEMBERS_MIN)  # four chunks, unless they are small
+        return int(max(min(wanted, fitting, MOTIONS_TOGETHER_MAX), CHUNK_MEMBERS_MIN))
 
     @property
     def fingerprint(self) -> str:
@@ -154,7 +158,7 @@ class Study(Displayed):
 
 def study_from(header: dict[str, Any]) -> Study:
     """The study that a header describes; ValueError, KeyError or TypeError for anything else."""
-    if header["version"] != VERSION:
+    if header["version"] != SWEEP_VERSION:
         raise ValueError
     axes = tuple(Variation(axis["path"], tuple(axis["values"]), bool(axis["log"])) for axis in header["axes"])
     drawn = [header.get(key, 0) for key in ("members", "seed")]
@@ -266,8 +270,8 @@ def validate_energies(scene: Scene, requests: Sequence[RequestedMeasure], member
         lambda: validate_whole(0, seed=seed),
         *(partial(_of_starts, request) for request in requests),
     )
-    if members > MOST_MEMBERS:
-        raise SceneError([f"members {members}: must be at most {MOST_MEMBERS}"])
+    if members > MEMBERS_MAX:
+        raise SceneError([f"members {members}: must be at most {MEMBERS_MAX}"])
     validate_measures(names, scene)
     for request in requests:
         if request.name == LYAPUNOV and request.number:
@@ -295,7 +299,7 @@ def measured_at(scene: Scene, points: Sequence[tuple[int, float]], task: SweepTa
     columns: dict[int, dict[str, float]] = {index: {} for index in known}
     for request in task.measures:
         seconds, named = request.number or chaos.usual_duration(scene), [request.name]
-        tolerance = chaos.TOLERANCE if request.name == LYAPUNOV else TOLERANCE
+        tolerance = chaos.TOLERANCE if request.name == LYAPUNOV else ENSEMBLE_TOLERANCE
         engine = engine_of_many(scene, starts[0], task.size * task.members, seconds, tolerance, named)
         kept: dict[str, Any] = {"measures": named, "tolerance": tolerance, "engine": engine}
         runs = ensemble(scene, seconds, starts=starts, check=0, workers=1, **kept)
@@ -303,7 +307,10 @@ def measured_at(scene: Scene, points: Sequence[tuple[int, float]], task: SweepTa
             for index, numbers in zip(known, runs.column(column).reshape(len(known), task.members), strict=True):
                 columns[index] |= dict(_statistics(column, numbers))
                 if request.name == LYAPUNOV:
-                    columns[index][CHAOTIC] = _chaotic(scene, seconds, numbers)
+                    # of those that did not fail, whose exponent is too large for regular motion
+                    known_numbers = numbers[~np.isnan(numbers)]
+                    is_chaotic = known_numbers > chaos.regular_exponent(scene, seconds)
+                    columns[index][CHAOTIC] = float(np.mean(is_chaotic)) if known_numbers.size else np.nan
     return results | columns
 
 
@@ -316,9 +323,3 @@ def _statistics(column: str, numbers: Floats) -> Iterator[tuple[str, float]]:
     for name, part in QUANTILES.items():
         value = float(np.quantile(known, part, method=method)) if known.size else np.nan  # type: ignore[call-overload]
         yield f"{stem}_{name}{ending}", value
-
-
-def _chaotic(scene: Scene, seconds: float, exponents: Floats) -> float:
-    """The share of starts whose exponent is too large for regular motion, of those that did not fail."""
-    known = exponents[~np.isnan(exponents)]
-    return float(np.mean(known > chaos.regular_exponent(scene, seconds))) if known.size else np.nan

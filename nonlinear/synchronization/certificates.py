@@ -19,8 +19,11 @@ from nonlinear.averaging import RelativeEquilibrium, swinging
 from nonlinear.orbits import Orbit, Special, cycle_of, first_special_point
 from nonlinear.synchronization.patterns import own_amplitudes
 
-MOST_LINKS = 24
-CLOSE, WIDE = 0.1, 0.3  # largest relative differences of frequency and amplitude from the averaged ones
+CERTIFIED_LINKS_MAX = 24
+"""Limit: "limit cycles are computed of up to 24" links."""
+AVERAGED_FREQUENCY_ERROR = 0.1
+"""Physics: largest relative difference of an orbit's frequency from the averaged one, of first order; of its amplitude,
+which is of second order in the frequency, three times as much."""
 MARGINS = (0.01, 0.05, 0.2)  # of the range: how far from a critical value orbits begin
 
 
@@ -32,24 +35,24 @@ def certified_orbit(scene: Scene, equilibrium: RelativeEquilibrium) -> Orbit | N
         orbit = cycle_of(scene, equilibrium)
     except ComputationError:
         return None
-    return orbit if _is_close_to(orbit, equilibrium) else None
+    amplitude = float(equilibrium.averaged.largest(equilibrium.z))
+    is_close = (
+        abs(orbit.omega / equilibrium.omega - 1) < AVERAGED_FREQUENCY_ERROR
+        and abs(orbit.amplitude / amplitude - 1) < 3 * AVERAGED_FREQUENCY_ERROR
+        and np.abs(own_amplitudes(equilibrium)).max() > 0
+    )
+    return orbit if is_close else None
 
 
 def certificate_refusal(scene: Scene) -> str:
     """Why no periodic orbit of a scene in the plane is looked for; "" where they are."""
-    if scene.n_links > MOST_LINKS:
-        return f"{scene.n_links} links: limit cycles are computed of up to {MOST_LINKS}"
+    if scene.n_links > CERTIFIED_LINKS_MAX:
+        return f"{scene.n_links} links: limit cycles are computed of up to {CERTIFIED_LINKS_MAX}"
     return "; ".join(refusals(scene, "a periodic orbit"))
 
 
 def _periodic(scene: Scene, equilibrium: RelativeEquilibrium) -> bool:
     return not certificate_refusal(scene) and len(swinging(equilibrium.averaged, equilibrium.z)) == 1
-
-
-def _is_close_to(orbit: Orbit, equilibrium: RelativeEquilibrium) -> bool:
-    amplitude = float(equilibrium.averaged.largest(equilibrium.z))
-    is_same = abs(orbit.omega / equilibrium.omega - 1) < CLOSE and abs(orbit.amplitude / amplitude - 1) < WIDE
-    return bool(is_same and np.abs(own_amplitudes(equilibrium)).max() > 0)
 
 
 def critical_point(

@@ -26,7 +26,7 @@ from modal.report import Displayed, TextResult, silent
 from modal.scene import Scene, require
 from modal.scene.doors import checked, formerly
 from modal.scene.parameters import Variation, validate_variations, variation_of, vary
-from modal.types import Complexes, Crew, Floats, map_by_crew
+from modal.types import Crew, Floats, map_by_crew
 from nonlinear.averaging import (
     AveragedEquations,
     RelativeEquilibrium,
@@ -40,12 +40,17 @@ from nonlinear.orbits import Special
 from nonlinear.synchronization.certificates import critical_point
 from nonlinear.synchronization.patterns import agreement
 
-DYING = 0.1  # fraction of a branch's largest amplitude below which a branch that ends has died out
-MOST_SEARCHES = 8
+DEATH_AMPLITUDE_RATIO = 0.1
+"""Limit: of a branch's largest amplitude, below which a branch that ends "dies out" and does not "disappear"."""
+SEARCHES_MAX = 8
+"""Limit: searches for configurations beyond critical values."""
 FALLS = ("disappears", "dies out", "loses stability")
-RESOLUTION = 1e-4  # fraction of the range, logarithmic where the variation is
-JUMP = 0.3  # largest relative change of the amplitudes from one value to the next
-CLOSE = 1e-5  # relative tolerance of the return to the previous state
+RESOLUTION = 1e-4
+"""Tolerance: fraction of the range to which a critical value is located; the first order of averaging errs by more."""
+AMPLITUDE_JUMP_MAX = 0.3
+"""Tolerance: largest relative change of the amplitudes from one value to the next: that of another branch is 1."""
+RETURN_DIFFERENCE_MAX = 1e-5
+"""Tolerance: relative, of the way back to the previous state: Newton's method leaves 1e-8."""
 Report = Callable[[int], object]
 Step = tuple[float, RelativeEquilibrium]
 
@@ -126,7 +131,9 @@ class EquilibriumBranch(Displayed):
         """What happens at the first or last value, None where it is an end of the variation."""
         if self.values[at] == self.variation.values[at]:
             return None
-        return Change(float(self.values[at]), faint if self.angle[at] < DYING * self.angle.max() else fold)
+        return Change(
+            float(self.values[at]), faint if self.angle[at] < DEATH_AMPLITUDE_RATIO * self.angle.max() else fold
+        )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -164,7 +171,7 @@ def follow_branches(
 
     A `crew` follows those from one value together and locates their critical values, too.
 
-    Configurations are searched for at both ends of the range and, up to MOST_SEARCHES times, at the next value beyond
+    Configurations are searched for at both ends of the range and, up to eight times, at the next value beyond
     a point where a branch ends or loses stability.  Raises SceneError for a variation of fewer than two values or
     of a count, ComputationError where nothing excites the scene or it is outside the scope of
     `nonlinear.averaging.equations`.
@@ -213,21 +220,20 @@ def _is_known(state: RelativeEquilibrium, value: float, branches: Sequence[Equil
 
 def _places(variation: Variation, branches: Sequence[EquilibriumBranch]) -> Iterator[float]:
     """Where to search, updated with what has been found by then."""
+    values = np.array(variation.values)
     places = [variation.values[0], variation.values[-1]]
     yield from places
-    while len(places) < MOST_SEARCHES + 2 and (
-        new := [v for v in _next_values(variation, branches) if v not in places]
-    ):
-        places.append(new[0])
-        yield new[0]
-
-
-def _next_values(variation: Variation, branches: Sequence[EquilibriumBranch]) -> Iterator[float]:
-    """The variation's values next to critical ones, on the side where a branch does not exist or is unstable."""
-    values = np.array(variation.values)
-    for change in (change for branch in branches for change in branch.changes):
-        side = np.searchsorted(values, change.value, "right") - (change.kind not in FALLS)
-        yield float(values[np.clip(side, 0, len(values) - 1)])
+    while len(places) < SEARCHES_MAX + 2:
+        new = []
+        for change in (change for branch in branches for change in branch.changes):
+            # the next value on the side where a branch does not exist or is unstable
+            side = np.searchsorted(values, change.value, "right") - (change.kind not in FALLS)
+            new.append(float(values[np.clip(side, 0, len(values) - 1)]))
+        place = next((value for value in new if value not in places), None)
+        if place is None:
+            return
+        places.append(place)
+        yield place
 
 
 class Walk:
@@ -284,20 +290,20 @@ class Walk:
         """The same configuration there, None where the way back leads elsewhere: that is another branch."""
         state = self.move(step[1], value)
         back = self.move(state, step[0]) if state else None
-        return state if back and is_same_motion(back, step[1], CLOSE) else None
+        return state if back and is_same_motion(back, step[1], RETURN_DIFFERENCE_MAX) else None
 
     def move(self, state: RelativeEquilibrium, value: float) -> RelativeEquilibrium | None:
         """The same configuration at another value, None where there is none nearby."""
-        z = _transfer(state, self.at(value))
-        equilibrium = relative_equilibrium(self.at(value), z)
-        if equilibrium is None or len(swinging(equilibrium.averaged, equilibrium.z)) != len(
-            swinging(equilibrium.averaged, z)
-        ):
+        equations = self.at(value)
+        z = equations.dual.T @ (state.averaged.shapes @ state.z)
+        energy = np.bincount(equations.band, weights=(equations.omega * np.abs(z)) ** 2)
+        bands = np.argsort(-energy)[: len(swinging(state.averaged, state.z))]  # as many as oscillated before
+        z = np.where(np.isin(equations.band, bands), z, 0.0)
+        equilibrium = relative_equilibrium(equations, z)
+        if equilibrium is None or len(swinging(equations, equilibrium.z)) != len(swinging(equations, z)):
             return None
-        weight = equilibrium.averaged.omega
-        return (
-            equilibrium if np.linalg.norm(weight * (equilibrium.z - z)) <= JUMP * np.linalg.norm(weight * z) else None
-        )
+        jump = np.linalg.norm(equations.omega * (equilibrium.z - z)) / np.linalg.norm(equations.omega * z)
+        return equilibrium if jump <= AMPLITUDE_JUMP_MAX else None
 
     def _is_close(self, value: float, second: float) -> bool:
         a, b, first, last = map(self._coordinate, (value, second, self.variation.values[0], self.variation.values[-1]))
@@ -309,11 +315,3 @@ class Walk:
 
     def _coordinate(self, value: float) -> float:
         return log(value) if self.variation.log else value
-
-
-def _transfer(state: RelativeEquilibrium, new: AveragedEquations) -> Complexes:
-    """The amplitudes of the same motion in other modes, in as many bands as oscillated before."""
-    z = new.dual.T @ (state.averaged.shapes @ state.z)
-    energy = np.bincount(new.band, weights=(new.omega * np.abs(z)) ** 2)
-    bands = np.argsort(-energy)[: len(swinging(state.averaged, state.z))]
-    return np.where(np.isin(new.band, bands), z, 0.0)

@@ -28,14 +28,18 @@ from nonlinear.averaging import LOCKED, below_for_good
 from nonlinear.integration import Trajectory
 from nonlinear.postprocessing import smooth
 from nonlinear.reduction import deflection, rest_angles
-from nonlinear.synchronization.phases import from_rest
+from nonlinear.synchronization.phases import ENDING, from_rest
 
-HOLDS = 0.05  # fraction of the energy from which on a mode counts as one that holds some
-STEADY = 0.05  # largest change of a share from the third quarter of a run to the last
-APART = 0.01  # relative difference of frequencies that are not one, nor one a multiple of the other
-LATE, WAITED, PERIODS = 0.5, 0.1, 3  # part that shows slow periods; part and slow periods that a settled end lasts
-EVEN = 0.1  # largest relative difference of the slow periods of a beat that goes on
-MOST = 2000  # coordinates of a scene up to which its energy is divided among modes
+SHARE_DIFFERENCE_MAX = 0.05
+"""Limit: of the energy: a share that changes less lasts, one that is less does not count, and a predicted share that
+differs more "is not" what was predicted."""
+FREQUENCY_DIFFERENCE_MIN = 0.01
+"""Tolerance: relative, from which on frequencies are not one, nor one a multiple of the other: measured ones err by
+1e-3."""
+BEAT_DIFFERENCE_MAX = 0.1
+"""Tolerance: relative, of the slow periods of a beat that goes on, each of them measured by some samples."""
+MODAL_COORDINATES_MAX = 2000
+"""Limit: "energies by modes: this scene has … coordinates, more than 2000"."""
 
 
 class Beat(NamedTuple):
@@ -105,7 +109,7 @@ class Survival(Displayed):
     @cached_property
     def _rises(self) -> Floats:
         """When the share of the others rises through the middle of its range in the late part of the run (s)."""
-        start = int(np.searchsorted(self.times, LATE * self.times[-1]))
+        start = int(np.searchsorted(self.times, self.times[-1] / 2))
         late = self._others[start:]
         if not np.all(np.isfinite(late)) or np.ptp(late) < LOCKED:
             return self.times[:0]
@@ -118,19 +122,19 @@ class Survival(Displayed):
         if not np.all(np.isfinite(self.share[-1])):
             return None
         periods = np.diff(self._rises)
-        if len(periods) < PERIODS or np.ptp(periods) > EVEN * periods.mean():
+        if len(periods) < 3 or np.ptp(periods) > BEAT_DIFFERENCE_MAX * periods.mean():
             return None
         spans = [self._others[(self.times >= a) & (self.times < b)] for a, b in pairwise(self._rises)]
         ends = np.array([(span.min(), span.max()) for span in spans])
-        if np.ptp(ends, axis=0).max() > EVEN * np.ptp(ends, axis=1).mean():
+        if np.ptp(ends, axis=0).max() > BEAT_DIFFERENCE_MAX * np.ptp(ends, axis=1).mean():
             return None
         low, high = 1 - ends[:, 1].mean(), 1 - ends[:, 0].mean()
         return Beat(float(periods.mean()), float(low), float(high))
 
     @cached_property
     def waiting(self) -> float:
-        """How long (s) an end must have lasted: a tenth of the run, and PERIODS of the longest slow period in it."""
-        return max(WAITED * float(self.times[-1]), PERIODS * float(np.diff(self._rises).max(initial=0.0)))
+        """How long (s) an end must have lasted: a tenth of the run, and three of the longest slow period in it."""
+        return max(ENDING * float(self.times[-1]), 3 * float(np.diff(self._rises).max(initial=0.0)))
 
     @cached_property
     def is_steady(self) -> bool:
@@ -153,20 +157,17 @@ class Survival(Displayed):
         """
         quarters = np.array_split(self.share, 4)
         earlier, late = (quarter.mean(axis=0) for quarter in quarters[2:])
-        if len(self.times) < 8 or not np.abs(late - earlier).max() <= STEADY:
+        if len(self.times) < 8 or not np.abs(late - earlier).max() <= SHARE_DIFFERENCE_MAX:
             return ()
-        holding = [int(place) for place in np.argsort(-late) if late[place] >= HOLDS]
-        incommensurate = [
-            place
-            for k, place in enumerate(holding)
-            if all(self._is_incommensurate(place, stronger) for stronger in holding[:k])
-        ]
+        holding = [int(place) for place in np.argsort(-late) if late[place] >= SHARE_DIFFERENCE_MAX]
+        incommensurate = []
+        for k, place in enumerate(holding):
+            stronger = self.omega[holding[:k]]
+            ratios = np.maximum(self.omega[place], stronger) / np.minimum(self.omega[place], stronger)
+            # neither is a multiple of the other
+            if np.all(np.abs(ratios - np.round(ratios)) > FREQUENCY_DIFFERENCE_MIN * ratios):
+                incommensurate.append(place)
         return tuple(incommensurate) if len(incommensurate) > 1 else ()
-
-    def _is_incommensurate(self, place: int, second: int) -> bool:
-        """Whether two rows swing at frequencies of which neither is a multiple of the other."""
-        ratio = float(max(self.omega[place], self.omega[second]) / min(self.omega[place], self.omega[second]))
-        return abs(ratio - round(ratio)) > APART * ratio
 
     @cached_property
     def late_share(self) -> Floats:
@@ -186,14 +187,16 @@ class Survival(Displayed):
 def find_survival(trajectory: Trajectory, modes: Modes | None = None) -> Survival:
     """The energies of a run in the plane in the modes of its scene without dampers, which may be given.
 
-    Raises ComputationError for a motion in space, for more coordinates than MOST, and where no mode oscillates.
+    Raises ComputationError for a motion in space, for more than 2,000 coordinates, and where no mode oscillates.
     """
     scene = trajectory.scene.conservative
     size = scene.n_links + (scene.cart is not None)
     if trajectory.system.spatial:
         raise ComputationError("energies by modes: only for motion in the plane")
-    if size > MOST:
-        raise ComputationError(f"energies by modes: this scene has {size} coordinates, more than {MOST}")
+    if size > MODAL_COORDINATES_MAX:
+        raise ComputationError(
+            f"energies by modes: this scene has {size} coordinates, more than {MODAL_COORDINATES_MAX}"
+        )
     links = rest_angles(scene) + from_rest(trajectory.system, trajectory.motion.links)
     q, v = deflection(scene, replace(trajectory.motion, links=links))
     modes = modes or natural_modes(scene)

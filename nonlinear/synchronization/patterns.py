@@ -15,8 +15,10 @@ from modal.types import Complexes, Floats
 from nonlinear.averaging import RelativeEquilibrium, swinging
 from nonlinear.synchronization.phases import own_shapes
 
-STILL = 0.1  # fraction of the largest amplitude below which a pendulum counts as still
-NEAR = np.pi / 6  # rad, tolerance of in phase and antiphase
+STILL_AMPLITUDE_RATIO = 0.1
+"""Limit: of the largest amplitude, below which a pendulum does not count among those that "swing"."""
+PATTERN_PHASE_MAX = np.pi / 6
+"""Limit: phase (rad) up to which pendula are "in phase" or in "antiphase": damping and unequal lengths shift them."""
 
 
 def own_amplitudes(state: RelativeEquilibrium) -> Complexes:
@@ -36,7 +38,7 @@ def own_amplitudes(state: RelativeEquilibrium) -> Complexes:
 def relative_phases(eta: Complexes) -> Floats:
     """Phases (rad) in (−π, π] of the swinging pendula relative to the one with the largest amplitude."""
     largest = eta[np.abs(eta).argmax()]
-    return np.asarray(np.angle(eta[np.abs(eta) >= STILL * abs(largest)] / largest))
+    return np.asarray(np.angle(eta[np.abs(eta) >= STILL_AMPLITUDE_RATIO * abs(largest)] / largest))
 
 
 def agreement(state: RelativeEquilibrium) -> str:
@@ -55,9 +57,9 @@ def _phases(eta: Complexes, copies: int) -> str:
 
 def _agreement(phases: Floats) -> str:
     """Of two or more phases, rad from 0 to π."""
-    count = int(np.count_nonzero(phases <= NEAR))
+    count = int(np.count_nonzero(phases <= PATTERN_PHASE_MAX))
     if count == len(phases):
         return "in phase"
-    if np.all((phases <= NEAR) | (phases >= np.pi - NEAR)):
+    if np.all((phases <= PATTERN_PHASE_MAX) | (phases >= np.pi - PATTERN_PHASE_MAX)):
         return "antiphase" if len(phases) == 2 else f"antiphase, {count} against {len(phases) - count}"
     return f"{degrees(phases.max()):.0f}° apart" if len(phases) == 2 else "phases spread"

@@ -29,10 +29,10 @@ from nonlinear.integration import Trajectory
 from nonlinear.postprocessing import last
 from nonlinear.system import Group, System
 
-ENDING, SETTLED = 0.1, 0.5  # final fractions of a run: "at the end", and for mean frequencies
-LEAST = 3.0  # least samples per period for following phases
-ALLOWED = pi / 2  # rad, largest drift of phases between equal frequencies
-MOST_NUMBERS = 4_000_000  # most entries in the matrices of one group
+ENDING = 0.1
+"""Format: final fraction of a run that "at the end" and "the last tenth" mean."""
+GROUP_ENTRIES_MAX = 4_000_000
+"""Limit: entries in the matrices of one group, beyond which its pendula "are too many for their fixed-base modes"."""
 
 
 class OwnShapes(NamedTuple):
@@ -115,7 +115,7 @@ class Phases(Displayed):
         ripples; NaN for a pendulum that is at rest at any time.  Raises ComputationError where the samples are too far
         apart to follow phases.
         """
-        return self.mean_rates(SETTLED)
+        return self.mean_rates(0.5)
 
     def mean_rates(self, part: float) -> Floats:
         """The same over the last `part` of the run."""
@@ -136,7 +136,7 @@ class Phases(Displayed):
         shapes = self.omega[:, self.leading]
         eta, rate = (np.sqrt(np.mean(part**2, axis=0)) for part in (z.real, z.imag * shapes))
         fastest = float(np.max(np.maximum(shapes, np.divide(rate, eta, out=np.zeros_like(eta), where=eta > 0))))
-        widest, enough = float(np.max(np.diff(times))), 2 * pi / (LEAST * fastest)
+        widest, enough = float(np.max(np.diff(times))), 2 * pi / (3 * fastest)  # three samples a period
         if widest > enough:
             count = ceil((self.times[-1] - self.times[0]) / enough) + 2
             raise ComputationError(
@@ -147,8 +147,8 @@ class Phases(Displayed):
     @property
     def resolution(self) -> float:
         """Difference of frequencies (rad/s) that separates phases by a quarter turn in the second half of the run."""
-        late = self.times[last(self.times, SETTLED)]
-        return float(ALLOWED / (late[-1] - late[0]))
+        late = self.times[last(self.times, 0.5)]
+        return float(pi / 2 / (late[-1] - late[0]))
 
     @property
     def locked(self) -> bool:
@@ -194,11 +194,18 @@ def own_shapes(group: Group, gravity: float, count: int) -> OwnShapes:
     With K = LLᵀ the largest eigenvalues of L⁻¹AL⁻ᵀ are the smallest ω⁻².  Raises ComputationError where K is not
     positive definite, or the matrices do not fit.
     """
-    if group.n * group.index.size > MOST_NUMBERS:
+    if group.n * group.index.size > GROUP_ENTRIES_MAX:
         raise ComputationError(
             f"{group.index.shape[1]} pendula of {group.n} links are too many for their fixed-base modes"
         )
-    A, K = _stacks(group, gravity)
+    # about equilibrium, (P, n, n) in kg m² and N m
+    block, n = group.block, group.n
+    A = np.array(pair.inertia_matrix(block.mass, block.length, block.centre, block.inertia)).transpose(2, 0, 1)
+    sigma = block.sigma.T
+    joint = np.eye(n) - np.eye(n, k=-1)
+    springs = joint.T @ (block.stiffness.T[:, :, None] * joint)
+    A = A * sigma[:, :, None] * sigma[:, None]
+    K = springs + np.eye(n) * (gravity * sigma * block.b.T)[:, None]
     try:
         L = np.linalg.cholesky(K)
     except np.linalg.LinAlgError:
@@ -212,13 +219,3 @@ def own_shapes(group: Group, gravity: float, count: int) -> OwnShapes:
     momenta = A @ phi
     mass = np.sum(phi * momenta, axis=1)
     return OwnShapes(value[:, : -count - 1 : -1] ** -0.5, mass, phi, momenta / mass[:, None])
-
-
-def _stacks(group: Group, gravity: float) -> tuple[Floats, Floats]:
-    """A (kg m²) and K (N m) about equilibrium, (P, n, n)."""
-    block, n = group.block, group.n
-    A = np.array(pair.inertia_matrix(block.mass, block.length, block.centre, block.inertia)).transpose(2, 0, 1)
-    sigma = block.sigma.T
-    joint = np.eye(n) - np.eye(n, k=-1)
-    springs = joint.T @ (block.stiffness.T[:, :, None] * joint)
-    return A * sigma[:, :, None] * sigma[:, None], springs + np.eye(n) * (gravity * sigma * block.b.T)[:, None]

@@ -210,10 +210,7 @@ def threshold_words(threshold: Threshold) -> str:
 
 def diagram_csv(diagram: PopulationDiagram) -> str:
     """One row per motion, value and sector: frequency, stability, largest angle and growth rates."""
-    return as_csv(list(_diagram_rows(diagram)))
-
-
-def _diagram_rows(diagram: PopulationDiagram) -> Iterator[dict[str, Any]]:
+    rows = []
     for branch in diagram.branches:
         numbers = branch.values.tolist(), branch.is_stable, branch.omega.tolist(), branch.angle.tolist()
         for value, stable, omega, angle, motion in zip(*numbers, branch.motions, strict=True):
@@ -225,4 +222,5 @@ def _diagram_rows(diagram: PopulationDiagram) -> Iterator[dict[str, Any]]:
                 columns = state_columns(
                     diagram.variation, value, omega, stable=bool(stable), angle_deg=degrees(angle), growth=exact
                 )
-                yield {**columns, "averaged_growth_per_s": averaged_rate, "motion": branch.name, "sector": name}
+                rows.append({**columns, "averaged_growth_per_s": averaged_rate, "motion": branch.name, "sector": name})
+    return as_csv(rows)

@@ -31,11 +31,15 @@ from nonlinear.postprocessing import last
 from nonlinear.synchronization.phases import ENDING, Phases
 from nonlinear.system import Population, burdens, populations_of
 
-QUARTER = 0.25  # the last part of a run, over which means are taken
-LOCKED, EQUAL = 0.99, 1e-3  # least R of a locked population, and largest relative difference of equal rates
-NEAR = np.pi / 36  # rad, tolerance of in phase and antiphase
+LOCKED_ORDER_MIN = 0.99
+"""Physics: least R of a locked population, as above."""
+RATE_DIFFERENCE_MAX = 1e-3
+"""Physics: largest relative difference of equal rates, as above."""
+POPULATION_PHASE_MAX = np.pi / 36
+"""Limit: phase (rad) up to which populations are "in phase" or in "antiphase", and not "locked" at another one."""
 CHIMERA, NEITHER, AT, STILL = "a chimera", "neither", "locked", "dies out"
-FAINT = 0.01  # of the widest swing of a run, below which its pendula have no phases that last
+DEATH_SWING_RATIO = 0.01
+"""Limit: of the widest swing of a run, below which "the swing dies out"."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -65,13 +69,13 @@ class PopulationPhases(Displayed):
     @cached_property
     def late_order(self) -> Floats:
         """Its means over the last quarter, (P,)."""
-        return np.asarray(self.order[last(self.phases.times, QUARTER)].mean(axis=0))
+        return np.asarray(self.order[last(self.phases.times, 1 / 4)].mean(axis=0))
 
     @cached_property
     def pendulum_rates(self) -> Floats:
         """The mean rate (rad/s) of every pendulum over the last quarter, (N,); NaN where samples are too few."""
         try:
-            return self.phases.mean_rates(QUARTER)
+            return self.phases.mean_rates(1 / 4)
         except ComputationError:
             return np.full(self.phases.z.shape[1], np.nan)
 
@@ -89,9 +93,9 @@ class PopulationPhases(Displayed):
     def _relative(self) -> Complexes:
         """The mean e^{i(Ψ_s − Ψ_1)} over the last quarter, (P,); of a pair that of its second pendulum, (2,)."""
         if self.pair is None:
-            late = self._means[last(self.phases.times, QUARTER)]
+            late = self._means[last(self.phases.times, 1 / 4)]
         else:
-            late = self.phases.z[last(self.phases.times, QUARTER), :, self.phases.leading]
+            late = self.phases.z[last(self.phases.times, 1 / 4), :, self.phases.leading]
         product = late * late[:, :1].conj()
         size = np.abs(product)
         return np.asarray(np.divide(product, size, out=np.zeros_like(product), where=size > 0).mean(axis=0))
@@ -118,14 +122,14 @@ class PopulationPhases(Displayed):
         """Of one population of two pendula by how much the second is ahead of the first (rad); else None."""
         if len(self.populations) > 1 or self.populations[0].size != 2:
             return None
-        z = self.phases.z[last(self.phases.times, QUARTER), :, self.phases.leading]
+        z = self.phases.z[last(self.phases.times, 1 / 4), :, self.phases.leading]
         product = z[:, 1] * z[:, 0].conj()
         return float(np.angle(product.mean())) if np.abs(product).any() else None
 
     @cached_property
     def locked(self) -> Booleans:
         """Whether each population is locked, (P,)."""
-        return np.asarray(self.late_order > LOCKED)
+        return np.asarray(self.late_order > LOCKED_ORDER_MIN)
 
     @property
     def is_identical(self) -> bool:
@@ -143,23 +147,23 @@ class PopulationPhases(Displayed):
     def is_even(self) -> bool:
         """Whether all populations keep their phases from the first, at equal rates; of one pair its pendula."""
         rates = self.rate if self.pair is None else self.pendulum_rates
-        is_steady = np.abs(self._relative).min() > LOCKED
-        return bool(is_steady and np.ptp(rates) <= EQUAL * np.abs(rates).max())
+        is_steady = np.abs(self._relative).min() > LOCKED_ORDER_MIN
+        return bool(is_steady and np.ptp(rates) <= RATE_DIFFERENCE_MAX * np.abs(rates).max())
 
     @cached_property
     def kind(self) -> str:
         """What they do: "in phase", "antiphase", "locked" at another phase, "a chimera", "neither" or "dies out"."""
         swing = self.phases.amplitude.max(axis=(1, 2))
-        if swing[last(self.phases.times, ENDING)].max() <= FAINT * swing.max():
+        if swing[last(self.phases.times, ENDING)].max() <= DEATH_SWING_RATIO * swing.max():
             return STILL
         if self.locked.any() and not self.locked.all():
             return CHIMERA if self.is_coupled and self.is_identical else NEITHER
         if not (self.locked.all() or self.pair is not None) or not self.is_even or not self.is_coupled:
             return NEITHER
         off = np.abs(np.angle(self._relative))
-        if np.all(off <= NEAR):
+        if np.all(off <= POPULATION_PHASE_MAX):
             return IN_PHASE
-        return ANTIPHASE if len(off) == 2 and off[1] >= np.pi - NEAR else AT
+        return ANTIPHASE if len(off) == 2 and off[1] >= np.pi - POPULATION_PHASE_MAX else AT
 
     @property
     def is_held(self) -> bool:

@@ -34,11 +34,12 @@ from modal.scene import describe, title_of
 from modal.scene.doors import require_type
 from nonlinear.averaging import ASIDE, RelativeEquilibrium
 from nonlinear.orbits import Orbit, growth
+from nonlinear.orbits.report import TABLE_ROWS_MAX
 from nonlinear.postprocessing import last, smooth
 from nonlinear.synchronization.continuation import Branches, Change, EquilibriumBranch
 from nonlinear.synchronization.modal_energy import Survival
 from nonlinear.synchronization.patterns import agreement, own_amplitudes
-from nonlinear.synchronization.phases import ENDING, SETTLED
+from nonlinear.synchronization.phases import ENDING
 from nonlinear.synchronization.population_report import ends_of, population_record, population_sections
 from nonlinear.synchronization.study import SynchronizationStudy, Theory
 from nonlinear.system import System
@@ -59,8 +60,10 @@ LOCATED = (
     "exact: where periodic orbits of the full equations turn or change their stability, by their Floquet multipliers."
 )
 NUMBERED = "Modes have their numbers in the table; frequencies here are those without dampers."
-MOST_FREQUENCIES = 6
-MOST_LINES, MOST_UNSTABLE = 16, 8  # configurations in the table, and unstable ones where there are more
+LISTED_FREQUENCIES_MAX = 6
+"""Format: frequencies of pendula in a sentence."""
+UNSTABLE_ROWS_MAX = 8
+"""Format: unstable configurations in a table of too many."""
 
 
 def sync_text(study: SynchronizationStudy, *, words: bool = False, elsewhere: str = "") -> str:
@@ -69,7 +72,13 @@ def sync_text(study: SynchronizationStudy, *, words: bool = False, elsewhere: st
     `words` adds everything about the prediction and the simulation in sentences.
     """
     require_type("study", study, "SynchronizationStudy")
-    parts = [headed(title_of(study.scene)), *_sections(study), elsewhere, *(_in_words(study) if words else ())]
+    parts = [headed(title_of(study.scene)), *_sections(study), elsewhere]
+    if words and study.theory is not None:
+        parts.append(_paragraph("Predicted from this start", _prediction(study, study.theory)))
+    if words:
+        is_perturbed = study.theory is not None and study.theory.prediction.unstable
+        title = f"Simulated for {short(float(study.trajectory.times[-1]))} s"
+        parts.append(_paragraph(title + ", and from a start nearby" * bool(is_perturbed), _simulation(study)))
     return "\n\n".join(part for part in parts if part) + "\n"
 
 
@@ -83,13 +92,6 @@ def _sections(study: SynchronizationStudy) -> Iterator[str]:
         yield NUMBERED
     if study.theory is not None:
         yield fill(NOT_COVERED, line_width())
-
-
-def _in_words(study: SynchronizationStudy) -> Iterator[str]:
-    if study.theory is not None:
-        yield _paragraph("Predicted from this start", _prediction(study, study.theory))
-    neighbour = ", and from a start nearby" if study.theory is not None and study.theory.prediction.unstable else ""
-    yield _paragraph(f"Simulated for {short(float(study.trajectory.times[-1]))} s{neighbour}", _simulation(study))
 
 
 def sync_verdict(study: SynchronizationStudy) -> list[str]:
@@ -166,9 +168,9 @@ def _winner(study: SynchronizationStudy) -> Iterator[str]:
 
 def _angles(study: SynchronizationStudy) -> str:
     """From which to which angle the swing of one pendulum goes in the second half of the run."""
-    late = study.phases.amplitude[last(study.trajectory.times, SETTLED), :, study.phases.leading]
+    late = study.phases.amplitude[last(study.trajectory.times, 0.5), :, study.phases.leading]
     swing = smooth(
-        study.trajectory.times[last(study.trajectory.times, SETTLED)], late, 2 * pi / float(study.phases.omega.min())
+        study.trajectory.times[last(study.trajectory.times, 0.5)], late, 2 * pi / float(study.phases.omega.min())
     )
     widest = swing[:, int(np.ptp(swing, axis=0).argmax())]
     return f"a pendulum swings between {degrees(widest.min()):.3g}° and {degrees(widest.max()):.3g}°"
@@ -223,10 +225,13 @@ def _paragraph(title: str, sentences: Iterator[str]) -> str:
 def _table(theory: Theory) -> str:
     if not theory.configurations:
         return "none was found"
-    motions = _motions(theory)
-    rows_shown = _shown_rows(theory)
-    table = ReportTable.of(STEADY, [motions[k] for k in rows_shown])
-    rows = table.written()
+    motions = theory.distinct
+    # of many those that may last, and the first of the others
+    lasting = [orbit.is_stable if orbit else state.is_stable for state, orbit in motions]
+    unstable = [k for k, lasts in enumerate(lasting) if lasts is False]
+    omissions = set(unstable[UNSTABLE_ROWS_MAX:]) if len(lasting) > TABLE_ROWS_MAX else set()
+    rows_shown = [k for k in range(len(lasting)) if k not in omissions]
+    rows = ReportTable.of(STEADY, [motions[k] for k in rows_shown]).written()
     notes = [f"Averaged alone: {theory.certificate_refusal}."] * bool(theory.certificate_refusal)
     notes += [EXACT] * any(theory.orbits) + [LEFT] * (None in theory.orbits and any(theory.orbits))
     if any(state.copies > 1 for state, _ in motions):
@@ -234,18 +239,6 @@ def _table(theory: Theory) -> str:
     if n_more := len(motions) - len(rows_shown):
         notes.insert(0, f"{n_more} more, all unstable, are in the JSON form.")
     return "\n\n".join([rows, *(fill(note, line_width()) for note in notes)])
-
-
-def _motions(theory: Theory) -> list[tuple[RelativeEquilibrium, Orbit | None]]:
-    return list(theory.distinct)
-
-
-def _shown_rows(theory: Theory) -> list[int]:
-    """The places of the configurations with a line: of many all that may last and the first of the others."""
-    lasting = [orbit.is_stable if orbit else state.is_stable for state, orbit in _motions(theory)]
-    unstable = [k for k, lasts in enumerate(lasting) if lasts is False]
-    omissions = set(unstable[MOST_UNSTABLE:]) if len(lasting) > MOST_LINES else set()
-    return [k for k in range(len(lasting)) if k not in omissions]
 
 
 def _fate(state: RelativeEquilibrium, orbit: Orbit | None) -> str:
@@ -278,8 +271,12 @@ def _largest(state: RelativeEquilibrium) -> float:
 
 def _prediction(study: SynchronizationStudy, theory: Theory) -> Iterator[str]:
     prediction = theory.prediction
-    if prediction.unstable:
-        yield from _unstable(prediction.unstable)
+    if state := prediction.unstable:
+        yield (
+            f"From exactly this start mode {state.number} survives ({agreement(state)}), but that motion is unstable, "
+            f"e-folding time {state.relaxation:.4g} s. Real pendula leave it, so what follows is for a start "
+            f"{100 * ASIDE:.0f} % away."
+        )
     if prediction.motion.dies:
         yield "The swing dies out: no drive keeps it up."
         return
@@ -305,15 +302,6 @@ def _prediction(study: SynchronizationStudy, theory: Theory) -> Iterator[str]:
     yield f"All other modes hold less than 1 % of the energy after {short(locking)} s."
     if doubts := prediction.timing_doubts[len(prediction.doubts) :]:
         yield f"That time is approximate: {'; '.join(doubts)}."
-
-
-def _unstable(state: RelativeEquilibrium) -> Iterator[str]:
-    """Sentences about the configuration that only an exact start maintains."""
-    yield (
-        f"From exactly this start mode {state.number} survives ({agreement(state)}), but that motion is unstable, "
-        f"e-folding time {state.relaxation:.4g} s. Real pendula leave it, so what follows is for a start "
-        f"{100 * ASIDE:.0f} % away."
-    )
 
 
 def _simulation(study: SynchronizationStudy) -> Iterator[str]:
@@ -373,7 +361,7 @@ def _phases(study: SynchronizationStudy) -> Iterator[str]:
     if not np.all(np.isfinite(frequencies)):
         yield "A pendulum at rest has no frequency."
         return
-    numbers = [f"{omega:.6g}" for omega in frequencies[:MOST_FREQUENCIES]]
+    numbers = [f"{omega:.6g}" for omega in frequencies[:LISTED_FREQUENCIES_MAX]]
     words = listed(numbers, len(frequencies))
     if len(frequencies) == 1:
         yield f"Mean frequency {words} rad/s."
@@ -413,7 +401,7 @@ def _others(system: System, work: float) -> str:
 def sync_record(study: SynchronizationStudy) -> dict[str, Any]:
     """The JSON record: modes are numbered as in the table; null where there is no value."""
     require_type("study", study, "SynchronizationStudy")
-    theory = study.theory
+    theory, populations = study.theory, study.populations
     return {
         "scene": describe(study.scene),
         "configurations": [_configuration_record(*pair) for pair in theory.distinct] if theory else None,
@@ -422,14 +410,8 @@ def sync_record(study: SynchronizationStudy) -> dict[str, Any]:
         "verdict_sentences": sync_verdict(study),
         "simulation": _simulation_record(study),
         "agrees": study.agrees,
-        **_populations_record(study),
+        **({} if populations is None else population_record(populations, study.motions, study.motionless)),
     }
-
-
-def _populations_record(study: SynchronizationStudy) -> dict[str, Any]:
-    if study.populations is None:
-        return {}
-    return population_record(study.populations, study.motions, study.motionless)
 
 
 def _configuration_record(state: RelativeEquilibrium, orbit: Orbit | None = None) -> dict[str, Any]:
@@ -574,17 +556,15 @@ def _lasting(branch: EquilibriumBranch) -> str:
 
 def branches_csv(diagram: Branches) -> str:
     """One row per branch and value: frequency, stability, largest angle, growth rate, and the pattern."""
-    return as_csv(list(_branch_rows(diagram)))
-
-
-def _branch_rows(diagram: Branches) -> Iterator[dict[str, Any]]:
+    rows = []
     for number, branch in enumerate(diagram.branches, start=1):
         numbers = branch.values.tolist(), branch.is_stable, branch.omega.tolist(), branch.angle.tolist(), branch.states
         for value, stable, omega, angle, state in zip(*numbers, strict=True):
             columns = state_columns(
                 diagram.variation, value, omega, stable=bool(stable), angle_deg=degrees(angle), growth=state.growth
             )
-            yield {**columns, "branch": number, "pendula": agreement(state)}
+            rows.append({**columns, "branch": number, "pendula": agreement(state)})
+    return as_csv(rows)
 
 
 def change_words(change: Change) -> str:

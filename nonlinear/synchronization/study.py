@@ -17,23 +17,31 @@ from modal.scene.doors import checked
 from nonlinear.averaging import Prediction, RelativeEquilibrium, is_same_motion, predict, relative_equilibria
 from nonlinear.integration import Trajectory, estimate_timescales
 from nonlinear.orbits import Orbit
+from nonlinear.orbits.cycles import is_same_orbit
 from nonlinear.simulation import simulate
 from nonlinear.synchronization.certificates import certificate_refusal, certified_orbit
-from nonlinear.synchronization.modal_energy import Survival, find_survival
+from nonlinear.synchronization.modal_energy import SHARE_DIFFERENCE_MAX, Survival, find_survival
 from nonlinear.synchronization.phases import Phases, phases_of
 from nonlinear.synchronization.populations import PopulationPhases, population_phases
 from nonlinear.synchronization.sectors import SymmetricMotion, symmetric_motions
 from nonlinear.system import State
 
-LONGER, BEYOND = 1.5, 30  # duration over the predicted locking time, and periods added to it
-SHARE = 0.05  # largest difference of the survivor's share of the energy from the predicted one
-USUAL, MOST = 200, 5000  # default and longest duration of the first run in periods
-LONGER_RUNS = 2  # times that a run that has not settled is made twice as long
-ONE_ORBIT = 1e-5  # relative difference within which period, size and multipliers are those of one orbit
-FEW = 8  # pendula on a structure among which configurations are searched for one by one
-FOLDS, LONGEST = 10.0, 2000  # e-folding times of populations that a run lasts, and most periods of it
-SETTLING = 0.2  # part of a theory's time that the outcome of its start takes, roughly
-LOOSE = 1e-7  # tolerance of runs of populations
+LOCKING_TIMES = 1.5
+"""Limit: default of `duration` over the predicted locking time."""
+PERIODS_AFTER_LOCKING = 30
+"""Limit: periods of the slowest mode that are added to it."""
+USUAL_PERIODS = 200
+"""Limit: default of `duration` in periods where nothing predicts it."""
+PERIODS_MAX = 5000
+"""Limit: the longest default of `duration` in periods."""
+SEARCHED_PENDULA_MAX = 8
+"""Limit: "among … pendula on a structure steady motions are not searched for one by one"."""
+POPULATION_GROWTH_TIMES = 10.0
+"""Limit: e-folding times that a run of populations lasts by default."""
+POPULATION_PERIODS_MAX = 2000
+"""Limit: the longest default of it in periods."""
+POPULATION_TOLERANCE = 1e-7
+"""Limit: default of `tolerance` in runs of populations, whose outcome is a class and no number."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -69,7 +77,7 @@ class Theory(Displayed):
         """Every configuration with its orbit, and of several beside one and the same orbit the first."""
         pairs: list[tuple[RelativeEquilibrium, Orbit | None]] = []
         for state, orbit in zip(self.configurations, self.orbits, strict=True):
-            if orbit is None or not any(neighbour and _is_same(orbit, neighbour) for _, neighbour in pairs):
+            if orbit is None or not any(neighbour and is_same_orbit(orbit, neighbour) for _, neighbour in pairs):
                 pairs.append((state, orbit))
         return tuple(pairs)
 
@@ -106,7 +114,7 @@ class SynchronizationStudy(TextResult):
 
     @property
     def agrees(self) -> bool | None:
-        """Whether the simulated survivor is the predicted one with its share of the energy, within SHARE.
+        """Whether the simulated survivor is the predicted one with its share of the energy, within 5 %.
 
         None where one of them is missing, or the run too short: where it has not settled, or the predicted one has not
         locked by its end.  A beat is what is predicted where no mode wins.
@@ -116,7 +124,7 @@ class SynchronizationStudy(TextResult):
         prediction = self.theory.prediction
         if self.survival.beat:
             return self.leads and not prediction.is_won
-        alike = self.leads and abs(prediction.share - self.survival.survivor_share) <= SHARE
+        alike = self.leads and abs(prediction.share - self.survival.survivor_share) <= SHARE_DIFFERENCE_MAX
         return None if not alike and (self.too_short or not self.survival.is_settled) else alike
 
     @property
@@ -133,14 +141,6 @@ class SynchronizationStudy(TextResult):
         return locking is not None and float(self.trajectory.times[-1]) < locking
 
 
-def _is_same(orbit: Orbit, second: Orbit) -> bool:
-    """Whether two orbits are one motion, by period, amplitude and multipliers."""
-    numbers = np.array(
-        [[cycle.omega, cycle.amplitude, *np.sort(np.abs(cycle.floquet.all))] for cycle in (orbit, second)]
-    )
-    return bool(np.all(np.abs(numbers[0] - numbers[1]) <= ONE_ORBIT * np.abs(numbers).max(axis=0).clip(min=1.0)))
-
-
 def theory_of_scene(scene: Scene, start: State | None = None, report: Callable[[float], object] = silent) -> Theory:
     """The theory of a self-excited scene; ComputationError outside the scope of averaged equations.
 
@@ -148,27 +148,30 @@ def theory_of_scene(scene: Scene, start: State | None = None, report: Callable[[
     """
     validate_scene(scene)
     prediction = predict(scene, start)
-    report(SETTLING)
-    equilibria = relative_equilibria(prediction.averaged, lambda part: report(SETTLING + (1 - SETTLING) * part))
+    report(1 / 4)
+    equilibria = relative_equilibria(prediction.averaged, lambda part: report((1 + 3 * part) / 4))
     return Theory(equilibria, prediction)
 
 
 def usual_duration(scene: Scene, theory: Theory | None, motions: Sequence[SymmetricMotion] = ()) -> float:
-    """Seconds after which the predicted outcome is visible, at most MOST periods of the slowest mode.
+    """Seconds after which the predicted outcome is visible, at most 5,000 periods of the slowest mode.
 
-    Of populations that is FOLDS times as long as the slowest of their growth rates needs, up to LONGEST periods.
+    Of populations that is ten times as long as the slowest of their growth rates needs, up to 2,000 periods.
     """
     orbits = [motion.orbit for motion in motions if motion.orbit]
     if orbits:
         period = max(motion.orbit.period for motion in orbits)
+        longest = POPULATION_PERIODS_MAX * period
         slowest = min(abs(rate) for motion in orbits for rate in motion.growth)
-        return float(np.clip(FOLDS / slowest if slowest else np.inf, USUAL * period, LONGEST * period))
+        return float(
+            np.clip(longest if not slowest else POPULATION_GROWTH_TIMES / slowest, USUAL_PERIODS * period, longest)
+        )
     if theory is None:
-        return USUAL * 2 * pi / (estimate_timescales(scene).swing or 1.0)
+        return USUAL_PERIODS * 2 * pi / (estimate_timescales(scene).swing or 1.0)
     period = 2 * pi / float(theory.prediction.averaged.omega.min())
     locking = theory.prediction.locking_time()
-    duration = USUAL * period if locking is None else LONGER * locking + BEYOND * period
-    return min(duration, MOST * period)
+    duration = USUAL_PERIODS * period if locking is None else LOCKING_TIMES * locking + PERIODS_AFTER_LOCKING * period
+    return min(duration, PERIODS_MAX * period)
 
 
 @checked
@@ -183,7 +186,7 @@ def study_synchronization(
 ) -> SynchronizationStudy:
     """Predict, simulate for `duration` seconds (by default as long as the prediction needs) and measure.
 
-    Without a duration a run that has not settled is repeated, up to LONGER_RUNS times, each twice as long as before.
+    Without a duration a run that has not settled is repeated, up to twice, each twice as long as before.
 
     `start` replaces the initial condition of the scene file, `options` are those of `simulate`; `predicting` is called
     with the part of the prediction that is done, `report` with the simulated time and the duration.  A start that ends
@@ -197,16 +200,16 @@ def study_synchronization(
     if scene.is_structured and not silent:
         motions, motionless = _attempt(lambda: symmetric_motions(scene, predicting))
         motions = motions or ()
-        if scene.n_pendula > FEW:
+        if scene.n_pendula > SEARCHED_PENDULA_MAX:
             silent = f"among {scene.n_pendula} pendula on a structure steady motions are not searched for one by one"
     theory, silent = (None, silent) if silent else _attempt(lambda: theory_of_scene(scene, start, predicting))
     length = duration or usual_duration(scene, theory, motions)
     if scene.is_structured:
-        options.setdefault("tolerance", LOOSE)
+        options.setdefault("tolerance", POPULATION_TOLERANCE)
     if theory is not None and theory.prediction.unstable:
         start = theory.prediction.start
     modes = theory and theory.prediction.averaged.modes
-    for runs_left in range(LONGER_RUNS, -1, -1):
+    for runs_left in range(2, -1, -1):
         trajectory = simulate(scene, length, start=start, report=partial(_forward, report, length), **options)
         if trajectory.run.interrupted:
             raise KeyboardInterrupt

@@ -23,10 +23,9 @@ from modal.scene.parameters import Variation, variation_of, vary
 from modal.types import Crew, Floats, map_by_crew
 from nonlinear.averaging import averaged_pattern, patterns_of, rest_growth
 from nonlinear.orbits import PatternOrbit, pattern_orbit, require_cycles
+from nonlinear.orbits.continuation import PLACE_ACCURACY
 from nonlinear.synchronization.sectors import SymmetricMotion, symmetric_motion
 
-EXACT = 1e-12  # of a root, its width
-ITERATIONS = 60
 Report = Callable[[int], object]
 
 
@@ -176,6 +175,11 @@ def _join(branch: MotionBranch, crossings: list[Crossing]) -> MotionBranch:
     return MotionBranch(branch.name, branch.variation, np.array(values), motions)
 
 
+def _root(growth: Callable[[float], float], a: float, b: float) -> float:
+    """Where a growth rate vanishes between two values, by Brent's method, as accurate as an orbit is."""
+    return float(scipy.optimize.brentq(growth, a, b, xtol=PLACE_ACCURACY * abs(b), rtol=PLACE_ACCURACY))
+
+
 class PopulationWalk:
     """Symmetric motions at the values of a variation, each found beside the one before."""
 
@@ -231,7 +235,7 @@ class PopulationWalk:
             orbits.append(pattern_orbit(pattern, orbits[-1]))
             return orbits[-1].growth[sector]
 
-        at = float(scipy.optimize.brentq(exact, a, b, xtol=EXACT * abs(b), rtol=EXACT, maxiter=ITERATIONS))
+        at = _root(exact, a, b)
         motion = self.motion(name, at, before)
         orbit = motion.orbit
         assert orbit is not None
@@ -259,7 +263,7 @@ class PopulationWalk:
             for share in (0.0, 0.5, 1.0, 2.0):
                 ends = max(first, a - share * (b - a)), min(last, b + share * (b - a))
                 if growth(ends[0]) * growth(ends[1]) < 0:
-                    return float(scipy.optimize.brentq(growth, *ends, xtol=1e-10 * abs(b), maxiter=ITERATIONS))
+                    return _root(growth, *ends)
         except ComputationError:
             pass
         return None
@@ -275,5 +279,5 @@ class PopulationWalk:
         for a, b in pairwise(self.variation.values):
             low, high = growth(a), growth(b)
             if low * high < 0:
-                at = float(scipy.optimize.brentq(growth, a, b, xtol=EXACT * abs(b), rtol=EXACT, maxiter=ITERATIONS))
+                at = _root(growth, a, b)
                 yield Threshold(at, at, name, "", high > 0, "emerges from rest" if high > 0 else "dies out"), None

@@ -21,8 +21,8 @@ from modal.scene.links import Drive
 from modal.scene.parameters import vary
 from nonlinear.averaging import AveragedEquations, average, predict, relative_equilibria, relative_equilibrium, settle
 from nonlinear.averaging.describing import pulls
-from nonlinear.averaging.equations import MOST_BANDS, ORDER, derivative, lattice
-from nonlinear.averaging.equilibria import FIRST
+from nonlinear.averaging.equations import BANDS_MAX, ORDER, derivative, lattice
+from nonlinear.averaging.equilibria import START_ANGLE
 from nonlinear.averaging.prediction import resonant
 from nonlinear.averaging.slow_flow import _pace, below_for_good, runs_away
 from nonlinear.simulation import simulate
@@ -151,7 +151,7 @@ def test_frequencies_fall_as_kappa_says() -> None:
             assert rate.imag == pytest.approx(averaged.omega[place] * kappa * averaged.largest(z) ** 2, rel=0.01)
 
 
-@pytest.mark.parametrize("count", range(1, MOST_BANDS + 1))
+@pytest.mark.parametrize("count", range(1, BANDS_MAX + 1))
 def test_no_product_of_phases_has_a_mean(count: int) -> None:
     points, steps = lattice(count)
     phases = 2 * pi * np.outer(steps, np.arange(points)) / points
@@ -250,9 +250,9 @@ def test_steps_are_short_enough() -> None:
     z = averaged.amplitudes(initial_state(averaged.scene))[:, None]
     (usual,) = settle(averaged, z)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(slow, "GAIN", slow.GAIN / 8)
-        patch.setattr(slow, "TURN", slow.TURN / 8)
-        patch.setattr(slow, "MOST_STEPS", slow.MOST_STEPS * 8)
+        patch.setattr(slow, "STEP_GROWTH_MAX", slow.STEP_GROWTH_MAX / 8)
+        patch.setattr(slow, "STEP_TURN_MAX", slow.STEP_TURN_MAX / 8)
+        patch.setattr(slow, "SLOW_STEPS_MAX", slow.SLOW_STEPS_MAX * 8)
         (fine,) = settle(averaged, z)
     assert usual.locking_time() == pytest.approx(fine.locking_time(), rel=1e-3)
 
@@ -262,7 +262,7 @@ def test_modes_that_are_left_out_set_no_pace(row: int) -> None:
     averaged = average(load("huygens"))
     kept = averaged.row == averaged.row[row]
     z = np.where(kept, 1.0 + 0.0j, 0.0)[:, None]
-    z = FIRST * z / averaged.largest(z)
+    z = START_ANGLE * z / averaged.largest(z)
     alone = averaged.restricted_to(kept)
     other = replace(alone, omega=np.where(kept, alone.omega, 1.2 * alone.omega))
     turning = averaged.turning(z)
@@ -297,14 +297,14 @@ def test_a_band_at_rest_changes_no_kick() -> None:
 def test_what_grows_from_next_to_nothing_is_followed_into_its_cycle() -> None:
     """The beam of this scene swings slowly and decays: steps that fit it are far too long for the clocks it feeds."""
     averaged = average(vary(load("clocks-double"), {"support.mass": 50.0}))
-    start = np.where(averaged.row == 0, FIRST / np.abs(averaged.shapes[1:, 0]).max(), 1e-12).astype(complex)
+    start = np.where(averaged.row == 0, START_ANGLE / np.abs(averaged.shapes[1:, 0]).max(), 1e-12).astype(complex)
     (motion,) = settle(averaged, start[:, None])
     ending = relative_equilibrium(averaged, motion.z[:, -1])
     assert ending is not None
     assert ending.is_stable
     np.testing.assert_allclose(averaged.energies(motion.z[:, -1]).max(), averaged.energies(ending.z).max(), rtol=0.02)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("nonlinear.averaging.slow_flow.MOST_STEPS", 1)
+        patch.setattr("nonlinear.averaging.slow_flow.SLOW_STEPS_MAX", 1)
         assert runs_away(averaged, settle(averaged, start[:, None], 10**6)[0].z)
 
 
@@ -400,7 +400,7 @@ def test_a_wide_start_is_doubted() -> None:
 
 def test_amplitudes_that_diverge_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """Steps are halved as long as any may be: five hundred of them say the same as all."""
-    monkeypatch.setattr("nonlinear.averaging.slow_flow.MOST_STEPS", 500)
+    monkeypatch.setattr("nonlinear.averaging.slow_flow.SLOW_STEPS_MAX", 500)
     with pytest.raises(ComputationError, match="their amplitudes exceed half a turn"):
         predict(in_units(1.0, 10.0, -3.0, drive=Escapement(impulse=500.0, angle_deg=2.0)))
 

@@ -237,7 +237,7 @@ def test_shares_of_a_sweep_are_the_whole(
     """Of values with one period, with periods of their own, of points; and where all fail."""
     driven = tmp_path / "driven.toml"
     driven.write_text(DRIVEN)
-    monkeypatch.setattr(bifurcations, "AT_ONCE", 2)
+    monkeypatch.setattr(bifurcations, "VALUES_TOGETHER", 2)
     asked = [*command.format(driven=driven).split(), "--workers", "1"]
     outcome = main([*asked, "-o", str(tmp_path / "whole.csv")])
     told, folder = capsys.readouterr().out, ["--folder", str(tmp_path / "kept")]

@@ -143,7 +143,7 @@ def test_oscillations_are_the_same_whoever_follows_them() -> None:
 
 
 def test_exponents_of_starts_are_the_same_whoever_computes_them(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(lyapunov, "TOGETHER", 3)
+    monkeypatch.setattr(lyapunov, "STARTS_TOGETHER", 3)
     alone = lyapunov_exponent(load("chain-2"), 8.0, members=8)
     with ThreadPoolExecutor(2) as executor:
         shared = lyapunov_exponent(load("chain-2"), 8.0, members=8, crew=executor)

@@ -99,6 +99,6 @@ def test_an_orbit_of_a_mode_is_more_periodic_than_the_mode() -> None:
 
 
 def test_an_angle_that_no_orbit_has_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("nonlinear.orbits.modes.MOST", 3)
+    monkeypatch.setattr("nonlinear.orbits.modes.DENSE_BRANCH_ORBITS_MAX", 3)
     with pytest.raises(ComputationError, match="do not reach"):
         mode_orbit(load("chain-2"), 1, radians(100))

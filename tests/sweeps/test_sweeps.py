@@ -44,7 +44,7 @@ from nonlinear.sweeps import Study, Sweep, open_checkpoint, parse_measures, swee
 from nonlinear.sweeps import files as sweep_files
 from nonlinear.sweeps.measures import RequestedMeasure
 from nonlinear.sweeps.running import DIED
-from nonlinear.sweeps.study import MOST_POINTS, Row
+from nonlinear.sweeps.study import POINTS_MAX, Row
 
 PAPER = load("paper-cart-2")
 G = 9.81
@@ -341,7 +341,7 @@ def test_what_cannot_be_a_study() -> None:
     for texts, words in [
         ([], "1 to 3 variations"),
         (["gravity=1", "support.mass=1", "support.damping=1", "support.stiffness=1"], "1 to 3 variations"),
-        (thousand, f"at most {MOST_POINTS}"),
+        (thousand, f"at most {POINTS_MAX}"),
         (["gravity=1:2:2", "gravity=1:2:2"], "gravity: is varied twice"),
         (["pendulum[*].count=1", "pendulum[1].count=1"], r"pendulum\[1\].count: is varied twice"),
     ]:

@@ -62,7 +62,7 @@ def test_an_orbit_far_from_a_configuration_is_no_certificate(monkeypatch: pytest
     pair = floquet.metronomes(9.0)
     scene, configuration = pair.scene, theory(pair).configurations[0]
     assert certified_orbit(scene, configuration) is not None
-    monkeypatch.setattr("nonlinear.synchronization.certificates.CLOSE", 1e-9)
+    monkeypatch.setattr("nonlinear.synchronization.certificates.AVERAGED_FREQUENCY_ERROR", 1e-9)
     assert certified_orbit(scene, configuration) is None
 
 

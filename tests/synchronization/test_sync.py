@@ -33,7 +33,7 @@ from nonlinear.synchronization import (
     sync_text,
 )
 from nonlinear.synchronization.patterns import own_amplitudes
-from nonlinear.synchronization.study import MOST, usual_duration
+from nonlinear.synchronization.study import PERIODS_MAX, usual_duration
 from nonlinear.system import state_at_rest
 
 VAN_DER_POL = {"kind": "van-der-pol", "strength": 0.05, "angle_deg": 5.0}
@@ -263,7 +263,7 @@ def test_the_usual_run_is_as_long_as_the_prediction_needs_and_no_longer_than_mos
     locking = theory.prediction.locking_time()
     assert locking
     period = 2 * pi / theory.prediction.averaged.omega.min()
-    assert 1.5 * locking < usual_duration(pair().scene, theory) < min(1.5 * locking + 31 * period, MOST * period)
+    assert 1.5 * locking < usual_duration(pair().scene, theory) < min(1.5 * locking + 31 * period, PERIODS_MAX * period)
 
 
 def test_a_film_is_lit_a_little_later_in_every_swing() -> None:

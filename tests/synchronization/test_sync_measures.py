@@ -446,7 +446,7 @@ def test_the_picture_shows_what_was_measured() -> None:
 
 
 def test_crowds_are_drawn_as_bands_and_what_cannot_be_told_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("nonlinear.synchronization.modal_energy.MOST", 20)
+    monkeypatch.setattr("nonlinear.synchronization.modal_energy.MODAL_COORDINATES_MAX", 20)
     scene = bobs(*np.linspace(0.9, 1.1, 30))
     run = simulate(scene, 20.0, start=state_at_rest(scene, np.linspace(1, 9, 30).tolist()))
     figure = sync_figure(run, phases_of(run))
