@@ -25,8 +25,6 @@ from modal.scene import Scene
 from modal.scene.doors import checked
 from modal.types import Floats
 
-LEAST = 0.5  # MAC of a pair below which shapes are called different
-
 
 @dataclass(frozen=True, repr=False)
 class ModePair(Displayed):
@@ -89,7 +87,7 @@ class Assurance(Result):
         """What there is to say of the pairs."""
         notes = []
         for pair in self.pairs:
-            if pair.mac is not None and pair.mac < LEAST:
+            if pair.mac is not None and pair.mac < 0.5:  # less than half of one shape is in the other
                 notes.append(f"mode {pair.measured.number}: no computed shape is like it (MAC {pair.mac:.2f})")
             elif pair.computed.number != pair.measured.number:
                 notes.append(
@@ -146,12 +144,11 @@ def compare_modes(modes: Modes, measured: MeasuredModes) -> Assurance:
     for r, measured_mode in enumerate(measured.modes):
         if measured_mode.shape is None:
             continue
-        there = np.isfinite(measured_mode.shape)
+        is_measured = np.isfinite(measured_mode.shape)
         for s, mode in enumerate(rows):
-            members = modes.matrix.row == modes.index_of(mode)
-            mac[r, s] = _nearest(
-                measured_mode.shape[there], modes.matrix.shapes[:, members & ~modes.matrix.across][places][there]
-            )
+            members = (modes.matrix.row == modes.index_of(mode)) & ~modes.matrix.across
+            basis = modes.matrix.shapes[:, members][places[is_measured]]
+            mac[r, s] = _nearest(measured_mode.shape[is_measured], basis)
     return Assurance(modes, measured, rows, mac, tuple(_pairs(measured, rows, mac)))
 
 
@@ -160,26 +157,23 @@ def _nearest(shape: Floats, basis: Any) -> float:
     if not basis.shape[1]:
         return 0.0
     if basis.shape[1] == 1:
-        return _square(shape, turned(basis[:, 0]).real)
+        phi = turned(basis[:, 0]).real
+        sizes = float((shape @ shape) * (phi @ phi))
+        return float((shape @ phi) ** 2) / sizes if sizes else 0.0
     Q, R, *_ = np.linalg.svd(basis, full_matrices=False)
-    Q = Q[:, 1e-10 * max(R[0], 1e-300) < R]
+    Q = Q[:, 1e-10 * R[0] < R]
     return float(np.linalg.norm(Q.conj().T @ shape) ** 2 / (shape @ shape)) if Q.size else 0.0
 
 
-def _square(shape: Floats, other: Floats) -> float:
-    whole = float((shape @ shape) * (other @ other))
-    return float((shape @ other) ** 2) / whole if whole else 0.0
-
-
 def _pairs(measured: MeasuredModes, rows: tuple[Mode, ...], mac: Floats) -> list[ModePair]:
-    shaped = bool(np.isfinite(mac).all())
+    has_shapes = bool(np.isfinite(mac).all())
     cost = np.array(
         [
             [abs(log(measured_mode.frequency / (mode.omega / (2 * pi)))) for mode in rows]
             for measured_mode in measured.modes
         ]
     )
-    left, right = scipy.optimize.linear_sum_assignment(-mac if shaped else cost)
+    left, right = scipy.optimize.linear_sum_assignment(-mac if has_shapes else cost)
     return [
         ModePair(measured.modes[r], rows[s], None if np.isnan(mac[r, s]) else float(mac[r, s]))
         for r, s in zip(left.tolist(), right.tolist(), strict=True)

@@ -17,8 +17,12 @@ import scipy
 
 from modal.types import Floats
 
-SIGNIFICANT = 3.0  # standard errors 1/√n of an autocorrelation that counts
-LONGEST = 4  # the shortest part of a series, 1/LONGEST, that lags may span
+NOISE_AT_FIRST = 0.02
+"""Tolerance: of the size of readings or shapes, their noise until residuals tell it: that of ordinary sensors."""
+NOISE_MIN = 1e-9
+"""Tolerance: of the size of readings or shapes, the least noise: residuals of exact data are rounding."""
+CHANCE_MAX = 0.01
+"""Tolerance: probability of chance below which something is said of residuals; a report has some ten sentences."""
 
 
 def autocorrelation(series: Sequence[Floats]) -> Floats:
@@ -28,11 +32,11 @@ def autocorrelation(series: Sequence[Floats]) -> Floats:
     """
     length = min((len(values) for values in series), default=0)
     total = float(sum(values @ values for values in series))
-    lags, count = max(1, length // LONGEST), sum(map(len, series))
+    lags, count = max(1, length // 4), sum(map(len, series))  # of longer lags too few products are averaged
     coefficients = [1.0]
     for lag in range(1, lags):
         rho = sum(float(values[lag:] @ values[:-lag]) for values in series) / total if total else 0.0
-        if abs(rho) < SIGNIFICANT / np.sqrt(count):
+        if abs(rho) < 3 / np.sqrt(count):  # three standard errors of an autocorrelation of white noise
             break
         coefficients.append(rho)
     return np.array(coefficients)
@@ -52,9 +56,8 @@ def covariance(G: Floats, blocks: Sequence[tuple[slice, float, Floats]]) -> Floa
         part = G[rows]
         weights = rho * (1 - np.arange(len(rho)) / len(rho))
         weights[0] = 1.0
-        smoothed = (
-            part if len(rho) == 1 else scipy.signal.fftconvolve(part, _two_sided(weights)[:, None], mode="same", axes=0)
-        )
+        two_sided = np.concatenate((weights[:0:-1], weights))
+        smoothed = part if len(rho) == 1 else scipy.signal.fftconvolve(part, two_sided[:, None], mode="same", axes=0)
         total += variance * part.T @ smoothed
     return (total + total.T) / 2
 
@@ -67,7 +70,3 @@ def resampled(series: Sequence[Floats], blocks: int, rng: np.random.Generator) -
         begins = rng.integers(0, len(values) - length + 1, -(-len(values) // length))
         drawn.append(np.concatenate([values[at : at + length] for at in begins])[: len(values)])
     return drawn
-
-
-def _two_sided(weights: Floats) -> Floats:
-    return np.concatenate((weights[:0:-1], weights))

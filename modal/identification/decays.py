@@ -31,18 +31,28 @@ from modal.identification.covariance import autocorrelation, covariance, influen
 from modal.identification.realization import modal_assurance
 from modal.types import Booleans, Complexes, Floats, Ints
 
-LEAST_PEAKS = 6  # turning points of a logarithmic decrement
-ROUGH = 0.3  # standard deviation of the whole loss in ln a, or of all turning points in half periods
-CLOSE = 1e-14
-SIGNIFICANT = 6.0  # standard deviations of an amplitude below which a pole is none
-VAGUE = 0.1  # relative standard deviation of a frequency above which a pole is none
-NEAR, ALIKE_SHAPE = 0.05, 0.98  # relative distance and MAC of poles that may be one mode
-AS_WELL, BEATLESS = 1.5, 30.0  # residuals of one mode over those of its two poles; the same where these never beat
-BETTER = 0.7  # residuals with a change of frequency over those without
-WEAK, BLENDED = 0.1, 0.8  # share of the amplitudes, distance over the damping rate, of a combination of stronger poles
-ROUNDING = 1e-9  # of the size of a series: residuals that tell nothing
-DIED = 3.0  # times 1/σ after which an oscillation has died away
-NEXT, OTHERS = 0.02, 0.3  # of the change of a frequency: what fourth powers add to it, and a mode of the same amplitude
+TURNING_POINTS_MIN = 6
+"""Limit: turning points of a decrement, or of a loss of amplitude: "… turning points are too few"."""
+DECREMENT_STD_MAX = 0.3
+"""Limit: standard deviation of the whole loss in ln a, or of a turning point in half periods: "… on one curve"."""
+AMPLITUDE_SIGNIFICANCE = 6.0
+"""Tolerance: standard deviations of an amplitude below which a pole is none: some are the largest of many of noise."""
+FREQUENCY_STD_MAX = 0.1
+"""Tolerance: relative standard deviation of a frequency above which a pole is none: noise has no frequency."""
+POLE_DISTANCE_MAX = 0.05
+"""Tolerance: relative distance of two poles that may be one mode, whose frequency falls by θ²/16: of 0.9 rad."""
+SHAPE_MAC_MIN = 0.95
+"""Tolerance: MAC of shapes of one mode: noise leaves more, different modes on several sensors less."""
+RESIDUAL_RATIO = 1.5
+"""Tolerance: ratio of residuals of which the smaller are better: those of as good a model differ by noise alone."""
+BEATLESS_RESIDUAL_RATIO = 30.0
+"""Tolerance: the same of one mode over two poles that never beat, of which the second takes what is not linear."""
+COMBINATION_AMPLITUDE = 0.1
+"""Physics: share of stronger amplitudes a that a combination of three has at most, a²/6 of cubic forces at 0.8 rad."""
+FOURTH_POWERS = 0.02
+"""Physics: relative, what fourth powers of angles add to a change of frequency: θ²/192 of ω (1 − θ²/16 + θ⁴/3072)."""
+OTHER_MODES = 0.3
+"""Physics: relative, what another mode of the same amplitude adds to a change of frequency."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,10 +138,8 @@ def fit_decays(series: Sequence[Series], poles: Complexes, faint: float = 0.0) -
 
     Raises ComputationError where none is left.
     """
-    none = np.zeros(0, dtype=np.int64)
-    return _significant(
-        series, DecayModel(poles, none, np.zeros(0, dtype=np.complex128), np.ones((len(series), len(poles)))), faint
-    )
+    bent, shifts = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.complex128)
+    return _significant(series, DecayModel(poles, bent, shifts, np.ones((len(series), len(poles)))), faint)
 
 
 def one_mode(series: Sequence[Series], decays: Decays, faint: float = 0.0, *, resolved: bool = False) -> Decays | None:
@@ -141,11 +149,11 @@ def one_mode(series: Sequence[Series], decays: Decays, faint: float = 0.0, *, re
     `resolved` modes are asked for, also if it fits them somewhat worse.
     """
     weights, beatless = _weights(series, decays), suspects(series, decays)
-    apart = np.abs(decays.poles[:, None] / decays.poles - 1)
-    for r, s in sorted(np.argwhere(_alike(series, decays)).tolist(), key=lambda pair: float(apart[*pair])):
-        merged = _fitted(series, _merged(series, decays, r, s), weights)
-        most = BEATLESS if (r, s) in beatless and not resolved else AS_WELL
-        if np.sqrt(np.mean((merged.rms * weights) ** 2)) < most:
+    distances = np.abs(decays.poles[:, None] / decays.poles - 1)
+    for r, s in sorted(np.argwhere(_alike(series, decays)).tolist(), key=lambda pair: float(distances[*pair])):
+        merged = _fit_model(series, _merge(series, decays, r, s), weights)
+        largest = BEATLESS_RESIDUAL_RATIO if (r, s) in beatless and not resolved else RESIDUAL_RATIO
+        if np.sqrt(np.mean((merged.rms * weights) ** 2)) < largest:
             return _significant(series, merged.model, faint)
     return None
 
@@ -154,10 +162,11 @@ def without_combination(series: Sequence[Series], decays: Decays, faint: float =
     """Decays without a weak pole that cubic forces make of stronger ones, λ_i + λ_j + λ̄_k; None where there is none."""
     size = np.max(np.abs(decays.amplitudes), axis=0)
     for r in np.argsort(size).tolist():
-        strong = decays.poles[size[r] < WEAK * size]
+        strong = decays.poles[size[r] < COMBINATION_AMPLITUDE * size]
         sums = strong[:, None, None] + strong[:, None] + strong.conj()
-        if np.any(np.abs(sums - decays.poles[r]) < BLENDED * np.abs(sums.real)):
-            return _significant(series, _chosen(decays.model, np.delete(np.arange(len(size)), r)), faint)
+        # poles nearer than their damping rate never beat before they have died away
+        if np.any(np.abs(sums - decays.poles[r]) < np.abs(sums.real)):
+            return _significant(series, _choose(decays.model, np.delete(np.arange(len(size)), r)), faint)
     return None
 
 
@@ -166,23 +175,22 @@ def bent(series: Sequence[Series], decays: Decays, faint: float = 0.0) -> Decays
 
     None where none betters it much, or the residuals are white, or rounding.
     """
-    if decays.white or all(
-        rms < ROUNDING * np.std(record.values) for rms, record in zip(decays.rms, series, strict=True)
-    ):
+    rounding = np.sqrt(np.finfo(float).eps) * np.array([np.std(record.values) for record in series])
+    if decays.white or np.all(decays.rms < rounding):
         return None
     weights, trials = _weights(series, decays), []
     for r in np.setdiff1d(np.arange(len(decays.poles)), decays.model.bent):
         model = replace(decays.model, bent=np.append(decays.model.bent, r), shifts=np.append(decays.model.shifts, 0j))
-        trial_decays = _fitted(series, model, weights)
+        trial_decays = _fit_model(series, model, weights)
         trials.append((float(np.sqrt(np.mean((trial_decays.rms * weights) ** 2))), trial_decays))
     least, best = min(trials, key=lambda trial: trial[0], default=(1.0, decays))
-    return _significant(series, best.model, faint) if least < BETTER else None
+    return _significant(series, best.model, faint) if least * RESIDUAL_RATIO < 1 else None
 
 
 def suspects(series: Sequence[Series], decays: Decays) -> list[tuple[int, int]]:
     """Pairs of poles of one shape that never beat: their phases part by less than a turn before one has died away."""
     longest = max(float(record.times[-1]) for record in series)
-    lasting = np.minimum(longest, DIED / np.maximum(-decays.poles.real, 1e-300))
+    lasting = np.minimum(longest, 3 / np.maximum(-decays.poles.real, 1e-300))  # until 5 % is left
     return [
         (r, s)
         for r, s in np.argwhere(_alike(series, decays)).tolist()
@@ -194,58 +202,60 @@ def _alike(series: Sequence[Series], decays: Decays) -> Booleans:
     """Pairs (R, R), above the diagonal, of near poles with one shape."""
     sensors = 1 + max(record.sensor for record in series)
     shapes = np.stack([shape_of(decays, r, sensors) for r in range(len(decays.poles))], axis=1)
-    near = np.abs(decays.poles[:, None] / decays.poles - 1) < NEAR
-    return np.asarray(np.triu(near & (modal_assurance(shapes, shapes) > ALIKE_SHAPE), 1))
+    is_near = np.abs(decays.poles[:, None] / decays.poles - 1) < POLE_DISTANCE_MAX
+    return np.asarray(np.triu(is_near & (modal_assurance(shapes, shapes) > SHAPE_MAC_MIN), 1))
 
 
-def _merged(series: Sequence[Series], decays: Decays, r: int, s: int) -> DecayModel:
+def _merge(series: Sequence[Series], decays: Decays, r: int, s: int) -> DecayModel:
     """The model with a bent mode in the place of the poles r and s: theirs is the rate where their sum has halved."""
     k = int(np.argmax(np.abs(decays.amplitudes[:, [r, s]]).sum(axis=1)))
     times, pair = series[k].times, decays.poles[[r, s]]
     waves = decays.amplitudes[k, [r, s]] * np.exp(decays.model.exponents(times, k)[0][:, [r, s]])
-    whole = waves.sum(axis=1)
-    at = int(np.argmax(np.append(np.abs(whole) < np.abs(whole[0]) / 2, True)[: len(whole)])) or len(whole) // 2
-    rate = complex(waves[at] @ pair / whole[at])
-    pole = rate if abs(rate / pair[0] - 1) < NEAR and rate.real < 0 else pair[int(np.argmin(np.abs(pair.real)))]
-    kept = np.delete(np.arange(len(decays.poles)), [r, s])
+    total = waves.sum(axis=1)
+    is_halved = np.abs(total) < np.abs(total[0]) / 2
+    at = int(np.argmax(is_halved)) if is_halved.any() else len(total) // 2
+    rate = complex(waves[at] @ pair / total[at])
+    is_plausible = abs(rate / pair[0] - 1) < POLE_DISTANCE_MAX and rate.real < 0
+    pole = rate if is_plausible else pair[int(np.argmin(np.abs(pair.real)))]
+    others = np.delete(np.arange(len(decays.poles)), [r, s])
     shifts = dict(zip(decays.model.bent.tolist(), decays.model.shifts.tolist(), strict=True))
-    bent = [j for j, old in enumerate(kept.tolist()) if old in shifts]
+    bent = [j for j, old in enumerate(others.tolist()) if old in shifts]
+    squares = _squares(series, decays.amplitudes[:, [r, s]].sum(axis=1)[:, None])
     return DecayModel(
-        np.append(decays.poles[kept], pole),
-        np.array([*bent, len(kept)], dtype=np.int64),
-        np.array([*(shifts[int(kept[j])] for j in bent), shifts.get(r, shifts.get(s, 0j))]),
-        np.hstack((decays.model.squares[:, kept], _squares(series, decays.amplitudes[:, [r, s]].sum(axis=1)[:, None]))),
+        np.append(decays.poles[others], pole),
+        np.array([*bent, len(others)], dtype=np.int64),
+        np.array([*(shifts[int(others[j])] for j in bent), shifts.get(r, shifts.get(s, 0j))]),
+        np.hstack((decays.model.squares[:, others], squares)),
     )
 
 
 def _significant(series: Sequence[Series], model: DecayModel, faint: float) -> Decays:
+    """The fit of this model without the poles that are faint or vague, which are left out one by one."""
     weights = np.array([1 / (float(np.std(record.values)) or 1.0) for record in series])
     while True:
         if not len(model.poles):
             raise ComputationError("no oscillation stands out of the noise of these records")
-        decays = _fitted(series, model, weights)
+        decays = _fit_model(series, model, weights)
         for _ in range(2):
             weights = _weights(series, decays)
-            decays = _fitted(series, decays.model, weights)
-        strength = np.abs(decays.amplitudes) / np.maximum(decays.amplitude_stds, 1e-300)
-        size = np.max(strength, axis=0)
-        half = len(decays.poles)
-        vague = np.sqrt(np.diag(decays.cov)[half:]) / np.abs(decays.poles)
-        score = np.where(vague > VAGUE, 0.0, size)
+            decays = _fit_model(series, decays.model, weights)
+        R = len(decays.poles)
+        significance = np.max(np.abs(decays.amplitudes) / np.maximum(decays.amplitude_stds, 1e-300), axis=0)
+        relative_std = np.sqrt(np.diag(decays.cov)[R:]) / np.abs(decays.poles)
         share = np.abs(decays.amplitudes) / np.max(np.abs(decays.amplitudes), axis=1, keepdims=True)
-        score = np.where(share.max(axis=0) < faint, 0.0, score)
-        worst = int(np.argmin(score))
-        if score[worst] > SIGNIFICANT:
+        significance[(relative_std > FREQUENCY_STD_MAX) | (share.max(axis=0) < faint)] = 0.0
+        worst = int(np.argmin(significance))
+        if significance[worst] > AMPLITUDE_SIGNIFICANCE:
             return decays
-        model = _chosen(decays.model, np.delete(np.arange(half), worst))
+        model = _choose(decays.model, np.delete(np.arange(R), worst))
 
 
-def _chosen(model: DecayModel, order: Ints) -> DecayModel:
+def _choose(model: DecayModel, order: Ints) -> DecayModel:
     """The model of these modes, in this order."""
     at = {int(old): new for new, old in enumerate(order)}
-    there = [k for k, r in enumerate(model.bent.tolist()) if r in at]
-    bent = np.array([at[int(model.bent[k])] for k in there], dtype=np.int64)
-    return DecayModel(model.poles[order], bent, model.shifts[there], model.squares[:, order])
+    rows = [k for k, r in enumerate(model.bent.tolist()) if r in at]
+    bent = np.array([at[int(model.bent[k])] for k in rows], dtype=np.int64)
+    return DecayModel(model.poles[order], bent, model.shifts[rows], model.squares[:, order])
 
 
 def _weights(series: Sequence[Series], decays: Decays) -> Floats:
@@ -261,7 +271,7 @@ def _weights(series: Sequence[Series], decays: Decays) -> Floats:
     return weights
 
 
-def _projected(record: Series, model: DecayModel, k: int) -> tuple[Floats, Complexes, Floats, Floats]:
+def _project(record: Series, model: DecayModel, k: int) -> tuple[Floats, Complexes, Floats, Floats]:
     """Residuals (K,), amplitudes (R,), projected derivatives (K, 2R + 2B), variances of amplitudes per noise."""
     R = len(model.poles)
     exponents, by_real, by_shift = model.exponents(record.times, k)
@@ -282,7 +292,8 @@ def _projected(record: Series, model: DecayModel, k: int) -> tuple[Floats, Compl
     return record.values - Q @ right, amplitudes, slopes, (variance[:R] + variance[R : 2 * R]) / 2 * np.exp(-2 * peaks)
 
 
-def _fitted(series: Sequence[Series], model: DecayModel, weights: Floats) -> Decays:
+def _fit_model(series: Sequence[Series], model: DecayModel, weights: Floats) -> Decays:
+    """The model fitted from these poles on, with its covariance."""
     poles, R, B = model.poles, len(model.poles), len(model.bent)
     scale = _scale(model)
 
@@ -292,22 +303,24 @@ def _fitted(series: Sequence[Series], model: DecayModel, weights: Floats) -> Dec
         return DecayModel(rates, model.bent, np.asarray(y[2 * R : 2 * R + B] + 1j * y[2 * R + B :]), model.squares)
 
     def residuals(x: Floats) -> Floats:
-        tried = model_of(x)
-        return np.concatenate([w * _projected(record, tried, k)[0] for k, (w, record) in enumerate(weighted)])
+        trial = model_of(x)
+        return np.concatenate([w * _project(record, trial, k)[0] for k, (w, record) in enumerate(weights_of_series)])
 
     def jacobian(x: Floats) -> Floats:
-        tried = model_of(x)
-        return np.vstack([-w * _projected(record, tried, k)[2] * scale for k, (w, record) in enumerate(weighted)])
+        trial = model_of(x)
+        rows = [-w * _project(record, trial, k)[2] for k, (w, record) in enumerate(weights_of_series)]
+        return np.vstack(rows) * scale
 
-    weighted = list(zip(weights, series, strict=True))
+    weights_of_series = list(zip(weights, series, strict=True))
     longest = max(float(record.times[-1]) for record in series)
     start = np.concatenate((poles.real, poles.imag, model.shifts.real, model.shifts.imag)) / scale
     low, high = start - 0.5, start + 0.5
     high[:R] = np.minimum(high[:R], np.maximum(start[:R] + 1e-9, 3 / longest / scale[:R]))
+    last_digits = 64 * np.finfo(float).eps
     solution: Any = scipy.optimize.least_squares(
-        residuals, start, jacobian, bounds=(low, high), ftol=CLOSE, xtol=CLOSE, gtol=CLOSE, max_nfev=60
+        residuals, start, jacobian, bounds=(low, high), ftol=last_digits, xtol=last_digits, gtol=last_digits
     )
-    return _described(series, model_of(solution.x), weights)
+    return _with_covariance(series, model_of(solution.x), weights)
 
 
 def _scale(model: DecayModel) -> Floats:
@@ -315,38 +328,35 @@ def _scale(model: DecayModel) -> Floats:
     return np.concatenate((size, size, size[model.bent], size[model.bent]))
 
 
-def _described(series: Sequence[Series], model: DecayModel, weights: Floats) -> Decays:
-    model, R = _chosen(model, np.argsort(np.abs(model.poles))), len(model.poles)
-    parts = [_projected(record, model, k) for k, record in enumerate(series)]
+def _with_covariance(series: Sequence[Series], model: DecayModel, weights: Floats) -> Decays:
+    """The model with what it leaves of the series: noise, amplitudes, and the covariance of its poles."""
+    model, R = _choose(model, np.argsort(np.abs(model.poles))), len(model.poles)
+    parts = [_project(record, model, k) for k, record in enumerate(series)]
     scale = _scale(model)
     J = np.vstack([w * part[2] * scale for w, part in zip(weights, parts, strict=True)])
     G = influence(J) if np.linalg.matrix_rank(J) == len(scale) else np.linalg.pinv(J).T
-    blocks, at, white = [], 0, True
-    rms = [float(np.sqrt(np.mean(part[0] ** 2))) for part in parts]
+    blocks, white = [], True
+    starts = np.concatenate(([0], np.cumsum([len(part[0]) for part in parts])))
+    noise = np.zeros(len(series))
     for sensor in sorted({record.sensor for record in series}):
-        chosen = [k for k, record in enumerate(series) if record.sensor == sensor]
-        rho = autocorrelation([parts[k][0] for k in chosen])
+        members = [k for k, record in enumerate(series) if record.sensor == sensor]
+        rho = autocorrelation([parts[k][0] for k in members])
         white = white and len(rho) == 1
-        count = sum(len(parts[k][0]) for k in chosen)
-        free = max(1, count - len(chosen) * (2 * R + 1))
-        noise = sum(float(parts[k][0] @ parts[k][0]) for k in chosen) / free
-        starts = np.concatenate(([0], np.cumsum([len(part[0]) for part in parts])))
-        for k in chosen:
-            rows = slice(int(starts[k]), int(starts[k + 1]))
-            blocks.append((rows, float(weights[k] ** 2 * noise), rho))
+        count = sum(len(parts[k][0]) for k in members)
+        free = max(1, count - len(members) * (2 * R + 1))
+        noise[members] = np.sqrt(sum(float(parts[k][0] @ parts[k][0]) for k in members) / free)
+        for k in members:
+            blocks.append((slice(int(starts[k]), int(starts[k + 1])), float((weights[k] * noise[k]) ** 2), rho))
     cov = (covariance(G, blocks) * np.outer(scale, scale))[: 2 * R, : 2 * R]
-    variances = {rows.start: variance for rows, variance, _ in blocks}
-    stds = []
-    for k, part in enumerate(parts):
-        noise = np.sqrt(variances[at]) / weights[k]
-        stds.append(noise * np.sqrt(part[3]))
-        at += len(part[0])
     amplitudes = np.array([part[1] for part in parts])
+    stds = noise[:, None] * np.sqrt([part[3] for part in parts])
+    # the model of a bent mode holds to second order in its own amplitude alone: the rest is a doubt of its frequency
     strength = np.sum(np.abs(amplitudes) ** 2, axis=0)
-    beside = np.minimum(1.0, strength.sum() / np.maximum(strength[model.bent], 1e-300) - 1)
-    cov[R + model.bent, R + model.bent] += ((NEXT + OTHERS * beside) * np.abs(model.shifts)) ** 2
+    others = np.minimum(1.0, strength.sum() / np.maximum(strength[model.bent], 1e-300) - 1)
+    cov[R + model.bent, R + model.bent] += ((FOURTH_POWERS + OTHER_MODES * others) * np.abs(model.shifts)) ** 2
     model = DecayModel(model.poles, model.bent, model.shifts, _squares(series, amplitudes))
-    return Decays(model, cov, amplitudes, np.array(stds), np.array(rms), white)
+    rms = np.array([float(np.sqrt(np.mean(part[0] ** 2))) for part in parts])
+    return Decays(model, cov, amplitudes, stds, rms, white)
 
 
 def _squares(series: Sequence[Series], amplitudes: Complexes) -> Floats:
@@ -378,13 +388,15 @@ def log_decrement(times: Floats, values: Floats) -> Decrement:
     step = float(np.median(np.diff(times)))
     spectrum = np.abs(np.fft.rfft((values - values.mean()) * np.hanning(len(values)), 8 * len(values)))
     rate = float(np.fft.rfftfreq(8 * len(values), step)[int(np.argmax(spectrum))])
-    apart = max(1, int(0.7 / max(rate, 1e-300) / step))
-    tops, bottoms = (scipy.signal.find_peaks(sign * middle, height=high, distance=apart)[0] for sign in (1, -1))
+    distance = max(1, int(0.7 / max(rate, 1e-300) / step))
+    tops, bottoms = (scipy.signal.find_peaks(sign * middle, height=high, distance=distance)[0] for sign in (1, -1))
     peaks = np.sort(np.concatenate((tops, bottoms)))
     peaks = peaks[(peaks > 0) & (peaks < len(values) - 1)]
     vertices = [_vertex(times, values, int(k), max(1, int(0.08 / rate / step))) for k in peaks]
-    if len(vertices) < LEAST_PEAKS:
-        raise ComputationError(f"{len(vertices)} turning points are too few for a decrement: at least {LEAST_PEAKS}")
+    if len(vertices) < TURNING_POINTS_MIN:
+        raise ComputationError(
+            f"{len(vertices)} turning points are too few for a decrement: at least {TURNING_POINTS_MIN}"
+        )
     at, heights = (np.array(part) for part in zip(*vertices, strict=True))
     signs = np.sign(np.diff(heights))
     if np.any(signs[1:] == signs[:-1]):
@@ -394,7 +406,7 @@ def log_decrement(times: Floats, values: Floats) -> Decrement:
     ranges = np.abs(np.diff(heights))
     slope, slope_std = _line((at[1:] + at[:-1]) / 2, np.log(ranges))
     half, half_std = _line(np.arange(len(at), dtype=float), at)
-    if slope_std * np.ptp(at) > ROUGH or half_std * len(at) > ROUGH * half:
+    if slope_std * np.ptp(at) > DECREMENT_STD_MAX or half_std * len(at) > DECREMENT_STD_MAX * half:
         raise ComputationError("turning points do not fall on one curve: more than one mode swings, or there is noise")
     imag = np.pi / half
     return Decrement(complex(slope, imag), slope_std, imag * half_std / half, len(at))
@@ -402,16 +414,17 @@ def log_decrement(times: Floats, values: Floats) -> Decrement:
 
 def _vertex(times: Floats, values: Floats, k: int, around: int) -> tuple[float, float]:
     """Time and value of the extreme of a parabola through the samples around one."""
-    near = slice(max(0, k - around), k + around + 1)
-    curve = np.polynomial.Polynomial.fit(times[near], values[near], 2)
+    samples = slice(max(0, k - around), k + around + 1)
+    curve = np.polynomial.Polynomial.fit(times[samples], values[samples], 2)
     root = curve.deriv().roots()
-    at = float(root[0].real) if len(root) and times[near][0] <= root[0].real <= times[near][-1] else float(times[k])
+    is_inside = len(root) > 0 and times[samples][0] <= root[0].real <= times[samples][-1]
+    at = float(root[0].real) if is_inside else float(times[k])
     return at, float(curve(at))
 
 
 def _line(x: Floats, y: Floats) -> tuple[float, float]:
     """The slope of a straight line and its standard deviation."""
-    centred = x - x.mean()
-    slope = float(centred @ y / (centred @ centred))
-    miss = y - y.mean() - slope * centred
-    return slope, float(np.sqrt(miss @ miss / max(1, len(x) - 2) / (centred @ centred)))
+    dx = x - x.mean()
+    slope = float(dx @ y / (dx @ dx))
+    miss = y - y.mean() - slope * dx
+    return slope, float(np.sqrt(miss @ miss / max(1, len(x) - 2) / (dx @ dx)))

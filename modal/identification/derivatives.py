@@ -23,8 +23,8 @@ from modal.scene import Scene, require
 from modal.scene.parameters import Place
 from modal.types import Complexes, Floats
 
-SPLITS = 1e-7
-"""Part of a derivative by which those of one eigenvalue's shapes differ where it splits."""
+DERIVATIVE_ROUNDING = 8 * np.sqrt(np.finfo(float).eps)
+"""Tolerance: relative, of derivatives: shapes that are hardly different have half of the digits."""
 
 
 def require_polynomial(scene: Scene) -> None:
@@ -56,9 +56,8 @@ class ModeDerivatives:
     def eigenvalue(self, row: int) -> Complexes:
         """∂λ/∂p (p,) of the mode with index `row`; NaN where it splits, and where no digit of it is certain."""
         value = complex(self.modes.eigenvalue[row])
-        lost = np.full(len(self.dM), np.nan + 0j)
         if not self.modes.error[row] < UNCERTAIN:
-            return lost
+            return np.full(len(self.dM), np.nan + 0j)
         if value == 0:
             return np.zeros(len(self.dM), dtype=np.complex128)
         slopes = []
@@ -66,19 +65,21 @@ class ModeDerivatives:
             phi = self.shapes.shapes[:, (self.shapes.row == row) & (self.shapes.across == across)]
             if phi.shape[1]:
                 slopes.append(self._of_group(value, phi.astype(np.complex128)))
-        whole = np.concatenate(slopes, axis=1)
-        first = whole[:, :1]
-        size = np.maximum(np.abs(whole).max(axis=1, keepdims=True), 1e-12 * abs(value))
-        return np.asarray(np.where(np.any(np.abs(whole - first) > SPLITS * size, axis=1), np.nan, first[:, 0]))
+        by_shape = np.concatenate(slopes, axis=1)
+        first = by_shape[:, :1]
+        size = np.maximum(np.abs(by_shape).max(axis=1, keepdims=True), 1e-12 * abs(value))
+        splits = np.any(np.abs(by_shape - first) > DERIVATIVE_ROUNDING * size, axis=1)
+        return np.asarray(np.where(splits, np.nan, first[:, 0]))
 
     def _of_group(self, value: complex, phi: Complexes) -> Complexes:
         """Derivatives (p, copies) by each of the shapes; NaN where they are coupled."""
         pencil = phi.T @ (2 * value * self.M + self.D) @ phi
-        change = np.einsum("ia,pij,jb->pab", phi, self._Q_p(value), phi, optimize=True)
+        Q_p = value**2 * self.dM + value * self.dD + self.dK
+        change = np.einsum("ia,pij,jb->pab", phi, Q_p, phi, optimize=True)
         slope = -np.linalg.solve(pencil, change)
         slopes = np.einsum("paa->pa", slope).copy()
         off = np.abs(slope - np.einsum("pa,ab->pab", slopes, np.eye(phi.shape[1]))).max(axis=(1, 2))
-        slopes[off > SPLITS * np.abs(slope).max(axis=(1, 2))] = np.nan
+        slopes[off > DERIVATIVE_ROUNDING * np.abs(slope).max(axis=(1, 2))] = np.nan
         return np.asarray(slopes)
 
     def shape(self, row: int) -> tuple[Complexes, Complexes, Complexes]:
@@ -89,17 +90,14 @@ class ModeDerivatives:
         unit = np.sqrt(np.abs(np.diag(value**2 * self.M)) + np.abs(np.diag(self.K)))
         Q = value**2 * self.M + value * self.D + self.K
         border = (2 * value * self.M + self.D) @ phi
-        right = -np.einsum("pij,j->ip", self._Q_p(value), phi)
-        whole = np.zeros((n + 1, n + 1), dtype=np.complex128)
-        whole[:n, :n] = Q / unit[:, None] / unit
+        right = -np.einsum("pij,j->ip", value**2 * self.dM + value * self.dD + self.dK, phi)
+        bordered = np.zeros((n + 1, n + 1), dtype=np.complex128)
+        bordered[:n, :n] = Q / unit[:, None] / unit
         size = np.linalg.norm(border / unit)
-        whole[:n, n] = border / unit / size
-        whole[n, :n] = phi.conj() / unit / np.linalg.norm(phi / unit)
-        solution = np.linalg.solve(whole, np.vstack((right / unit[:, None], np.zeros((1, right.shape[1])))))
+        bordered[:n, n] = border / unit / size
+        bordered[n, :n] = phi.conj() / unit / np.linalg.norm(phi / unit)
+        solution = np.linalg.solve(bordered, np.vstack((right / unit[:, None], np.zeros((1, right.shape[1])))))
         return phi, solution[:n] / unit[:, None], solution[n] / size
-
-    def _Q_p(self, value: complex) -> Complexes:
-        return np.asarray(value**2 * self.dM + value * self.dD + self.dK)
 
 
 def polar(value: complex, slope: Complexes) -> tuple[Floats, Floats]:

@@ -25,10 +25,8 @@ from modal.scene.parameters import Place, find_places, number_at
 from modal.scene.validation import LARGEST
 from modal.types import Floats
 
-SAME = 1e-6  # relative difference of a number from the scene's
-ALIKE = 1e-9  # of two entries that mirror each other, relative to their standard deviations
-MOST_ALIKE = 1 + 1e-6  # largest correlation, rounding included
-INDEFINITE = 1e-9  # of the largest eigenvalue of the correlations: a negative one beyond rounding
+REPORT_ROUNDING = 1e-6
+"""Tolerance: relative, of numbers and correlations that somebody copied with six or seven digits."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -76,20 +74,13 @@ def read_estimate(scene: Scene, path: str | os.PathLike[str]) -> Estimate:
     """The estimate in a report of `fit`, of this scene; SceneError lists every mistake."""
     name = os.fspath(path)
     try:
-        return estimate_of(scene, _content(name))
+        return estimate_of(scene, json.loads(text_of(name, "report")))
     except SceneError as error:
         raise SceneError([f"{name}: {problem}" for problem in error.problems]) from None
-
-
-def _content(name: str) -> Any:
-    try:
-        return json.loads(text_of(name, "report"))
     except RecursionError:
-        raise SceneError(["is not JSON: nested too deeply"]) from None
+        raise SceneError([f"{name}: is not JSON: nested too deeply"]) from None
     except ValueError as error:
-        if isinstance(error, SceneError):
-            raise
-        raise SceneError([f"is not JSON: {error}"]) from None
+        raise SceneError([f"{name}: is not JSON: {error}"]) from None
 
 
 def estimate_of(scene: Scene, record: Any) -> Estimate:
@@ -138,7 +129,7 @@ def _place(scene: Scene, k: int, parameter: Any) -> Place:
         raise SceneError([f"parameters[{k}]: {path} means several numbers: each has its own entry"])
     if places[0][-1] == "count":
         raise SceneError([f"parameters[{k}]: {path} is a count and has no standard deviation"])
-    if abs(present - value) > SAME * max(abs(present), abs(value)):
+    if abs(present - value) > REPORT_ROUNDING * max(abs(present), abs(value)):
         raise SceneError([f"{path} = {value:.9g}: the scene has {present:.9g}: give the scene that was fitted with it"])
     return places[0]
 
@@ -172,16 +163,17 @@ def _faults(matrix: Floats) -> Iterator[str]:
     size = np.where(variance > 0, np.sqrt(variance), 1.0)
     with np.errstate(over="ignore"):
         correlation = matrix / size / size[:, None]
-    if (largest := np.abs(correlation).max()) > MOST_ALIKE:
+    largest = np.abs(correlation).max()
+    if largest > 1 + REPORT_ROUNDING:
         j, k = divmod(int(np.argmax(np.abs(correlation))), len(matrix))
-        told = f"gives the correlation {largest:.3g}: must be positive semidefinite"
-        yield f"covariance[{j}][{k}] = {matrix[j, k]:.6g}: {told}"
+        words = f"gives the correlation {largest:.3g}: must be positive semidefinite"
+        yield f"covariance[{j}][{k}] = {matrix[j, k]:.6g}: {words}"
         return
-    apart = np.abs(correlation - correlation.T)
-    if apart.max() > ALIKE:
-        j, k = sorted(divmod(int(np.argmax(apart)), len(apart)))
+    asymmetry = np.abs(correlation - correlation.T)
+    if asymmetry.max() > REPORT_ROUNDING:
+        j, k = sorted(divmod(int(np.argmax(asymmetry)), len(asymmetry)))
         yield f"covariance[{j}][{k}] = {matrix[j, k]:.6g}, [{k}][{j}] = {matrix[k, j]:.6g}: must be symmetric"
         return
     least = float(np.linalg.eigvalsh(correlation)[0])
-    if least < -INDEFINITE * len(matrix):
+    if least < -REPORT_ROUNDING * len(matrix):
         yield f"covariance: must be positive semidefinite, and its correlations have the eigenvalue {least:.3g}"

@@ -14,15 +14,13 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from modal.identification.parameters import Parameter
+from modal.identification.derivatives import DERIVATIVE_ROUNDING
+from modal.identification.parameters import BOUND_DISTANCE, Parameter
 from modal.report import Displayed, listed
 from modal.types import Floats, Ints
 
-LOST = 1e-7  # s_k/s_1 of a direction along which the Jacobian consists of rounding
-VAGUE = 1.0  # z: a standard deviation of 100 %, or of a natural unit
-SMALL = 0.02  # part of the largest change in a direction below which a number does not take part
-FAINT = 1e-6  # of its natural unit, below which a number has no relative change to speak of
-ALIKE = 0.01  # difference of two changes that are called equal
+CHANGE_MIN = 0.02
+"""Tolerance: of relative changes, which data with noise leave with some two digits: smaller ones are not named."""
 
 
 def _all(words: Sequence[str]) -> str:
@@ -48,7 +46,7 @@ class Undetermined(Displayed):
         if not self.changes:
             return f"{self.held} has hardly any effect on these data"
         together = [self.held, *self.changes]
-        if all(abs(change - 1) < ALIKE for change in self.changes.values()):
+        if all(abs(change - 1) < CHANGE_MIN for change in self.changes.values()):
             return f"only ratios of {_all(together)} are determined: a common factor changes nothing"
         others = _all([f"{path} by {change:+.2g} %" for path, change in self.changes.items()])
         return f"{self.held} cannot be told from others: changing it by 1 % and {others} leaves the motion as it is"
@@ -71,11 +69,12 @@ class Determined(Displayed):
 
 
 def find_determined(
-    J: Floats, parameters: Sequence[Parameter], values: Floats, *, vague: float = VAGUE, held: Sequence[int] = ()
+    J: Floats, parameters: Sequence[Parameter], values: Floats, *, vague: float = 1.0, held: Sequence[int] = ()
 ) -> Determined:
     """From J (N, p), derivatives by z in units of the noise, of parameters at these z (p,).
 
-    Nuisances have been projected out of J.  A standard deviation of z above `vague` is none; `held` stay in any case.
+    Nuisances have been projected out of J.  A standard deviation of z above `vague`, by default 100 % or a natural
+    unit, is none; `held` stay in any case.
     """
     count = len(parameters)
     kept = np.setdiff1d(np.arange(count), np.array(held, dtype=np.int64))
@@ -83,7 +82,7 @@ def find_determined(
     R: Floats = np.asarray(np.linalg.qr(J, mode="r")) if len(J) > count else J
     while len(kept):
         singular, V = _singular(R[:, kept])
-        null = (singular <= LOST * singular[0]) | (singular < 1 / vague)
+        null = (singular <= DERIVATIVE_ROUNDING * singular[0]) | (singular < 1 / vague)
         if not null.any():
             break
         pivots = scipy.linalg.qr(V[null], mode="economic", pivoting=True)[2]
@@ -110,7 +109,7 @@ def _directions(
     directions = []
     answer = -np.linalg.lstsq(R[:, kept], R[:, held], rcond=None)[0] if len(kept) else np.zeros((0, len(held)))
     relative = [
-        parameter.slope(z) / parameter.at(z) if abs(parameter.at(z)) > FAINT * parameter.unit else np.inf
+        parameter.slope(z) / parameter.at(z) if abs(parameter.at(z)) > BOUND_DISTANCE * parameter.unit else np.inf
         for parameter, z in zip(parameters, values, strict=True)
     ]
     for k, number in enumerate(held):
@@ -124,7 +123,7 @@ def _directions(
                 if np.isfinite(relative[j])
             }
             most = max([1.0, *map(abs, raw.values())])
-            changes = {parameters[j].path: float(c) for j, c in raw.items() if abs(c) > SMALL * most}
+            changes = {parameters[j].path: float(c) for j, c in raw.items() if abs(c) > CHANGE_MIN * most}
         directions.append(Undetermined(parameters[number].path, changes))
     return directions
 
@@ -152,11 +151,9 @@ def find_combinations(
     for path, exponents in powers.items():
         k = at[path]
         factor = float(np.prod([numbers[at[held]] ** -power for held, power in exponents.items()]))
-        words = path + "".join(_factor(held, power) for held, power in exponents.items())
+        words = path
+        for held, power in exponents.items():
+            sign = " / " if power > 0 else " · "
+            words += f"{sign}{held}" if abs(abs(power) - 1) < CHANGE_MIN else f"{sign}{held}^{abs(power):.3g}"
         combinations.append(Combination(words, numbers[k] * factor, float(stds[k]) * factor))
     return tuple(combinations)
-
-
-def _factor(path: str, power: float) -> str:
-    sign = " / " if power > 0 else " · "
-    return f"{sign}{path}" if abs(abs(power) - 1) < ALIKE else f"{sign}{path}^{abs(power):.3g}"

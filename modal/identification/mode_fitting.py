@@ -14,7 +14,7 @@ confidence region of the best one is a solution.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import combinations
 from typing import Any
 
@@ -22,11 +22,13 @@ import numpy as np
 import scipy
 
 from modal.errors import ComputationError, SceneError
+from modal.identification.covariance import CHANCE_MAX, NOISE_AT_FIRST, NOISE_MIN
 from modal.identification.derivatives import ModeDerivatives, matrix_derivatives, polar
-from modal.identification.identifiability import VAGUE, Determined, find_determined
+from modal.identification.identifiability import Determined, find_determined
 from modal.identification.measured import MeasuredMode, MeasuredModes, component_rows, turned
 from modal.identification.mode_fit import FittedMode, ModeFit, Solution
 from modal.identification.parameters import (
+    BOUND_DISTANCE,
     Parameter,
     find_parameters,
     numbers_at,
@@ -40,27 +42,12 @@ from modal.scene import Scene
 from modal.scene.doors import checked
 from modal.types import Floats, Ints
 
-ROUGH_SHAPE = 0.02  # standard deviation of a shape's component before the residuals tell it
-FINEST_SHAPE = 1e-9
-ROUNDS = 4  # of fitting and estimating the noise of shapes
-MOST, CLOSE = 200, 1e-13  # evaluations; relative change of the sum of squares, or of the numbers, at the end
-WHATEVER = 1e100  # standard deviation of z that is not too vague before the fit
-FEWER, ROUGHLY, NEARLY = 12, 1e-6, 1e3  # from other starts: evaluations, such a change, chi-square still to lose
-STARTS, TESTED, SPREAD = (
-    8,
-    3,
-    0.5,
-)  # other starts, where there is a chi-square to tell them apart, and the standard deviation of their logarithms
-MOST_EXCHANGES = 24  # of two numbers of one kind
-CONFIDENCE = 0.95  # of the region about the best fit in which other minima are solutions
-SAME = 1e-4  # of z, within which a rough minimum is the known one
-DISTINCT = 0.5  # standard deviations by which another solution differs in some number
-SINGULAR = 1e-12  # of the largest singular value: where a derivative vanishes
-LINEAR = 0.3  # of 3.84, by which chi-square at the ends of a linear fit's interval may be off
-FURTHEST, BISECTIONS, SETTLED = 1.5, 5, 1e-3  # |z| of an interval's ends; halvings to find them; change at the end
-GENERIC = 0.03  # by which numbers are moved to see what is determined at no special values, such as equal lengths
-BETTER = 1.0  # chi-square by which another minimum is the fit itself
-UNLIKELY = 0.01  # probability of a larger chi-square below which the model is doubted
+ROUNDS = 4
+"""Cost: rounds of fitting and estimating the noise of shapes, and of Gauss-Newton's method beside a direction."""
+CONFIDENCE = 0.95
+"""Physics: of the region about the best fit in which other minima are solutions, and of an interval of 1.96 σ."""
+GENERIC_STEP = 0.03
+"""Tolerance: by which numbers are moved to see what is determined: at equal lengths derivatives vanish."""
 LOSSES = ("linear", "soft_l1", "huber", "cauchy")
 
 
@@ -83,10 +70,10 @@ def fit_modes(
     parameters = find_parameters(scene, free, priors)
     problem = _ModeFitProblem(scene, parameters, measured)
     z, shape_std = _search(problem, loss)
-    minima = _minima(problem, z, loss) if problem.kept.any() else []
-    if minima and minima[0][0] < _square(problem, z) - BETTER:
-        z, shape_std = _refined(problem, minima[0][1], loss)
-    return _certified(problem, z, shape_std, loss, [other for _, other in minima])
+    minima = _minima(problem, z, loss) if problem.is_fitted.any() else []
+    if minima and minima[0][0] < _square(problem, z) - 1:  # a smaller difference tells no minimum from another
+        z, shape_std = _refine(problem, minima[0][1], loss)
+    return _certify(problem, z, shape_std, loss, [minimum for _, minimum in minima])
 
 
 class _ModeFitProblem:
@@ -94,16 +81,16 @@ class _ModeFitProblem:
 
     def __init__(self, scene: Scene, parameters: tuple[Parameter, ...], measured: MeasuredModes) -> None:
         self.scene, self.parameters, self.measured = scene, parameters, measured
-        self.kept = np.ones(len(parameters), dtype=bool)
-        self.shape_std = ROUGH_SHAPE
+        self.is_fitted = np.ones(len(parameters), dtype=bool)
+        self.shape_std = NOISE_AT_FIRST
         self.rows = component_rows(scene, measured.components)
         self.places = _places(natural_modes(scene), measured)
-        self.shaped = [mode for mode in measured.modes if mode.shape is not None]
+        self.with_shapes = [mode for mode in measured.modes if mode.shape is not None]
 
     @property
     def estimates_noise(self) -> bool:
         """Whether the residuals of shapes tell their noise."""
-        return any(mode.shape_std is None for mode in self.shaped)
+        return any(mode.shape_std is None for mode in self.with_shapes)
 
     def modes_at(self, z: Floats) -> tuple[Scene, Modes]:
         """The scene with these numbers, and its modes."""
@@ -153,16 +140,15 @@ class _ModeFitProblem:
             if measured_mode.shape is not None:
                 phi, by, _ = derivatives.shape(row)
                 rows.append(self._shape(measured_mode, phi, by)[1])
-        whole = np.vstack(rows) * slopes
-        return np.vstack((whole, self._beliefs(z)[1]))
+        return np.vstack((np.vstack(rows) * slopes, self._beliefs(z)[1]))
 
     def _shape(self, measured_mode: MeasuredMode, phi: Any, by: Any) -> tuple[Floats, Floats]:
         """Residuals of a shape, and their derivatives."""
         assert measured_mode.shape is not None
-        there = np.isfinite(measured_mode.shape)
-        v = measured_mode.shape[there]
+        is_measured = np.isfinite(measured_mode.shape)
+        v = measured_mode.shape[is_measured]
         v = v / np.abs(v).max()
-        psi = phi[self.rows][there]
+        psi = phi[self.rows][is_measured]
         square = np.sum(psi**2)
         turn = np.exp(-0.5j * np.angle(square))
         u = (psi * turn).real
@@ -171,33 +157,31 @@ class _ModeFitProblem:
         miss = (s * u - v) / noise
         if by is None:
             return miss, np.zeros((len(v), 0))
-        change = by[self.rows][there]
+        change = by[self.rows][is_measured]
         alpha = np.imag(2 * psi @ change / square) / 2
         du = ((change - 1j * psi[:, None] * alpha) * turn).real
         ds = (v @ du - 2 * s * (u @ du)) / (u @ u)
         return miss, np.asarray((s * du + u[:, None] * ds) / noise)
 
     def _beliefs(self, z: Floats) -> tuple[Floats, Floats]:
-        known = [
-            (k, parameter.believed) for k, parameter in enumerate(self.parameters) if parameter.believed is not None
-        ]
-        rows = np.zeros((len(known), len(self.parameters)))
-        miss = np.zeros(len(known))
-        for at, (k, belief) in enumerate(known):
-            assert belief is not None
-            rows[at, k], miss[at] = 1 / belief[1], (z[k] - belief[0]) / belief[1]
-        return miss, rows
+        """Residuals of priors, and their derivatives."""
+        priors = [(k, parameter.prior_of_z) for k, parameter in enumerate(self.parameters)]
+        beliefs = [(k, *prior) for k, prior in priors if prior is not None]
+        rows = np.zeros((len(beliefs), len(self.parameters)))
+        for row, (k, _, std) in zip(rows, beliefs, strict=True):
+            row[k] = 1 / std
+        return np.array([(z[k] - mean) / std for k, mean, std in beliefs]), rows
 
     def freedom(self) -> int:
         """Number of residuals less that of the numbers fitted and of the shapes' scales."""
         values = len(self.residuals(starts_of(self.parameters)))
-        return values - int(np.count_nonzero(self.kept)) - len(self.shaped)
+        return values - int(np.count_nonzero(self.is_fitted)) - len(self.with_shapes)
 
 
 def _places(modes: Modes, measured: MeasuredModes) -> list[int]:
     """The position of every measured mode among the oscillating ones, each counted as often as it occurs."""
     problems, places = [], []
-    before = np.concatenate(([0], np.cumsum(np.where(_swings(modes), modes.multiplicity, 0))))
+    starts = np.concatenate(([0], np.cumsum(np.where(_swings(modes), modes.multiplicity, 0))))
     for measured_mode in measured.modes:
         if measured_mode.number > len(modes):
             problems.append(f"mode {measured_mode.number}: the scene has modes 1 to {len(modes)}")
@@ -208,7 +192,7 @@ def _places(modes: Modes, measured: MeasuredModes) -> list[int]:
                 f"mode {measured_mode.number}: is shared by several modes, so that its shape is not determined"
             )
         else:
-            places.append(int(before[measured_mode.number - 1]))
+            places.append(int(starts[measured_mode.number - 1]))
     if problems:
         raise SceneError([f"{measured.file}: {problem}" for problem in problems])
     return places
@@ -236,41 +220,41 @@ def _search(problem: _ModeFitProblem, loss: str) -> tuple[Floats, float | None]:
     z = starts_of(problem.parameters)
     if len(z):
         problem.jacobian(z)
-        problem.kept[_lost_around(problem, z, [], WHATEVER)] = False
-    z, _ = _refined(problem, z, loss)
+        problem.is_fitted[_undetermined_around(problem, z, [], np.inf)] = False
+    z, _ = _refine(problem, z, loss)
     if len(z):
-        lost = np.flatnonzero(~problem.kept).tolist()
-        held = _lost_around(problem, z, lost, VAGUE)
-        if len(held) > len(lost):
-            problem.kept[held] = False
-            z[~problem.kept] = starts_of(problem.parameters)[~problem.kept]
-            z = _solved(problem, z, loss)
+        undetermined = np.flatnonzero(~problem.is_fitted).tolist()
+        held = _undetermined_around(problem, z, undetermined, 1.0)
+        if len(held) > len(undetermined):
+            problem.is_fitted[held] = False
+            z[~problem.is_fitted] = starts_of(problem.parameters)[~problem.is_fitted]
+            z = _solve(problem, z, loss)
             problem.shape_std = _shape_noise(problem, z) if problem.estimates_noise else problem.shape_std
     return z, problem.shape_std if problem.estimates_noise else None
 
 
-def _lost_around(problem: _ModeFitProblem, z: Floats, held: Sequence[int], vague: float) -> Ints:
+def _undetermined_around(problem: _ModeFitProblem, z: Floats, held: Sequence[int], vague: float) -> Ints:
     """The numbers that are held since the modes do not determine them, a few percent to either side.
 
     At z itself derivatives may vanish, as at equal lengths.
     """
-    factors = GENERIC * (1 + np.arange(len(z)) / len(z)) * (-1.0) ** np.arange(len(z))
+    factors = GENERIC_STEP * (1 + np.arange(len(z)) / len(z)) * (-1.0) ** np.arange(len(z))
     logs = np.array([parameter.log for parameter in problem.parameters], dtype=bool)
-    lost = []
+    undetermined = []
     for shift in (factors, -factors):
-        moved = np.where(logs, z + shift, z * np.exp(shift))
+        aside = np.where(logs, z + shift, z * np.exp(shift))
         try:
-            J = problem.jacobian(moved)
+            J = problem.jacobian(aside)
         except (ComputationError, SceneError):
-            moved, J = z, problem.jacobian(z)
-        lost.append(find_determined(J, problem.parameters, moved, vague=vague, held=held).held)
-    return min(lost, key=len)
+            aside, J = z, problem.jacobian(z)
+        undetermined.append(find_determined(J, problem.parameters, aside, vague=vague, held=held).held)
+    return min(undetermined, key=len)
 
 
-def _refined(problem: _ModeFitProblem, z: Floats, loss: str) -> tuple[Floats, float | None]:
+def _refine(problem: _ModeFitProblem, z: Floats, loss: str) -> tuple[Floats, float | None]:
     """The minimum from this z on, and the noise of shapes where it is estimated."""
     for _ in range(ROUNDS):
-        z = _solved(problem, z, loss)
+        z = _solve(problem, z, loss)
         if not problem.estimates_noise:
             return z, None
         problem.shape_std = _shape_noise(problem, z)
@@ -282,10 +266,8 @@ def _minima(problem: _ModeFitProblem, z: Floats, loss: str) -> list[tuple[float,
     minima = []
     for start in _starts(problem, z):
         try:
-            minimum = _solved(problem, start, loss, FEWER, ROUGHLY)
-            if _square(problem, minimum) < NEARLY + _square(problem, z) and np.abs(minimum - z).max() > SAME:
-                minimum = _solved(problem, minimum, loss)
-                minima.append((_square(problem, minimum), minimum))
+            minimum = _solve(problem, start, loss)
+            minima.append((_square(problem, minimum), minimum))
         except (ComputationError, SceneError):
             continue
     return sorted(minima, key=lambda pair: pair[0])
@@ -293,20 +275,19 @@ def _minima(problem: _ModeFitProblem, z: Floats, loss: str) -> list[tuple[float,
 
 def _starts(problem: _ModeFitProblem, z: Floats) -> Iterator[Floats]:
     """The minimum with two numbers of one kind exchanged, and random ones around it."""
-    kept = np.flatnonzero(problem.kept).tolist()
+    fitted = np.flatnonzero(problem.is_fitted).tolist()
     kinds = [(problem.parameters[k].place[-1], problem.parameters[k].log) for k in range(len(z))]
-    pairs = [(j, k) for j, k in combinations(kept, 2) if kinds[j] == kinds[k]]
-    for j, k in pairs[:MOST_EXCHANGES]:
-        exchanged, first, second = z.copy(), problem.parameters[j], problem.parameters[k]
-        exchanged[j], exchanged[k] = first.z_of(second.at(float(z[k]))), second.z_of(first.at(float(z[j])))
-        yield exchanged
+    pairs = [(j, k) for j, k in combinations(fitted, 2) if kinds[j] == kinds[k]]
+    for j, k in pairs[: 4 * len(z)]:  # of many numbers not every pair, as their number goes with the square
+        start, first, second = z.copy(), problem.parameters[j], problem.parameters[k]
+        start[j], start[k] = first.z_of(second.at(float(z[k]))), second.z_of(first.at(float(z[j])))
+        yield start
     rng = np.random.default_rng(len(z))
-    for _ in range(TESTED if problem.freedom() > 0 else STARTS):
-        factors = SPREAD * rng.standard_normal(len(kept))
-        drawn = z.copy()
-        for k, factor in zip(kept, factors.tolist(), strict=True):
-            drawn[k] = z[k] + factor if problem.parameters[k].log else z[k] * np.exp(factor)
-        yield drawn
+    for _ in range(4):
+        start = z.copy()
+        for k, factor in zip(fitted, (rng.standard_normal(len(fitted)) / 2).tolist(), strict=True):
+            start[k] = z[k] + factor if problem.parameters[k].log else z[k] * np.exp(factor)
+        yield start
 
 
 def _square(problem: _ModeFitProblem, z: Floats) -> float:
@@ -324,42 +305,44 @@ def _shape_noise(problem: _ModeFitProblem, z: Floats) -> float:
         phi = modes.matrix.shapes[:, modes.matrix.row == _row(modes, place)][:, 0].astype(np.complex128)
         miss = problem._shape(measured_mode, phi, None)[0] * problem.shape_std
         square, count = square + float(miss @ miss), count + len(miss) - 1
-    return max(FINEST_SHAPE, float(np.sqrt(square / max(count, 1))))
+    return max(NOISE_MIN, float(np.sqrt(square / max(count, 1))))
 
 
-def _solved(problem: _ModeFitProblem, z: Floats, loss: str, most: int = MOST, close: float = CLOSE) -> Floats:
-    columns = np.flatnonzero(problem.kept)
+def _solve(problem: _ModeFitProblem, z: Floats, loss: str) -> Floats:
+    """The minimum that a search from z leads into."""
+    columns = np.flatnonzero(problem.is_fitted)
     if not len(columns):
         return z
-    least = np.array([parameter.least for parameter in problem.parameters])[columns]
+    low = np.array([parameter.z_min for parameter in problem.parameters])[columns]
+    size, start = len(problem.residuals(z)), z
 
-    def whole(x: Floats) -> Floats:
-        every = z.copy()
-        every[columns] = x
-        return every
+    def z_of(x: Floats) -> Floats:
+        z = start.copy()
+        z[columns] = x
+        return z
 
     def residuals(x: Floats) -> Floats:
         try:
-            return problem.residuals(whole(x))
+            return problem.residuals(z_of(x))
         except (ComputationError, SceneError):
             return np.full(size, 1e12)
 
-    size = len(problem.residuals(z))
-    steps = [0.1 if parameter.log else 0.1 * max(parameter.start, 0.05) for parameter in problem.parameters]
-    jacobian: Callable[[Floats], Floats] = lambda x: problem.jacobian(whole(x))[:, columns]  # noqa: E731
+    def jacobian(x: Floats) -> Floats:
+        return problem.jacobian(z_of(x))[:, columns]
+
+    last_digits = 64 * np.finfo(float).eps
     solution = scipy.optimize.least_squares(
         residuals,
-        np.maximum(z[columns], least + 1e-12),
+        np.maximum(z[columns], low + 1e-12),
         jacobian,
-        bounds=(least, np.inf),
-        x_scale=np.array(steps)[columns],
+        bounds=(low, np.inf),
+        x_scale=np.array([parameter.step for parameter in problem.parameters])[columns],
         loss=loss,
-        max_nfev=most,
-        ftol=close,
-        xtol=close,
-        gtol=close,
+        ftol=last_digits,
+        xtol=last_digits,
+        gtol=last_digits,
     )
-    return whole(solution.x)
+    return z_of(solution.x)
 
 
 def _covariance(problem: _ModeFitProblem, z: Floats) -> Floats:
@@ -368,53 +351,50 @@ def _covariance(problem: _ModeFitProblem, z: Floats) -> Floats:
     Along each singular vector of the Jacobian the standard deviation is a half of the 95 % interval (1.96 to either
     side) in which chi-square, the least over the other directions, rises by 3.84: 1/s where residuals are linear.
     """
-    kept = np.flatnonzero(problem.kept)
+    fitted = np.flatnonzero(problem.is_fitted)
     cov = np.zeros((len(z), len(z)))
-    if not len(kept):
+    if not len(fitted):
         return cov
-    J = problem.jacobian(z)[:, kept]
+    J = problem.jacobian(z)[:, fitted]
     size = np.maximum(np.linalg.norm(J, axis=0), 1e-300)
-    _, singular, V = np.linalg.svd(np.vstack((J / size, np.zeros((len(kept), len(kept))))), full_matrices=False)
-    steps = np.zeros((len(z), len(kept)))
-    steps[kept] = V.T / size[:, None] / np.maximum(singular, SINGULAR * singular[0])
-    reach = np.array([_reach(problem, z, steps, k) for k in range(len(kept))])
-    scaled = steps * reach
-    return np.asarray(scaled @ scaled.T)
-
-
-def _rise(problem: _ModeFitProblem, z: Floats) -> float:
-    """The sum of squares, infinite where there are no modes."""
-    try:
-        return _square(problem, z)
-    except (ComputationError, SceneError):
-        return np.inf
+    _, singular, V = np.linalg.svd(np.vstack((J / size, np.zeros((len(fitted), len(fitted))))), full_matrices=False)
+    steps = np.zeros((len(z), len(fitted)))
+    # where a derivative vanishes, as at equal lengths, the step of a linear fit is infinite: `_reach` finds its end
+    steps[fitted] = V.T / size[:, None] / np.maximum(singular, 1e-12 * singular[0])
+    reaches = steps * np.array([_reach(problem, z, steps, k) for k in range(len(fitted))])
+    return np.asarray(reaches @ reaches.T)
 
 
 def _reach(problem: _ModeFitProblem, z: Floats, steps: Floats, k: int) -> float:
     """By how much the standard deviation along the step (p,) number k differs from its length, that of a linear fit."""
     rise = _quantile(1)
     normal, level = np.sqrt(rise), _square(problem, z) + rise
-    furthest = FURTHEST / max(float(np.abs(steps[:, k]).max()), 1e-300)
+    lows = [parameter.z_min for parameter in problem.parameters]
+    furthest = 2 / max(float(np.abs(steps[:, k]).max()), 1e-300)  # z ± 2, a factor of 7, is as good as anything
 
     ends = []
     for side in (-1.0, 1.0):
-        straight = np.maximum(z + side * normal * steps[:, k], [parameter.least for parameter in problem.parameters])
-        if normal < furthest and abs(_rise(problem, straight) - level) < LINEAR * rise:
+        straight_end = np.maximum(z + side * normal * steps[:, k], lows)
+        try:
+            is_linear = normal < furthest and abs(_square(problem, straight_end) - level) < rise / 4
+        except (ComputationError, SceneError):
+            is_linear = False
+        if is_linear:
             ends.append(normal)
             continue
         low, high, y = 0.0, min(normal, furthest) / 4, np.zeros(steps.shape[1])
 
-        def within(t: float, y: Floats = y, side: float = side) -> bool:
+        def is_within(t: float, y: Floats = y, side: float = side) -> bool:
             y[k] = side * t
             return _least_beside(problem, z, steps, y, k) < level
 
-        while high < furthest and within(high):
+        while high < furthest and is_within(high):
             low, high = high, 1.5 * high
         high = min(high, furthest)
-        for _ in range(BISECTIONS):
+        while 4 * (high - low) > low:
             middle = (low + high) / 2
-            low, high = (middle, high) if within(middle) else (low, middle)
-        ends.append(high)
+            low, high = (middle, high) if is_within(middle) else (low, middle)
+        ends.append((low + high) / 2)
     return float(max(ends) / normal)
 
 
@@ -423,34 +403,35 @@ def _least_beside(problem: _ModeFitProblem, z: Floats, steps: Floats, y: Floats,
 
     Infinite where there are no modes.
     """
-    least = np.array([parameter.least for parameter in problem.parameters])
+    lows = np.array([parameter.z_min for parameter in problem.parameters])
     others = np.delete(np.arange(len(y)), k)
-    free, best = steps[:, others], np.inf
+    best = np.inf
     try:
         for _ in range(ROUNDS):
-            place = np.maximum(z + steps @ y, least)
-            residuals = problem.residuals(place)
+            trial = np.maximum(z + steps @ y, lows)
+            residuals = problem.residuals(trial)
             square = float(residuals @ residuals)
-            if not len(others) or square > best * (1 - SETTLED):
+            if not len(others) or square >= best:
                 return min(square, best)
             best = square
-            y[others] -= np.linalg.lstsq(problem.jacobian(place) @ free, residuals, rcond=None)[0]
+            y[others] -= np.linalg.lstsq(problem.jacobian(trial) @ steps[:, others], residuals, rcond=None)[0]
     except (ComputationError, SceneError):
-        return min(best, np.inf)
+        pass  # beyond the numbers at which a measured mode ceases to swing, chi-square is infinite
     return best
 
 
 def _solutions(problem: _ModeFitProblem, z: Floats, cov: Floats, minima: Sequence[Floats]) -> list[Solution]:
     """Those of other minima that fit as well as z and differ from it, and from each other."""
-    most = _square(problem, z) + _quantile(max(1, int(np.count_nonzero(problem.kept))))
+    largest = _square(problem, z) + _quantile(max(1, int(np.count_nonzero(problem.is_fitted))))
     solutions: list[Solution] = []
-    known = [(z, cov)]
-    for other in minima:
-        square = _square(problem, other)
-        if square > most or any(_same(other, earlier, spread) for earlier, spread in known):
+    regions = [(z, cov)]
+    for minimum in minima:
+        square = _square(problem, minimum)
+        distances = [np.abs(minimum - centre) - np.sqrt(np.diag(spread)) / 2 for centre, spread in regions]
+        if square > largest or any(np.all(distance < 1e-6) for distance in distances):
             continue
-        known.append((other, _covariance(problem, other)))
-        solutions.append(Solution(problem.parameters, *known[-1], square))
+        regions.append((minimum, _covariance(problem, minimum)))
+        solutions.append(Solution(problem.parameters, *regions[-1], square))
     return solutions
 
 
@@ -459,87 +440,81 @@ def _quantile(freedom: int) -> float:
     return float(2 * scipy.special.gammaincinv(freedom / 2, CONFIDENCE))
 
 
-def _same(numbers: Floats, other: Floats, cov: Floats) -> bool:
-    """Whether numbers are others within a part of the standard deviations of these."""
-    return bool(np.all(np.abs(numbers - other) < DISTINCT * np.sqrt(np.maximum(np.diag(cov), 0.0)) + 1e-6))
-
-
-def _certified(
+def _certify(
     problem: _ModeFitProblem, z: Floats, shape_std: float | None, loss: str, minima: Sequence[Floats] = ()
 ) -> ModeFit:
-    count, kept = len(problem.parameters), np.flatnonzero(problem.kept)
+    """The fit at the minimum z, with all that is said of it."""
+    fitted, held = np.flatnonzero(problem.is_fitted), np.flatnonzero(~problem.is_fitted)
     residuals, J = problem.residuals(z), problem.jacobian(z)
     cov = _covariance(problem, z)
-    determined = Determined(kept, np.flatnonzero(~problem.kept), (), 1.0)
-    if count:
-        lost = np.flatnonzero(~problem.kept).tolist()
-        judged = find_determined(J, problem.parameters, z, vague=WHATEVER, held=lost)
-        directions = tuple(
-            direction for direction in judged.directions if direction.held in {problem.parameters[k].path for k in lost}
-        )
-        determined = Determined(kept, np.flatnonzero(~problem.kept), directions, judged.condition)
+    determined = Determined(fitted, held, (), 1.0)
+    if problem.parameters:
+        determination = find_determined(J, problem.parameters, z, vague=np.inf, held=held.tolist())
+        paths = {problem.parameters[k].path for k in held.tolist()}
+        directions = tuple(direction for direction in determination.directions if direction.held in paths)
+        determined = Determined(fitted, held, directions, determination.condition)
     scene, modes = problem.modes_at(z)
-    square, freedom = float(residuals @ residuals), problem.freedom()
-    beside = tuple(
-        _beside(problem, modes, measured_mode, place)
+    fitted_modes = tuple(
+        _fitted_mode(problem, modes, measured_mode, place)
         for measured_mode, place in zip(problem.measured.modes, problem.places, strict=True)
     )
     fit = ModeFit(
         parameters=problem.parameters,
         z=z,
         cov=cov,
-        chi_square=square,
+        chi_square=float(residuals @ residuals),
         given=problem.scene,
         scene=scene,
         measured=problem.measured,
         determined=determined,
-        held=determined.held,
-        modes=beside,
-        freedom=freedom,
+        held=held,
+        modes=fitted_modes,
+        freedom=problem.freedom(),
         shape_std=shape_std,
         others=tuple(_solutions(problem, z, cov, minima)),
     )
     return ModeFit(**{**vars(fit), "verdict": tuple(_verdict(problem, fit, loss))})
 
 
-def _beside(problem: _ModeFitProblem, modes: Modes, measured_mode: MeasuredMode, place: int) -> FittedMode:
+def _fitted_mode(problem: _ModeFitProblem, modes: Modes, measured_mode: MeasuredMode, place: int) -> FittedMode:
     row = _row(modes, place)
     value = modes.eigenvalue[row]
     mac = None
     if measured_mode.shape is not None:
-        there = np.isfinite(measured_mode.shape)
+        is_measured = np.isfinite(measured_mode.shape)
         phi = modes.matrix.shapes[:, modes.matrix.row == row][problem.rows, 0].astype(np.complex128)
-        u, v = turned(phi[there]).real, measured_mode.shape[there]
+        u, v = turned(phi[is_measured]).real, measured_mode.shape[is_measured]
         mac = float((u @ v) ** 2 / ((u @ u) * (v @ v)))
-    stated = None if measured_mode.damping_ratio is None else _ratio_std(measured_mode)
-    return FittedMode(measured_mode, float(abs(value)) / (2 * np.pi), float(-value.real / abs(value)), stated, mac)
+    std = None if measured_mode.damping_ratio is None else _ratio_std(measured_mode)
+    return FittedMode(measured_mode, float(abs(value)) / (2 * np.pi), float(-value.real / abs(value)), std, mac)
 
 
-def _words(solution: Solution, fitted: Sequence[int]) -> str:
+def _solution_words(solution: Solution, fitted: Sequence[int]) -> str:
     numbers = [(solution.parameters[k].path, solution.values[k], solution.stds[k]) for k in fitted]
-    told = [f"{path} = {with_error(value, std)} ± {std:.2g}" for path, value, std in numbers]
-    return listed(told, len(told))
+    words = [f"{path} = {with_error(value, std)} ± {std:.2g}" for path, value, std in numbers]
+    return listed(words, len(words))
 
 
 def _verdict(problem: _ModeFitProblem, result: ModeFit, loss: str) -> list[str]:
     words = []
     if result.freedom > 0:
         chance = float(scipy.special.chdtrc(result.freedom, result.chi_square))
-        told = f"chi-square {short(result.chi_square)} with {result.freedom} degrees of freedom"
-        if chance < UNLIKELY:
+        test = f"chi-square {short(result.chi_square)} with {result.freedom} degrees of freedom"
+        if chance < CHANCE_MAX:
             words.append(
-                f"{told}: so large by chance in {percent(chance)} of cases, so the stated standard deviations are too "
+                f"{test}: so large by chance in {percent(chance)} of cases, so the stated standard deviations are too "
                 "small or the model lacks something"
             )
         else:
-            words.append(f"{told}: as the stated standard deviations suggest (larger by chance in {percent(chance)})")
+            words.append(f"{test}: as the stated standard deviations suggest (larger by chance in {percent(chance)})")
     else:
         words.append("as many numbers as measured values: nothing is left to test the model by")
-    words += [
-        f"another solution fits as well, with chi-square {short(other.chi_square)}: {_words(other, result.fitted)}; a "
-        "measured shape or a prior can tell which is right"
-        for other in result.others
-    ]
+    for other in result.others:
+        numbers = _solution_words(other, result.fitted)
+        words.append(
+            f"another solution fits as well, with chi-square {short(other.chi_square)}: {numbers}; a measured shape or a "
+            "prior can tell which is right"
+        )
     worst = max(result.modes, key=lambda mode: abs(mode.deviation))
     if abs(worst.deviation) > 3:
         words.append(f"mode {worst.measured.number} is off by {worst.deviation:+.1f} standard deviations in frequency")
@@ -552,7 +527,7 @@ def _verdict(problem: _ModeFitProblem, result: ModeFit, loss: str) -> list[str]:
             f"the noise of the shapes is estimated from their residuals: {result.shape_std:.2g} of the largest"
         )
     for k in result.fitted:
-        if result.parameters[k].least == 0.0 and result.z[k] < 1e-6:
+        if result.parameters[k].z_min == 0.0 and result.z[k] < BOUND_DISTANCE:
             words.append(f"{result.parameters[k].path} is at its bound, 0: the modes give no sign of it")
     if loss != "linear":
         words.append(f"standard deviations are those of the linear loss at the optimum of {loss}")

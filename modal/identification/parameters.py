@@ -29,7 +29,10 @@ CAN_VANISH = (
 )
 PLACED = ("position", "centre")
 """Keys of places in a scene, along and below, whose numbers may have either sign."""
-FURTHEST = 12.0  # |z| of a positive number
+LOG_CHANGE_MAX = 12.0
+"""Limit: |z| of a positive number: a fit does not multiply or divide it by more than e¹² = 163,000."""
+BOUND_DISTANCE = 1e-6
+"""Tolerance: z of a number that is at its bound, 0: no record tells it from 0."""
 NONE = "none"
 DIRECTIONS = ("sway", "heave", "roll")
 PRIOR = re.compile(r"\s*([^±]+?)\s*(?:±|\+/?-)\s*([^±]+?)\s*", re.ASCII)
@@ -65,9 +68,14 @@ class FreeParameter(Displayed):
         return 0.0 if self.log else self.value / self.unit
 
     @property
-    def least(self) -> float:
+    def z_min(self) -> float:
         """The smallest z."""
-        return -FURTHEST if self.log else self.low / self.unit
+        return -LOG_CHANGE_MAX if self.log else self.low / self.unit
+
+    @property
+    def step(self) -> float:
+        """A step of z that changes the number by a tenth, one near 0 by a part of its unit."""
+        return 0.1 if self.log else 0.1 * max(self.start, 0.05)
 
     def at(self, z: float) -> float:
         """The number."""
@@ -82,7 +90,7 @@ class FreeParameter(Displayed):
         return log(value / self.value) if self.log else value / self.unit
 
     @property
-    def believed(self) -> tuple[float, float] | None:
+    def prior_of_z(self) -> tuple[float, float] | None:
         """Mean and standard deviation of z by the prior."""
         if self.prior is None:
             return None

@@ -17,6 +17,8 @@ import numpy as np
 
 from modal.errors import ComputationError, SceneError
 from modal.identification.decays import (
+    FREQUENCY_STD_MAX,
+    SHAPE_MAC_MIN,
     Decays,
     Series,
     bent,
@@ -30,7 +32,7 @@ from modal.identification.decays import (
 from modal.identification.derivatives import polar
 from modal.identification.measured import turned
 from modal.identification.parameters import with_error
-from modal.identification.realization import Realization, modal_assurance, realize
+from modal.identification.realization import HANKEL_ROWS, Realization, modal_assurance, realize
 from modal.report import (
     Displayed,
     Drawable,
@@ -52,21 +54,26 @@ from modal.types import Booleans, Complexes, Floats
 
 METHODS = ("era", "decrement")
 EXCITATIONS = ("free", "random")
-SAMPLES = 10  # least number of a segment
-UNEVEN = 0.01  # of a step, by which samples may be off an even grid without interpolation
-SPANNED = 1.5  # periods of the slowest line that the rows of a Hankel matrix span
-LINE = 1e-3  # part of the highest peak's power that counts as a line
-LEAST_RATE = 6.0  # samples per period of the fastest line
-LAGS = 6.0  # periods of the slowest line over which correlations are used
-PARTS = 16  # of a record of random responses, for their jackknife
-MOST_ORDER = 30
+SAMPLES_MIN = 10
+"""Limit: samples of a segment: "a segment has … samples"."""
+STEP_UNEVENNESS = 0.01
+"""Tolerance: of a step, by which samples may be off an even grid without interpolation: clocks round to so much."""
+LINE_POWER_MIN = 1e-3
+"""Tolerance: of the highest peak's power, a line: Hann's window leaves less than that beside a peak."""
+PERIOD_SAMPLES_MIN = 6.0
+"""Tolerance: samples per period of the fastest line in a row of a Hankel matrix: three times those of Nyquist."""
+LAG_PERIODS = 6.0
+"""Tolerance: periods of the slowest line over which correlations are used: of longer lags noise is left."""
+RECORD_PARTS = 16
+"""Tolerance: parts of a record of random responses for their jackknife, whose errors are good to 1/√(2·16)."""
+ORDER_MAX = 30
+"""Limit: the largest `order`, named where it is exceeded."""
 Method = Literal["era", "decrement"]
 Excitation = Literal["free", "random"]
-FAINT = 0.01  # of the strongest amplitude: harmonics of swings that are not small
-ALIKE, ALIKE_DAMPING, ALIKE_SHAPE = 0.01, 0.02, 0.95  # of poles of successive orders that are stable
-APART = 0.03  # of poles of one order that are different modes
-OFTEN = 4  # orders at which a pole is stable that is one of random responses
-VAGUE = 0.1  # relative standard deviation of a frequency above which a pole is none
+AMPLITUDE_MIN = 0.01
+"""Tolerance: of the strongest amplitude: weaker poles are harmonics of swings that are not small."""
+FREQUENCY_TOLERANCE = 0.01
+"""Tolerance: relative, of frequencies of one mode at successive orders, usual in stabilization diagrams."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -107,8 +114,8 @@ class IdentifiedMode(Displayed):
         [Pappa1993]
         """
         x, y = self.shape.real, self.shape.imag
-        whole = (x @ x + y @ y) ** 2
-        return float(((x @ x - y @ y) ** 2 + 4 * (x @ y) ** 2) / whole) if whole else 1.0
+        total = (x @ x + y @ y) ** 2
+        return float(((x @ x - y @ y) ** 2 + 4 * (x @ y) ** 2) / total) if total else 1.0
 
 
 MODE = (
@@ -234,11 +241,11 @@ def identify(
     SceneError for records that cannot be used, ComputationError where no mode stands out.
     """
     if order is not None:
-        checked_index("order", order, 1, MOST_ORDER)
+        checked_index("order", order, 1, ORDER_MAX)
     if excitation == "random" and method == "decrement":
         raise SceneError(["method decrement: takes free decays, not a random excitation"])
     notes: list[str] = []
-    even, step = _evened(segments, notes)
+    even, step = _interpolate_evenly(segments, notes)
     if method == "decrement":
         return _by_decrement(even, step, names, notes)
     lines = _lines(even, step)
@@ -246,12 +253,16 @@ def identify(
         return _random(even, step, names, order, lines, notes)
     stride = _stride(lines, step, even)
     realization = realize([values - values.mean(axis=0) for values in even], step, stride)
-    chosen = min(order or min(realization.rank, MOST_ORDER), len(realization.singular))
-    diagram = stabilization(realization, max(MOST_ORDER // 2, min(chosen + 10, MOST_ORDER)))
+    chosen = min(order or min(realization.rank, ORDER_MAX), len(realization.singular))
+    diagram = stabilization(realization, max(ORDER_MAX // 2, min(chosen + 10, ORDER_MAX)))
     poles, _ = realization.poles(chosen)
-    poles = poles[-poles.real / np.abs(poles) > -0.2]
-    series = _series(segments)
-    faint = 0.0 if order else FAINT
+    poles = poles[-poles.real / np.abs(poles) > -0.2]  # faster growth is none of a free decay: noise
+    series = []
+    for s, (times, values) in enumerate(segments):
+        for c, column in enumerate(values.T):
+            is_present = np.isfinite(column)
+            series.append(Series(c, s, times[is_present] - times[0], column[is_present]))
+    faint = 0.0 if order else AMPLITUDE_MIN
     decays = fit_decays(series, poles, faint)
     if len(decays.poles) < len(poles):
         notes.append(f"{counted(len(poles) - len(decays.poles), 'pole', 'poles')} left out: faint or not significant")
@@ -262,14 +273,14 @@ def identify(
         decays = better
     while better := bent(series, decays, faint):
         decays = better
-    notes += [_bent(decays, r) for r in decays.model.bent.tolist()]
+    notes += [_bent_words(decays, r) for r in decays.model.bent.tolist()]
     notes += [
         f"modes {r + 1} and {s + 1} have one shape and never beat: perhaps one mode, whose frequency and damping "
         "change with amplitude, as dry friction makes them"
         for r, s in suspects(series, decays)
     ]
     if not decays.white:
-        notes.append(_correlated(series, names))
+        notes.append(_correlation_words(series, names))
     modes = tuple(_of_decays(decays, r, segments, len(names)) for r in range(len(decays.poles)))
     return Identified(modes, tuple(names), "era", "free", chosen, diagram, tuple(notes))
 
@@ -277,39 +288,31 @@ def identify(
 # ------------------------------------------------------------------------------------------------------- records
 
 
-def _evened(segments: Sequence[tuple[Floats, Floats]], notes: list[str]) -> tuple[list[Floats], float]:
+def _interpolate_evenly(segments: Sequence[tuple[Floats, Floats]], notes: list[str]) -> tuple[list[Floats], float]:
     """Values on even times with one step for all segments."""
-    short_ones = [len(times) for times, _ in segments if len(times) < SAMPLES]
-    if short_ones:
-        raise SceneError([f"a segment has {short_ones[0]} samples: at least {SAMPLES} are needed"])
+    counts = [len(times) for times, _ in segments if len(times) < SAMPLES_MIN]
+    if counts:
+        raise SceneError([f"a segment has {counts[0]} samples: at least {SAMPLES_MIN} are needed"])
     step = float(np.median(np.concatenate([np.diff(times) for times, _ in segments])))
-    evened, moved = [], False
+    even, is_interpolated = [], False
     for times, values in segments:
         grid = times[0] + step * np.arange(round((times[-1] - times[0]) / step) + 1)
-        is_even = len(grid) == len(times) and float(np.abs(times - grid).max()) < UNEVEN * step
+        is_even = len(grid) == len(times) and float(np.abs(times - grid).max()) < STEP_UNEVENNESS * step
         if is_even and np.all(np.isfinite(values)):
-            evened.append(values)
+            even.append(values)
             continue
-        moved = True
+        is_interpolated = True
         columns = []
         for column in values.T:
-            there = np.isfinite(column)
-            if np.count_nonzero(there) < SAMPLES:
-                raise SceneError([f"a sensor has {np.count_nonzero(there)} values in a segment: {SAMPLES} are needed"])
-            columns.append(np.interp(grid, times[there], column[there]))
-        evened.append(np.array(columns).T)
-    if moved:
+            is_present = np.isfinite(column)
+            count = int(np.count_nonzero(is_present))
+            if count < SAMPLES_MIN:
+                raise SceneError([f"a sensor has {count} values in a segment: {SAMPLES_MIN} are needed"])
+            columns.append(np.interp(grid, times[is_present], column[is_present]))
+        even.append(np.array(columns).T)
+    if is_interpolated:
         notes.append("samples are uneven or missing: interpolated for starting values")
-    return evened, step
-
-
-def _series(segments: Sequence[tuple[Floats, Floats]]) -> list[Series]:
-    series = []
-    for s, (times, values) in enumerate(segments):
-        for c, column in enumerate(values.T):
-            there = np.isfinite(column)
-            series.append(Series(c, s, times[there] - times[0], column[there]))
-    return series
+    return even, step
 
 
 def _lines(even: Sequence[Floats], step: float) -> tuple[float, float]:
@@ -317,54 +320,52 @@ def _lines(even: Sequence[Floats], step: float) -> tuple[float, float]:
     count = int(2 ** np.ceil(np.log2(4 * max(map(len, even)))))
     power = np.zeros(count // 2 + 1)
     for values in even:
-        centred = (values - values.mean(axis=0)) / np.maximum(values.std(axis=0), 1e-300)
-        power += np.sum(np.abs(np.fft.rfft(centred * np.hanning(len(values))[:, None], count, axis=0)) ** 2, axis=1)
+        deviations = (values - values.mean(axis=0)) / np.maximum(values.std(axis=0), 1e-300)
+        spectrum = np.fft.rfft(deviations * np.hanning(len(values))[:, None], count, axis=0)
+        power += np.sum(np.abs(spectrum) ** 2, axis=1)
     frequency = np.fft.rfftfreq(count, step)
-    power[frequency < 1.5 / (max(map(len, even)) * step)] = 0.0
-    strong = np.flatnonzero(power > LINE * power.max())
-    if not len(strong) or not power.max() > 0:
+    power[frequency < 1.5 / (max(map(len, even)) * step)] = 0.0  # drifts, which last longer than the record
+    if not power.max() > 0:
         raise ComputationError("the records contain no oscillation")
-    peak = float(frequency[int(np.argmax(power))])
-    above = np.flatnonzero(power > 0.05 * power.max())
-    return min(float(frequency[above[0]]), peak), max(float(frequency[strong[-1]]), peak)
+    slow = np.flatnonzero(power > 0.05 * power.max())
+    fast = np.flatnonzero(power > LINE_POWER_MIN * power.max())
+    return float(frequency[slow[0]]), float(frequency[fast[-1]])
 
 
 def _stride(lines: tuple[float, float], step: float, even: Sequence[Floats]) -> int:
     """So many samples apart that the rows span the slowest line, and the fastest one is still sampled well."""
     slow, fast = lines
-    rows = max(2, 240 // even[0].shape[1])
-    wanted = int(np.ceil(SPANNED / slow / (rows * step)))
-    return max(1, min(wanted, int(1 / (LEAST_RATE * fast * step)), min(map(len, even)) // 8))
+    rows = max(2, HANKEL_ROWS // even[0].shape[1])
+    spanning = int(np.ceil(1.5 / slow / (rows * step)))
+    return max(1, min(spanning, int(1 / (PERIOD_SAMPLES_MIN * fast * step)), min(map(len, even)) // 8))
 
 
 # ------------------------------------------------------------------------------------------------ stabilization
 
 
-def stabilization(realization: Realization, most: int) -> tuple[OrderPole, ...]:
-    """The poles of the orders 2, 4, … up to `most`, each compared with those of the order before."""
+def stabilization(realization: Realization, order_max: int) -> tuple[OrderPole, ...]:
+    """The poles of the orders 2, 4, … up to `order_max`, each compared with those of the order before."""
     diagram: list[OrderPole] = []
-    before: tuple[Complexes, Complexes] | None = None
+    earlier = np.zeros(0, dtype=np.complex128), np.zeros((realization.sensors, 0), dtype=np.complex128)
     usable = int(np.count_nonzero(realization.singular > 1e-12 * realization.singular[0]))
-    for order in range(2, max(2, min(most, usable)) + 1, 2):
+    for order in range(2, max(2, min(order_max, usable)) + 1, 2):
         poles, shapes = realization.poles(order)
-        stable = _stable(poles, shapes, before)
+        stable = _stable(poles, shapes, *earlier)
         diagram += [
             OrderPole(order, abs(pole) / (2 * pi), -pole.real / abs(pole), bool(is_stable))
             for pole, is_stable in zip(poles.tolist(), stable, strict=True)
         ]
-        before = poles, shapes
+        earlier = poles, shapes
     return tuple(diagram)
 
 
-def _stable(poles: Complexes, shapes: Complexes, before: tuple[Complexes, Complexes] | None) -> Booleans:
-    if before is None or not len(before[0]) or not len(poles):
-        return np.zeros(len(poles), dtype=bool)
-    others, other_shapes = before
-    near = np.abs(np.abs(poles)[:, None] / np.abs(others) - 1) < ALIKE
+def _stable(poles: Complexes, shapes: Complexes, others: Complexes, other_shapes: Complexes) -> Booleans:
+    """Which poles (R,) are among others, with their frequency, damping ratio and shape."""
+    is_same = np.abs(np.abs(poles)[:, None] / np.abs(others) - 1) < FREQUENCY_TOLERANCE
     damping, dampings = -poles.real / np.abs(poles), -others.real / np.abs(others)
-    near &= np.abs(damping[:, None] - dampings) < ALIKE_DAMPING
-    near &= modal_assurance(shapes, other_shapes) > ALIKE_SHAPE
-    return np.asarray(near.any(axis=1))
+    is_same &= np.abs(damping[:, None] - dampings) < 2 * FREQUENCY_TOLERANCE
+    is_same &= modal_assurance(shapes, other_shapes) > SHAPE_MAC_MIN
+    return np.asarray(is_same.any(axis=1))
 
 
 # --------------------------------------------------------------------------------------------------- free decays
@@ -376,28 +377,28 @@ def _of_decays(decays: Decays, r: int, segments: Sequence[tuple[Floats, Floats]]
     noise = decays.amplitude_stds[:, r].reshape(count, sensors)
     size = np.abs(amplitudes @ shape.conj())
     std = np.sqrt(1 / np.sum(size[:, None] ** 2 / np.maximum(noise, 1e-300) ** 2, axis=0))
-    shape, largest = _scaled(shape)
+    shape, largest = _scale_to_largest(shape)
     pole = complex(decays.poles[r])
     cov = decays.cov[np.ix_([r, R + r], [r, R + r])]
     noise_of_shape = float(np.sqrt(np.mean(std**2))) / largest if sensors > 1 else None
-    return replace(_identified(pole, cov, shape, noise_of_shape), frequency_shift=decays.shift(r))
+    return replace(_mode_of_pole(pole, cov, shape, noise_of_shape), frequency_shift=decays.shift(r))
 
 
-def _correlated(series: Sequence[Series], names: Sequence[str]) -> str:
+def _correlation_words(series: Sequence[Series], names: Sequence[str]) -> str:
     """What there is to say of correlated residuals, for which swings that are not small are the usual reason."""
-    told = "the residuals are correlated: standard deviations allow for it; large swings are not linear"
+    words = "the residuals are correlated: standard deviations allow for it; large swings are not linear"
     largest = max(
         (float(np.ptp(record.values)) / 2 for record in series if names[record.sensor].startswith("theta")), default=0
     )
     if not largest:
-        return told
+        return words
     return (
-        f"{told}: where the record does not show how a frequency changes with amplitude, that of swings of "
+        f"{words}: where the record does not show how a frequency changes with amplitude, that of swings of "
         f"{degrees(largest):.2g}° is off from that of small ones by some {percent(largest**2 / 16)}"
     )
 
 
-def _bent(decays: Decays, r: int) -> str:
+def _bent_words(decays: Decays, r: int) -> str:
     """What there is to say of a mode that linear poles take for several."""
     small, shift = abs(decays.poles[r]) / (2 * pi), decays.shift(r)
     assert shift is not None
@@ -408,14 +409,14 @@ def _bent(decays: Decays, r: int) -> str:
     )
 
 
-def _scaled(shape: Complexes) -> tuple[Complexes, float]:
+def _scale_to_largest(shape: Complexes) -> tuple[Complexes, float]:
     """Turned to its largest real part, with 1 as the largest component; and what it was divided by."""
     real_shape = turned(shape)
     at = int(np.argmax(np.abs(real_shape.real)))
     return real_shape / real_shape[at].real, abs(float(real_shape[at].real))
 
 
-def _identified(pole: complex, cov: Floats, shape: Complexes, shape_std: float | None) -> IdentifiedMode:
+def _mode_of_pole(pole: complex, cov: Floats, shape: Complexes, shape_std: float | None) -> IdentifiedMode:
     """With the covariance (2, 2) of the real and imaginary parts of the pole."""
     omega, zeta = polar(pole, np.array([1.0, 1.0j]))
     return IdentifiedMode(
@@ -429,29 +430,20 @@ def _identified(pole: complex, cov: Floats, shape: Complexes, shape_std: float |
 
 def _by_decrement(even: Sequence[Floats], step: float, names: Sequence[str], notes: list[str]) -> Identified:
     """By the sensor with the largest swing; segments are averaged by their weights."""
+    swings = [values - values.mean(axis=0) for values in even]
     decrements = []
-    for values in even:
-        swing = values - values.mean(axis=0)
+    for values, swing in zip(even, swings, strict=True):
         k = int(np.argmax(swing.std(axis=0)))
-        decrements.append((log_decrement(step * np.arange(len(values), dtype=np.float64), values[:, k]), values))
-    weights = np.array(
-        [
-            [1 / max(decrement.real_std, 1e-300) ** 2, 1 / max(decrement.imag_std, 1e-300) ** 2]
-            for decrement, _ in decrements
-        ]
-    )
-    parts = np.array([[decrement.pole.real, decrement.pole.imag] for decrement, _ in decrements])
+        decrements.append(log_decrement(step * np.arange(len(values), dtype=np.float64), values[:, k]))
+    stds = np.array([[decrement.real_std, decrement.imag_std] for decrement in decrements])
+    weights = 1 / np.maximum(stds, 1e-300) ** 2
+    parts = np.array([[decrement.pole.real, decrement.pole.imag] for decrement in decrements])
     mean = (weights * parts).sum(axis=0) / weights.sum(axis=0)
-    shape = _single_shape(even)
-    notes.append(f"{sum(decrement.peaks for decrement, _ in decrements)} turning points of one mode")
-    mode = _identified(complex(*mean), np.diag(1 / weights.sum(axis=0)), shape, None)
+    _, _, directions = np.linalg.svd(np.vstack(swings), full_matrices=False)
+    shape, _ = _scale_to_largest(directions[0].astype(np.complex128))
+    notes.append(f"{sum(decrement.peaks for decrement in decrements)} turning points of one mode")
+    mode = _mode_of_pole(complex(*mean), np.diag(1 / weights.sum(axis=0)), shape, None)
     return Identified((mode,), tuple(names), "decrement", "free", 2, (), tuple(notes))
-
-
-def _single_shape(even: Sequence[Floats]) -> Complexes:
-    swing = np.vstack([values - values.mean(axis=0) for values in even])
-    _, _, right = np.linalg.svd(swing, full_matrices=False)
-    return _scaled(right[0].astype(np.complex128))[0]
 
 
 # ---------------------------------------------------------------------------------------------- random responses
@@ -465,8 +457,9 @@ def _random(
     lines: tuple[float, float],
     notes: list[str],
 ) -> Identified:
-    lags = int(min(LAGS / lines[0] / step, min(map(len, even)) / 4))
-    parts = _parts(even, lags)
+    lags = int(min(LAG_PERIODS / lines[0] / step, min(map(len, even)) / 4))
+    length = max(sum(map(len, even)) // RECORD_PARTS, 3 * lags)
+    parts = [values[at : at + length] for values in even for at in range(0, len(values) - length + 1, length)]
     if len(parts) < 4:
         raise ComputationError(
             f"the records are too short for random excitation: {short(4 * 4 * lags * step)} s at least, or free decays"
@@ -474,7 +467,7 @@ def _random(
     correlations = [_correlation(part, lags) for part in parts]
     sizes = np.array([len(part) for part in parts], dtype=float)
 
-    def realized(left_out: int | None) -> Realization:
+    def realization_without(left_out: int | None) -> Realization:
         weights = sizes.copy()
         if left_out is not None:
             weights[left_out] = 0.0
@@ -482,96 +475,92 @@ def _random(
         columns = [mean[1:, :, k] for k in range(mean.shape[2])]
         return realize(columns, step, _stride(lines, step, columns))
 
-    whole = realized(None)
-    diagram = stabilization(whole, MOST_ORDER)
+    realization = realization_without(None)
+    diagram = stabilization(realization, ORDER_MAX)
     chosen = order or _settled_order(diagram)
-    poles, shapes = whole.poles(chosen)
+    poles, shapes = realization.poles(chosen)
     if order is None:
-        often = [_count(diagram, pole) >= OFTEN for pole in poles.tolist()]
-        poles, shapes = poles[often], shapes[:, often]
-    modes = _jackknifed(poles, shapes, lambda k: realized(k).poles(chosen), len(parts))
+        is_mode = [_is_often_stable(diagram, pole) for pole in poles.tolist()]
+        poles, shapes = poles[is_mode], shapes[:, is_mode]
+    modes = _jackknife(poles, shapes, lambda k: realization_without(k).poles(chosen), len(parts))
     if not modes:
         raise ComputationError("no oscillation is stable over the orders of the model")
     notes.append(f"correlations of {len(parts)} parts of {short(len(parts[0]) * step)} s, up to {short(lags * step)} s")
     return Identified(tuple(modes), tuple(names), "era", "random", chosen, diagram, tuple(notes))
 
 
-def _parts(even: Sequence[Floats], lags: int) -> list[Floats]:
-    total = sum(map(len, even))
-    length = max(total // PARTS, 3 * lags)
-    return [values[at : at + length] for values in even for at in range(0, len(values) - length + 1, length)]
-
-
 def _correlation(values: Floats, lags: int) -> Floats:
     """R(τ) (lags, C, C) of the sensors with each other, unbiased."""
-    centred = values - values.mean(axis=0)
-    size = 2 ** int(np.ceil(np.log2(2 * len(centred))))
-    spectrum = np.fft.rfft(centred, size, axis=0)
+    deviations = values - values.mean(axis=0)
+    size = 2 ** int(np.ceil(np.log2(2 * len(deviations))))
+    spectrum = np.fft.rfft(deviations, size, axis=0)
     cross = np.fft.irfft(spectrum[:, :, None] * spectrum[:, None, :].conj(), size, axis=0)[:lags]
-    return np.asarray(cross / (len(centred) - np.arange(lags))[:, None, None])
+    return np.asarray(cross / (len(deviations) - np.arange(lags))[:, None, None])
 
 
 def _settled_order(diagram: Sequence[OrderPole]) -> int:
     """The least order that has as many different stable poles as any."""
     counts: dict[int, int] = {}
     for order in sorted({pole.order for pole in diagram}):
-        frequencies = sorted(
-            pole.frequency
-            for pole in diagram
-            if pole.order == order and pole.stable and _count(diagram, 2j * pi * pole.frequency) >= OFTEN
-        )
-        counts[order] = sum(k == 0 or f > (1 + APART) * frequencies[k - 1] for k, f in enumerate(frequencies))
+        stable = [pole.frequency for pole in diagram if pole.order == order and pole.stable]
+        frequencies = sorted(f for f in stable if _is_often_stable(diagram, 2j * pi * f))
+        gap = 1 + 3 * FREQUENCY_TOLERANCE  # nearer ones are one mode, with a double that noise makes
+        counts[order] = sum(k == 0 or f > gap * frequencies[k - 1] for k, f in enumerate(frequencies))
     return max(counts, key=lambda order: (counts[order], -order)) if counts else 2
 
 
-def _count(diagram: Sequence[OrderPole], pole: complex) -> int:
-    """The number of orders at which a pole is stable."""
-    near = {o.order for o in diagram if o.stable and abs(o.frequency / (abs(pole) / (2 * pi)) - 1) < 2 * ALIKE}
-    return len(near)
+def _is_often_stable(diagram: Sequence[OrderPole], pole: complex) -> bool:
+    """Whether a pole is stable at four orders: those of noise come and go."""
+    orders = {
+        other.order
+        for other in diagram
+        if other.stable and abs(other.frequency / (abs(pole) / (2 * pi)) - 1) < 2 * FREQUENCY_TOLERANCE
+    }
+    return len(orders) >= 4
 
 
-def _jackknifed(
+def _jackknife(
     poles: Complexes, shapes: Complexes, without: Callable[[int], tuple[Complexes, Complexes]], count: int
 ) -> list[IdentifiedMode]:
+    """The modes of these poles and shapes with the spread of those `without` each part of the record."""
     replicas = np.full((count, len(poles)), np.nan + 0j)
-    shaped = np.full((count, *shapes.shape), np.nan + 0j)
+    replica_shapes = np.full((count, *shapes.shape), np.nan + 0j)
     for k in range(count):
         others, other_shapes = without(k)
-        alike = modal_assurance(shapes, other_shapes)
+        mac = modal_assurance(shapes, other_shapes)
         for r, pole in enumerate(poles.tolist()):
-            near = np.abs(others - pole) / abs(pole)
-            if len(near) and near.min() < 0.2:
-                at = int(np.argmin(near + (1 - alike[r])))
-                replicas[k, r], shaped[k, :, r] = others[at], other_shapes[:, at]
+            distance = np.abs(others - pole) / abs(pole)
+            if len(distance) and distance.min() < 0.2:
+                at = int(np.argmin(distance + (1 - mac[r])))
+                replicas[k, r], replica_shapes[k, :, r] = others[at], other_shapes[:, at]
     modes = []
     for r, pole in enumerate(poles.tolist()):
-        replica = replicas[:, r]
-        there = np.isfinite(replica)
-        m = int(there.sum())
+        rows = np.flatnonzero(np.isfinite(replicas[:, r]))
+        m = len(rows)
         if m < 0.75 * count:
             continue
-        apart = replica[there] - replica[there].mean()
-        parts = np.stack((apart.real, apart.imag))
+        deviations = replicas[rows, r] - replicas[rows, r].mean()
+        parts = np.stack((deviations.real, deviations.imag))
         cov = (m - 1) / m * parts @ parts.T
-        shape, _ = _scaled(shapes[:, r])
+        shape, _ = _scale_to_largest(shapes[:, r])
         reference = int(np.argmax(np.abs(shape)))
-        ratios = shaped[there][:, :, r] / shaped[there][:, reference, r][:, None] * shape[reference]
+        ratios = replica_shapes[rows, :, r] / replica_shapes[rows, reference, r][:, None] * shape[reference]
         spread = np.sqrt((m - 1) / m * np.sum((ratios.real - ratios.real.mean(axis=0)) ** 2, axis=0))
         std = float(np.sqrt(np.mean(spread**2))) if len(shape) > 1 else None
-        mode = _identified(pole, cov, shape, std)
-        if mode.frequency_std < VAGUE * mode.frequency and mode.damping_ratio > -0.05:
+        mode = _mode_of_pole(pole, cov, shape, std)
+        if mode.frequency_std < FREQUENCY_STD_MAX * mode.frequency and mode.damping_ratio > -0.05:
             modes.append(mode)
     return _without_doubles(modes)
 
 
 def _without_doubles(modes: Sequence[IdentifiedMode]) -> list[IdentifiedMode]:
     """The modes without those that are another, better known one, within their standard deviations."""
-    kept: list[IdentifiedMode] = []
+    different: list[IdentifiedMode] = []
     for mode in sorted(modes, key=lambda identified: identified.frequency_std):
-        for other in kept:
-            near = abs(mode.frequency - other.frequency) < 3 * (mode.frequency_std + other.frequency_std)
-            if near and modal_assurance(mode.shape[:, None], other.shape[:, None])[0, 0] > ALIKE_SHAPE:
+        for other in different:
+            is_near = abs(mode.frequency - other.frequency) < 3 * (mode.frequency_std + other.frequency_std)
+            if is_near and modal_assurance(mode.shape[:, None], other.shape[:, None])[0, 0] > SHAPE_MAC_MIN:
                 break
         else:
-            kept.append(mode)
-    return sorted(kept, key=lambda identified: identified.frequency)
+            different.append(mode)
+    return sorted(different, key=lambda identified: identified.frequency)

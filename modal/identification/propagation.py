@@ -40,9 +40,8 @@ from modal.statespace.signals import (
 )
 from modal.types import Complexes, Floats
 
-BAND = 2.0  # standard deviations to either side
-POINTS = 41  # of a band
-NODES = 21  # of a quadrature, along either direction
+NODES = 21
+"""Cost: nodes of a quadrature along either direction, and points of a band."""
 
 
 @dataclass(frozen=True)
@@ -210,7 +209,7 @@ class ShapedMode:
         return (
             f"shaped mode {number}: {self.omega:.6g} ± {self.omega_std:.2g} rad/s, damping ratio {self.zeta:.3g} ± "
             f"{self.zeta_std:.2g}: residual vibration {percent(self.rms)} rms, at most {percent(self.worst)} within "
-            f"{BAND:g} standard deviations"
+            "2 standard deviations"
         )
 
 
@@ -226,7 +225,7 @@ def shaped_modes(shaper: Shaper, estimate: Estimate, drive: Drive, count: int) -
             shaped.append(ShapedMode(omega, nan, zeta, nan, nan, nan))
             continue
         rms = _rms(shaper, omega, zeta, np.stack((by_omega, by_zeta)), estimate)
-        grid = np.linspace(-BAND, BAND, POINTS)
+        grid = np.linspace(-2, 2, NODES)
         band = np.maximum(omega + spread * grid, 0.0)[:, None], np.clip(zeta + wider * grid, 0.0, 1 - 1e-9)
         worst = float(residual_vibration(shaper, *band).max())
         shaped.append(ShapedMode(omega, spread, zeta, wider, rms, worst))

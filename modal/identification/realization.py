@@ -19,10 +19,14 @@ import numpy as np
 
 from modal.types import Complexes, Floats
 
-FAINT = 1e-4  # of the largest singular value: harmonics of swings that are not small, and rounding
-FLAT = 2.858  # times the median singular value: noise [Gavish2014]
-MOST_ROWS, MOST_COLUMNS = 240, 4000
-LAST_DAMPING = 0.95  # a damping ratio beyond which an oscillation is none
+SINGULAR_VALUE_MIN = 1e-4
+"""Tolerance: of the largest singular value: below it are harmonics of swings that are not small."""
+NOISE_THRESHOLD = 2.858
+"""Physics: singular values below so many medians are noise [Gavish2014]."""
+HANKEL_ROWS = 240
+"""Cost: most rows of a Hankel matrix; the time goes with their square."""
+HANKEL_COLUMNS = 4000
+"""Cost: most columns of a Hankel matrix; the time goes with their number."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +42,7 @@ class Realization:
     @cached_property
     def rank(self) -> int:
         """The number of singular values that stand out of noise and are not faint."""
-        floor = max(FAINT * self.singular[0], FLAT * float(np.median(self.singular)))
+        floor = max(SINGULAR_VALUE_MIN * self.singular[0], NOISE_THRESHOLD * float(np.median(self.singular)))
         return int(np.count_nonzero(self.singular > floor))
 
     def poles(self, order: int) -> tuple[Complexes, Complexes]:
@@ -50,29 +54,27 @@ class Realization:
         with np.errstate(all="ignore"):
             poles = np.asarray(np.log(values + 0j) / self.step)
         shapes = (self.U[: self.sensors, :order] * root) @ vectors
-        damping = -poles.real / np.maximum(np.abs(poles), 1e-300)
-        within = (poles.imag > 0) & (poles.imag < 0.98 * np.pi / self.step)
-        kept = np.flatnonzero(within & (np.abs(damping) < LAST_DAMPING) & np.isfinite(poles))
-        kept = kept[np.argsort(np.abs(poles[kept]))]
-        return np.asarray(poles[kept]), np.asarray(shapes[:, kept], dtype=np.complex128)
+        rows = np.flatnonzero((poles.imag > 0) & (poles.imag < 0.98 * np.pi / self.step) & np.isfinite(poles))
+        rows = rows[np.argsort(np.abs(poles[rows]))]
+        return np.asarray(poles[rows]), np.asarray(shapes[:, rows], dtype=np.complex128)
 
 
-def realize(responses: Sequence[Floats], step: float, stride: int = 1, rows: int | None = None) -> Realization:
+def realize(responses: Sequence[Floats], step: float, stride: int = 1) -> Realization:
     """The realization of free responses (K, C) sampled every `step` (s), each from a state of its own.
 
-    Rows of the Hankel matrix are `stride` samples apart, at most `rows` blocks of them.
+    Rows of the Hankel matrix are `stride` samples apart.
     """
     sensors = responses[0].shape[1]
     shortest = min(len(response) for response in responses)
-    most = max(2, min(rows or MOST_ROWS // sensors, shortest // (2 * stride)))
-    columns = max(1, MOST_COLUMNS // len(responses))
+    blocks = max(2, min(HANKEL_ROWS // sensors, shortest // (2 * stride)))
+    columns = max(1, HANKEL_COLUMNS // len(responses))
     first, second = [], []
     for response in responses:
-        count = min(len(response) - most * stride, columns)
-        starts = np.linspace(0, len(response) - most * stride - 1, count).astype(np.int64)
-        blocks = response[starts[:, None] + stride * np.arange(most + 1)]
-        first.append(blocks[:, :-1].reshape(count, -1).T)
-        second.append(blocks[:, 1:].reshape(count, -1).T)
+        count = min(len(response) - blocks * stride, columns)
+        starts = np.linspace(0, len(response) - blocks * stride - 1, count).astype(np.int64)
+        samples = response[starts[:, None] + stride * np.arange(blocks + 1)]
+        first.append(samples[:, :-1].reshape(count, -1).T)
+        second.append(samples[:, 1:].reshape(count, -1).T)
     H0, H1 = np.hstack(first), np.hstack(second)
     U, singular, V = np.linalg.svd(H0, full_matrices=False)
     return Realization(U, singular, U.T @ H1 @ V.T, sensors, stride * step)

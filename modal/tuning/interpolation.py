@@ -19,12 +19,10 @@ from modal.tuning.model import Arrays
 from modal.types import Floats
 
 NODES = (1.0, 2.0, 0.5)
-NOTHING, RIGHT = 3e-14, 1e-12
-"""Part of an entry's size below which a coefficient is rounding, and within which other points must be met."""
-TOGETHER = 4
-"""Most numbers in one product."""
-MOST = 400
-"""Points at which a scene is assembled."""
+ENTRY_ROUNDING = 2**13 * np.finfo(float).eps
+"""Tolerance: part of an entry's size below which a coefficient is rounding, and within which other points are met."""
+ASSEMBLIES_MAX = 400
+"""Cost: points at which a scene is assembled for its polynomials; of more numbers each scene is assembled itself."""
 BASIS = np.array([[1.0, 0.0, 0.0], [-1.0, 1.0, 0.0], [2.0, -3.0, 1.0]])
 """Coefficients of 1, u − 1 and (u − 1)(u − 2)."""
 Powers = tuple[int, ...]
@@ -75,7 +73,7 @@ def interpolate(arrays_at: Callable[[Floats], Arrays], start: Floats) -> Interpo
         )
         for u in (np.linspace(0.7, 1.6, n), np.linspace(1.7, 0.6, n)):
             true, approximate = at(u), np.concatenate([np.ravel(part) for part in polynomials.arrays(start * u)])
-            if np.any(np.abs(true - approximate) > RIGHT * np.abs(np.array([*samples.values()])).max(0) + 1e-300):
+            if np.any(np.abs(true - approximate) > ENTRY_ROUNDING * np.abs(np.array([*samples.values()])).max(0)):
                 return None
     except SceneError:
         return None
@@ -90,7 +88,7 @@ def _coefficients(
     active: set[tuple[int, ...]] = set()
     for subset in _subsets(n, active):
         for levels in product((1, 2), repeat=len(subset)):
-            if len(samples) >= MOST:
+            if len(samples) >= ASSEMBLIES_MAX:
                 return None
             index = [0] * n
             for k, level in zip(subset, levels, strict=True):
@@ -106,7 +104,7 @@ def _coefficients(
             coefficients[tuple(index)] = value / basis
         size = np.abs(np.array([*samples.values()])).max(0)
         if any(
-            np.any(np.abs(row) > NOTHING * 30 * size)
+            np.any(np.abs(row) > ENTRY_ROUNDING * size)
             for index, row in coefficients.items()
             if tuple(k for k, level in enumerate(index) if level) == subset
         ):
@@ -117,7 +115,7 @@ def _coefficients(
 def _subsets(n: int, active: set[tuple[int, ...]]) -> Iterator[tuple[int, ...]]:
     """The numbers by themselves, then those together of which each part has terms."""
     yield ()
-    for size in range(1, min(n, TOGETHER) + 1):
+    for size in range(1, min(n, 4) + 1):  # m l² ω of a spring or damper has four factors at most
         for subset in combinations(range(n), size):
             if size == 1 or all(part in active for part in combinations(subset, size - 1)):
                 yield subset
@@ -144,7 +142,7 @@ def _monomials(powers: np.ndarray, rows: Floats) -> tuple[np.ndarray, Floats]:
 
 def _clean(powers: np.ndarray, rows: Floats, size: Floats) -> tuple[np.ndarray, Floats]:
     """Without what is rounding beside the size of each entry."""
-    large_rows = np.where(np.abs(rows) > NOTHING * 100 * size, rows, 0.0)
+    large_rows = np.where(np.abs(rows) > ENTRY_ROUNDING * size, rows, 0.0)
     is_used = np.any(large_rows != 0, axis=1)
     is_used[0] = True
     return powers[is_used], large_rows[is_used]

@@ -22,31 +22,20 @@ import scipy
 
 from modal.types import Floats
 
-FIRST, LARGEST, COARSE, FINE = 0.15, 0.5, 2e-3, 1e-9
-"""Trust region in logarithms of numbers: at first, at most, and at the end of a coarse and of a fine descent."""
-NEAR, SMALL, ROUGH = 0.04, 1e-3, 1e-3
-"""Trust region or gain at which Newton's method is tried, and the change at which a coarse one ends."""
-POOR, HALF = 0.05, 0.6
-"""Parts of the promised gain from which on a step is taken, and the trust region grows."""
+VALLEY_WIDTH = 0.15
+"""Cost: trust region at first, in logarithms of numbers, within which a minimum is one that is known already."""
+COARSE = 1e-3
+"""Cost: changes of numbers and of the cost, in logarithms, at which a coarse descent ends and Newton begins."""
+EDGE = 1e-9
+"""Tolerance: logarithm by which a number is off its bound, or a limit exceeded: far below what is written."""
 PENALTY = 20.0
-ROUNDS, FEWER, NEWTONS, TRIES = 120, 40, 8, 6
-FALL, STEEP, HALVINGS = 1e-4, 0.9, 30
-"""Parts of the slope for Wolfe's conditions, and points tried along a line."""
-LEAST_GAIN = 1e-10
-"""Gain of a step at which BFGS ends: the eigenvalues of modes that meet have half of all digits."""
-ASIDE, RESTARTS, OPEN = 0.05, 4, 1e-5
-"""How far beside its end a descent begins anew, how often at most, and the gain that is not worth another."""
-BESIDE = 0.1
-"""Distance from a known minimum at which a coarse descent ends in it."""
-SETTLED = 1e-13
-ACTIVE = 1e-7
-NUDGE = 2e-5
-"""Step of the differences of gradients."""
-ALLOWED = 1e-9
-"""By how much a limit may be exceeded, relative."""
-WORSE = 1e-11
-APART, HELPING = 1e4, 2e3
-"""Differences of the labels of pieces of different cases, and of values beside peaks, which are bounds, from peaks."""
+"""Tolerance: of limits, in logarithms: above their multipliers, by how much costs fall where a limit is loosened."""
+ROUNDS = 120
+"""Cost: rounds of any search here at most; most end by themselves."""
+GAIN_MIN = 1e-10
+"""Tolerance: gain of a step at which a search ends: the eigenvalues of modes that meet have half of all digits."""
+LABEL_STEP = 2e3
+"""Format: labels of values beside peaks, which are bounds, are larger by a step, those of other cases by four."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,16 +125,17 @@ def descend(
         point = _quasi_newton(evaluate, point, low, high)
     minimum = _descend_by_programs(evaluate, point, low, high, coarse=coarse, minima=minima)
     rng = np.random.default_rng(1)
-    for _ in range(0 if coarse else RESTARTS):
+    for _ in range(0 if coarse else 4):
         if minimum.certain or not minimum.point.is_finite:
             break
         last = minimum.point
-        start = evaluate(np.clip(last.z + ASIDE * rng.uniform(-1.0, 1.0, len(z)), low, high), True)
+        aside = VALLEY_WIDTH / 3 * rng.uniform(-1.0, 1.0, len(z))
+        start = evaluate(np.clip(last.z + aside, low, high), True)
         end = _descend_by_programs(evaluate, _quasi_newton(evaluate, start, low, high), low, high)
         minimum = end if end.point.merit <= last.merit else minimum
         gain = last.merit - minimum.point.merit
         minimum = replace(minimum, open=0.0 if minimum.certain else gain)
-        if gain <= OPEN * max(1.0, abs(last.merit)):
+        if gain <= COARSE**2 * max(1.0, abs(last.merit)):
             break
     return minimum
 
@@ -160,31 +150,38 @@ def _descend_by_programs(
     minima: Sequence[Minimum] = (),
 ) -> Minimum:
     """Where linear programs and Newton's method lead."""
-    radius, attempts = FIRST, 0
-    for _ in range(FEWER if coarse else ROUNDS):
+    radius, attempts = VALLEY_WIDTH, 0
+    for _ in range(ROUNDS // 3 if coarse else ROUNDS):
         if not point.is_finite:
             break
         for minimum in minima:
-            if minimum.certain and np.abs(minimum.point.z - point.z).max() < BESIDE:
+            if minimum.certain and np.abs(minimum.point.z - point.z).max() < VALLEY_WIDTH:
                 return minimum
         step = _linear_step(point, point.faces, low, high, radius)
         gain = point.merit - step.merit
-        if attempts < (TRIES // 2 if coarse else TRIES) and (radius <= NEAR or gain <= SMALL):
+        # each attempt costs several rounds, and where modes meet all of them fail
+        if attempts < (3 if coarse else 6) and (radius <= VALLEY_WIDTH / 4 or gain <= COARSE):
             attempts += 1
-            better = polish(evaluate, point, step.weights, low, high, enough=ROUGH if coarse else 0.0)
+            better = polish(evaluate, point, step.weights, low, high, enough=COARSE if coarse else 0.0)
             if better is not None:
                 return Minimum(better, True)
-        if gain <= SETTLED * max(1.0, abs(point.merit)) or radius < (COARSE if coarse else FINE):
+        if gain <= GAIN_MIN * max(1.0, abs(point.merit)) or radius < (COARSE if coarse else EDGE):
             break
         trial = evaluate(np.clip(point.z + step.delta, low, high), False)
-        if trial.merit > point.merit - HALF * gain and trial.is_finite:
-            delta = _linear_step(point, _correct_faces(point, trial), low, high, radius).delta
+        if trial.merit > point.merit - gain / 2 and trial.is_finite:
+            # second order: the linear pieces are moved to their values at the end of the step
+            change = trial.z - point.z
+            corrected_faces = [
+                replace(face, values=trial_face.pick(face.at)[0] - face.gradients @ change)
+                for face, trial_face in zip(point.faces, trial.faces, strict=True)
+            ]
+            delta = _linear_step(point, corrected_faces, low, high, radius).delta
             corrected_trial = evaluate(np.clip(point.z + delta, low, high), False)
-            trial = min((trial, corrected_trial), key=lambda minimum: minimum.merit)
-        ratio = (point.merit - trial.merit) / gain
-        if ratio > POOR:
+            trial = min((trial, corrected_trial), key=lambda evaluation: evaluation.merit)
+        decrease = point.merit - trial.merit
+        if decrease > 0:
             point = evaluate(trial.z, True)
-            radius = min(2 * radius, LARGEST) if ratio > HALF else radius
+            radius = min(2 * radius, 0.5) if decrease > gain / 2 else radius
         else:
             radius = min(radius, float(np.abs(step.delta).max())) / 3
     return Minimum(point, False)
@@ -194,7 +191,7 @@ def _quasi_newton(evaluate: Evaluate, start: Evaluation, low: Floats, high: Floa
     """Where BFGS leads with a search for the weak conditions of Wolfe, which needs no gradient to be continuous.
 
     So it goes along ridges on which modes meet, where gradients grow without bound and linear programs stop
-    [Lewis2013].
+    [Lewis2013].  A point along a line is taken where the cost falls at all and its slope by a quarter.
     """
 
     def merit(z: Floats) -> tuple[float, Floats, Evaluation]:
@@ -213,36 +210,27 @@ def _quasi_newton(evaluate: Evaluate, start: Evaluation, low: Floats, high: Floa
     inverse = np.eye(n)
     for _ in range(ROUNDS):
         way = -inverse @ slope
-        way *= min(1.0, LARGEST / np.abs(way).max(initial=1e-300))
+        way *= min(1.0, 0.5 / np.abs(way).max(initial=1e-300))
         lower, upper, part = 0.0, np.inf, 1.0
-        for _ in range(HALVINGS):
+        while upper - lower > EDGE:
             new_value, new_slope, point = merit(z + part * way)
-            if new_value > value + FALL * part * (slope @ way):
+            if new_value >= value:
                 upper = part
-            elif new_slope @ way < STEEP * (slope @ way):
+            elif new_slope @ way < 3 * (slope @ way) / 4:
                 lower = part
             else:
                 break
             part = (lower + upper) / 2 if np.isfinite(upper) else 2 * part
-        if not value - new_value > LEAST_GAIN * max(1.0, abs(value)):
+        if not value - new_value > GAIN_MIN * max(1.0, abs(value)):
             break
         step, change = part * way, new_slope - slope
         z, value, slope = z + step, new_value, new_slope
         best = min(best, point, key=lambda evaluation: evaluation.merit)
-        if (curvature := step @ change) > 0:
+        curvature = step @ change
+        if curvature > 0:
             projection = np.eye(n) - np.outer(step, change) / curvature
             inverse = projection @ inverse @ projection.T + np.outer(step, step) / curvature
     return best
-
-
-def _correct_faces(point: Evaluation, trial: Evaluation) -> tuple[Faces, ...]:
-    """The pieces of a point, with their values such that those at the end of a step are right (second order)."""
-    change = trial.z - point.z
-    faces = []
-    for face, trial_face in zip(point.faces, trial.faces, strict=True):
-        values = trial_face.pick(face.at)[0] - face.gradients @ change
-        faces.append(Faces(values, face.gradients, face.at))
-    return tuple(faces)
 
 
 def _linear_step(point: Evaluation, faces: Sequence[Faces], low: Floats, high: Floats, radius: float) -> _Step:
@@ -280,17 +268,17 @@ def polish(
     """Newton's method on the active pieces from a point; None where it does not settle at a point that is no worse."""
     faces = start_point.faces
     weights = tuple(_of_peaks(face, weight) for face, weight in zip(faces, weights, strict=True))
-    active = [face.at[weight > ACTIVE] for face, weight in zip(faces, weights, strict=True)]
-    multipliers = np.concatenate([weight[weight > ACTIVE] for weight in weights])
+    active = [face.at[weight > EDGE] for face, weight in zip(faces, weights, strict=True)]
+    multipliers = np.concatenate([weight[weight > EDGE] for weight in weights])
     costs = len(start_point.costs)
     if any(not len(at) for at in active[:costs]):
         return None
-    edge = 1e-9
-    free = ~((start_point.z <= low + edge) | (start_point.z >= high - edge))
+    free = ~((start_point.z <= low + EDGE) | (start_point.z >= high - EDGE))
+    nudge = np.cbrt(np.finfo(float).eps)  # truncation and rounding of central differences are alike there
     z, n = start_point.z.copy(), int(free.sum())
     owners = np.repeat(np.arange(len(faces)), [len(at) for at in active])
     previous_change, start = np.inf, z.copy()
-    for _ in range(NEWTONS):
+    for _ in range(ROUNDS):
         point = evaluate(z, True)
         if not point.is_finite:
             return None
@@ -302,12 +290,12 @@ def polish(
             pair = []
             for way in (1, -1):
                 aside = z.copy()
-                aside[column] += way * NUDGE
+                aside[column] += way * nudge
                 point = evaluate(aside, True)
                 if not point.is_finite:
                     return None
                 pair.append(_active(point, active)[1][:, free])
-            H[:, k] = multipliers @ (pair[0] - pair[1]) / (2 * NUDGE)
+            H[:, k] = multipliers @ (pair[0] - pair[1]) / (2 * nudge)
         H = (H + H.T) / 2
         m, size = len(values), len(values) + n + costs
         J, right = np.zeros((size, size)), np.zeros(size)
@@ -326,7 +314,7 @@ def polish(
             break
         z[free] += step[:n]
         multipliers = multipliers + step[n : n + m]
-        if np.any(z < low - edge) or np.any(z > high + edge) or np.abs(z - start).max() > 0.5:
+        if np.any(z < low - EDGE) or np.any(z > high + EDGE) or np.abs(z - start).max() > 0.5:
             return None
         previous_change = max(change, 1e-12)
         if change < max(1e-11, enough):
@@ -334,21 +322,18 @@ def polish(
     if previous_change > max(1e-6, enough) or np.any(multipliers < -1e-6):
         return None
     new_point = evaluate(np.clip(z, low, high), True)
-    return (
-        new_point
-        if new_point.is_finite and new_point.merit <= start_point.merit + WORSE * max(1.0, abs(start_point.merit))
-        else None
-    )
+    largest_merit = start_point.merit + GAIN_MIN * max(1.0, abs(start_point.merit))
+    return new_point if new_point.is_finite and new_point.merit <= largest_merit else None
 
 
 def _of_peaks(face: Faces, weights: Floats) -> Floats:
     """The multipliers of values beside peaks added to those of the nearest peak."""
-    is_secondary = face.at - APART * np.round(face.at / APART) > HELPING / 2
+    case = np.round(face.at / (4 * LABEL_STEP))
+    is_secondary = face.at - 4 * LABEL_STEP * case > LABEL_STEP / 2
     multipliers = np.where(is_secondary, 0.0, weights)
-    for k in np.flatnonzero(is_secondary & (weights > ACTIVE)).tolist():
-        multipliers[int(np.where(is_secondary, np.inf, np.abs(face.at - (face.at[k] - HELPING))).argmin())] += weights[
-            k
-        ]
+    for k in np.flatnonzero(is_secondary & (weights > EDGE)).tolist():
+        distances = np.where(is_secondary, np.inf, np.abs(face.at - (face.at[k] - LABEL_STEP)))
+        multipliers[int(distances.argmin())] += weights[k]
     return multipliers
 
 

@@ -43,27 +43,25 @@ from modal.statespace.signals import (
 )
 from modal.types import Booleans, Complexes, Floats
 
-MOST_COORDINATES = 200
-"""Coordinates of a scene that can be tuned."""
-SHOWN = 12
-"""Names listed in a message."""
-
-
+COORDINATES_MAX = 200
+"""Limit: coordinates of a scene that can be tuned: "at most 200 are tuned"."""
 Source = tuple[str, int]
 """A group of inputs or outputs (`PUSHES`, `READINGS`) and a signal's index in it."""
-BEYOND = 30.0
-"""How far the grid goes below the slowest pole and above the fastest, where nothing bounds it."""
+GRID_REACH = 30.0
+"""Tolerance: the grid's end over the fastest pole, and the slowest over its beginning: beyond, |H| is monotonic."""
 WITHIN = np.concatenate(([0.0], np.geomspace(0.08, 40.0, 9)))
-POINTS = 80
-ROUNDS, BETWEEN = 2, 9
-STEPS, SETTLED = 40, 4e-16
-NEAR, NEARER = 1e-4, 1e-6
-"""Relative distances from an undamped pole at which an infinite peak shows: it grows as their inverse."""
-FAR = 1e-4
-"""A frequency, over that of the slowest pole, that stands for 0; its inverse for infinity."""
-UNDAMPED, FAINT = 1e-11, 1e-6
-NEARLY, MOST_BESIDE = 0.8, 24
-"""Part of the largest |H| from which on a frequency of the grid is beside a peak, and the most of these."""
+"""Distances of points of the grid from a pole, in its damping rates."""
+GRID_POINTS = 80
+"""Tolerance: points of the grid beside those of poles: zeros between them part peaks by far more."""
+FAR_FREQUENCY = 1e-4
+"""Tolerance: a frequency, over that of the slowest pole, that stands for 0, its inverse for infinity, and a distance
+from an undamped pole at which an infinite peak shows: what is left out is of second order."""
+STILL_RATE = 8 * np.sqrt(np.finfo(float).eps)
+"""Tolerance: of the fastest mode, a rate below which a mode moves freely: λ² is right to its ε."""
+DAMPING_MIN = 1e-11
+"""Tolerance: damping ratio of a mode that nothing damps: rounding leaves so much."""
+SIDE_POINTS = 24
+"""Cost: most frequencies beside peaks at which |H| bounds the largest."""
 
 
 class Channel(NamedTuple):
@@ -173,7 +171,9 @@ def channel_model(scene: Scene, channels: Sequence[Channel]) -> ChannelModel:
 
 
 def _among(names: Sequence[str], wrong: str) -> str:
-    return f"must be one of {', '.join(names[:SHOWN])}{', …' * (len(names) > SHOWN)}{spelling_hint(wrong, names)}"
+    examples = names[:12]
+    more = ", …" * (len(examples) < len(names))
+    return f"must be one of {', '.join(examples)}{more}{spelling_hint(wrong, names)}"
 
 
 def _input_source(inputs: dict[str, tuple[Source, Signal]], name: str) -> Source | None:
@@ -395,10 +395,10 @@ def find_peaks(model: Model, channel: int, band: tuple[float, float] | None) -> 
     poles = model.poles_for(channel)
     poles = poles[(poles.imag >= 0) & (np.abs(poles) > 0)]
     rates = np.abs(poles)
-    rates = rates[rates > 1e-7 * rates.max(initial=0.0)] if len(rates) else np.ones(1)
-    low, high = band or (float(rates.min()) * FAR, float(rates.max()) / FAR)
-    inner = (max(low, rates.min() / BEYOND), min(high, rates.max() * BEYOND)) if band is None else band
-    for pole in poles[np.abs(poles.real) <= UNDAMPED * np.abs(poles)].tolist():
+    rates = rates[rates > STILL_RATE * rates.max(initial=0.0)] if len(rates) else np.ones(1)
+    low, high = band or (float(rates.min()) * FAR_FREQUENCY, float(rates.max()) / FAR_FREQUENCY)
+    inner = band or (float(rates.min()) / GRID_REACH, float(rates.max()) * GRID_REACH)
+    for pole in poles[np.abs(poles.real) <= DAMPING_MIN * np.abs(poles)].tolist():
         at = abs(pole.imag)
         if low <= at <= high and _is_infinite(model, channel, at):
             return Peaks.none(f"at {at / (2 * np.pi):.6g} Hz, where nothing damps a mode")
@@ -408,16 +408,17 @@ def find_peaks(model: Model, channel: int, band: tuple[float, float] | None) -> 
     with np.errstate(all="ignore"):
         size = np.abs(model.response(channel, omega))
     size = np.where(np.isfinite(size), size, 0.0)
-    if band is None and (words := _growth_words(size)):
-        return Peaks.none(words)
+    if band is None and size[0] > 5 * size[1] > 0:
+        return Peaks.none("towards 0 Hz: give `over_hz=…`")
+    if band is None and size[-1] > 5 * size[-2] > 0 and size[-1] > FAR_FREQUENCY * size.max():
+        return Peaks.none("towards high frequencies: give `over_hz=…`")
     at = np.flatnonzero((size[1:-1] > size[:-2]) & (size[1:-1] >= size[2:])) + 1
     turning = _refine_maxima(model, channel, omega[at - 1], omega[at], omega[at + 1]) if len(at) else np.zeros(0)
     ends = [k for k, neighbour in ((0, 1), (-1, -2)) if size[k] >= size[neighbour] and size[k] > 0]
     all_omega = np.concatenate((turning, omega[ends]))
-    large_samples = np.flatnonzero(size >= NEARLY * size.max())
-    large_samples = large_samples[
-        np.linspace(0, len(large_samples) - 1, min(len(large_samples), MOST_BESIDE)).astype(int)
-    ]
+    large_samples = np.flatnonzero(size >= 0.8 * size.max())
+    places = np.linspace(0, len(large_samples) - 1, min(len(large_samples), SIDE_POINTS)).astype(int)
+    large_samples = large_samples[places]
     return Peaks(all_omega, np.arange(len(all_omega)) < len(turning), omega[large_samples], static=0.0 if band else low)
 
 
@@ -425,33 +426,23 @@ def _grid(poles: np.ndarray, low: float, high: float) -> Floats:
     width = np.maximum(np.abs(poles.real), 1e-9 * np.abs(poles))[:, None]
     close_points = (np.abs(poles.imag)[:, None] + width * np.concatenate((-WITHIN[::-1], WITHIN))).ravel()
     close_points = np.concatenate((close_points, np.abs(poles)))
-    points = np.concatenate(
-        (np.geomspace(low, high, POINTS), close_points[(close_points > low) & (close_points < high)])
-    )
-    return np.unique(points)
+    close_points = close_points[(close_points > low) & (close_points < high)]
+    return np.unique(np.concatenate((np.geomspace(low, high, GRID_POINTS), close_points)))
 
 
 def _is_infinite(model: Model, channel: int, omega: float) -> bool:
-    sizes = np.abs(model.response(channel, omega * np.array([1 + NEAR, 1 + NEARER, 1 - NEAR, 1 - NEARER])))
-    return bool(max(sizes[1] / sizes[0], sizes[3] / sizes[2]) > 0.3 * NEAR / NEARER)
-
-
-def _growth_words(size: Floats) -> str:
-    """Whether |H| grows towards 0 or infinity, from a point at FAR and the next."""
-    if size[0] > 5 * size[1] > 0:
-        return "towards 0 Hz: give `over_hz=…`"
-    if size[-1] > 5 * size[-2] > 0 and size[-1] > FAINT * size.max():
-        return "towards high frequencies: give `over_hz=…`"
-    return ""
+    """Whether |H| grows as the inverse of the distance from an undamped pole, which may be in no output."""
+    far, near = FAR_FREQUENCY, FAR_FREQUENCY / 64
+    sizes = np.abs(model.response(channel, omega * np.array([1 + far, 1 + near, 1 - far, 1 - near])))
+    return bool(max(sizes[1] / sizes[0], sizes[3] / sizes[2]) > far / near / 4)
 
 
 def _refine_maxima(model: Model, channel: int, low: Floats, middle: Floats, high: Floats) -> Floats:
     """Maxima of |H| between the ends of intervals in whose middle it is larger than at both, (P,)."""
-    part = np.linspace(0.0, 1.0, BETWEEN)
-    for _ in range(ROUNDS):
-        at = np.concatenate(
-            (low[:, None] + (middle - low)[:, None] * part, middle[:, None] + (high - middle)[:, None] * part[1:]), 1
-        )
+    part = np.linspace(0.0, 1.0, 4)
+    for _ in range(4):
+        left, right = (middle - low)[:, None] * part, (high - middle)[:, None] * part[1:]
+        at = np.concatenate((low[:, None] + left, middle[:, None] + right), 1)
         size = np.abs(model.response(channel, at.ravel())).reshape(at.shape)
         best = np.clip(size.argmax(1), 1, at.shape[1] - 2)
         rows = np.arange(len(at))
@@ -467,7 +458,7 @@ def _level(model: Model, channel: int, low: Floats, high: Floats) -> Floats:
         return np.asarray((np.conj(H) * slope).real / np.abs(H) ** 2)
 
     a, b, fa, fb = low, high, rise(low), rise(high)
-    for _ in range(STEPS):
+    for _ in range(40):  # four or five are usual: each two double the digits
         with np.errstate(all="ignore"):
             c = np.where(fa - fb == 0, (a + b) / 2, (a * fb - b * fa) / (fb - fa))
         c = np.where((c > np.minimum(a, b)) & (c < np.maximum(a, b)), c, (a + b) / 2)
@@ -475,6 +466,6 @@ def _level(model: Model, channel: int, low: Floats, high: Floats) -> Floats:
         has_crossed = fc * fb <= 0
         a, fa = np.where(has_crossed, b, a), np.where(has_crossed, fb, fa / 2)
         b, fb = c, fc
-        if np.all((step <= SETTLED * np.abs(b)) | (fc == 0)):
+        if np.all((step <= 2 * np.finfo(float).eps * np.abs(b)) | (fc == 0)):
             break
     return b

@@ -19,25 +19,18 @@ from modal.report import Displayed, Summary, listed
 from modal.scene import Scene
 from modal.scene.parameters import Place, with_numbers
 from modal.statespace.geometry import geometry_of
-from modal.tuning.minimax import APART, HELPING, Evaluation, Faces
-from modal.tuning.pieces import Pieces, Quantities, Setting
+from modal.tuning.minimax import LABEL_STEP, Evaluation, Faces
+from modal.tuning.pieces import Pieces, Quantities, Setting, masses_of
 from modal.tuning.quantities import FreeNumber, Limit, Quantity
 from modal.types import Crew, Floats, map_by_crew
 
 Factors = Mapping[Place, float]
 
 
-SHARE = 0.05
-"""By which masses may be off."""
-CORNERS = 4
-"""Masses of which all corners are tried; of more the worst corner is climbed to."""
-CLIMBS = 4
-STEP, FURTHEST = 0.01, 3.0
-"""First and last distances, in logarithms, at which the objective is looked at."""
-FEW = 4
-"""Masses that are named."""
-OFF = 0.01
-"""Of the objective, by which it may be worse."""
+MASS_SHARE = 0.05
+"""Limit: by which masses may be off, ±5 % in the report."""
+PERCENT = 0.01
+"""Format: of a number and of the objective, what it is worth: `one_percent_larger`, `within_one_percent`."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -110,26 +103,32 @@ class Objective:
             faces_of_cases.append(
                 [self._face(j, piece, numbers, k, n, with_gradients=with_gradients) for j, piece in enumerate(pieces)]
             )
-        faces = [_join_faces(parts) for parts in zip(*faces_of_cases, strict=True)]
+        faces = []
+        for parts in zip(*faces_of_cases, strict=True):
+            empty = [part for part in parts if not len(part.values)]
+            arrays = [[part.values for part in parts], [part.gradients for part in parts], [part.at for part in parts]]
+            faces.append(empty[0] if empty else Faces(*map(np.concatenate, arrays)))
         return Evaluation(np.asarray(z), tuple(faces[: len(self.aims)]), tuple(faces[len(self.aims) :]))
 
     def _face(self, j: int, piece: Pieces, numbers: Floats, case: int, n: int, *, with_gradients: bool) -> Faces:
         values, gradients, at = piece.values, piece.gradients, piece.at
         slopes = gradients * numbers if with_gradients else np.zeros((len(values), n))
-        labels = np.log(np.maximum(at, 1e-12)) + APART * case
-        labels = labels if piece.helps is None else labels + HELPING * piece.helps
+        labels = np.log(np.maximum(at, 1e-12)) + 4 * LABEL_STEP * case
+        labels = labels if piece.helps is None else labels + LABEL_STEP * piece.helps
+        relative_slopes = slopes / np.maximum(values, 1e-300)[:, None]
         if j >= len(self.aims):
             limit = self.limits[j - len(self.aims)]
-            return Faces(np.log(np.maximum(values, 1e-300) / limit.most), _relative(slopes, values), labels)
+            return Faces(np.log(np.maximum(values, 1e-300) / limit.most), relative_slopes, labels)
         aim = self.aims[j]
         sign = aim.sign
         is_convex = (sign > 0) == aim.quantity.is_largest
         if len(values) and not is_convex:
             best = int(values.argmax() if aim.quantity.is_largest else values.argmin())
             values, slopes, labels = values[[best]], slopes[[best]], labels[[best]]
+            relative_slopes = relative_slopes[[best]]
         if self.is_log:
             way = float(np.sign(sign))
-            return Faces(way * np.log(np.maximum(values, 1e-300)), way * _relative(slopes, values), labels)
+            return Faces(way * np.log(np.maximum(values, 1e-300)), way * relative_slopes, labels)
         return Faces(sign * values / self.scale, sign * slopes / self.scale, labels)
 
     def value_of(self, pieces: Sequence[Pieces]) -> float:
@@ -154,20 +153,6 @@ def extreme(quantity: Quantity, pieces: Pieces) -> float:
     if not len(pieces.values):
         return np.inf if quantity.is_largest else -np.inf
     return float(pieces.values.max() if quantity.is_largest else pieces.values.min())
-
-
-def _relative(slopes: Floats, values: Floats) -> Floats:
-    return np.asarray(slopes / np.maximum(values, 1e-300)[:, None])
-
-
-def _join_faces(parts: Sequence[Faces]) -> Faces:
-    if any(not len(part.values) for part in parts):
-        return next(part for part in parts if not len(part.values))
-    return Faces(
-        np.concatenate([part.values for part in parts]),
-        np.concatenate([part.gradients for part in parts]),
-        np.concatenate([part.at for part in parts]),
-    )
 
 
 @dataclass(frozen=True)
@@ -195,8 +180,8 @@ def worths(objective: Objective, z: Floats) -> tuple[Worth, ...]:
         answers.append(
             Worth(
                 entry.path,
-                loss(np.log1p(0.01)),
-                loss(np.log1p(-0.01)),
+                loss(np.log1p(PERCENT)),
+                loss(np.log1p(-PERCENT)),
                 number * float(np.exp(low)) if np.isfinite(low) else 0.0,
                 number * float(np.exp(high)) if np.isfinite(high) else np.inf,
             )
@@ -221,18 +206,18 @@ def _loss(objective: Objective, z: Floats, k: int, best: float) -> Callable[[flo
 
 def _edge(loss: Callable[[float], float], way: float) -> float:
     """The change at which the objective is 1 % worse, infinite where it never is."""
-    inner, outer = 0.0, STEP
-    while loss(way * outer) < OFF:
+    inner, outer = 0.0, PERCENT
+    while loss(way * outer) < PERCENT:
         inner, outer = outer, 2 * outer
-        if outer > FURTHEST:
+        if outer > 3:  # a factor of 20
             return way * np.inf
     while not np.isfinite(loss(way * outer)):
         outer = (inner + outer) / 2
         if outer - inner < 1e-6:
             return way * outer
-    if loss(way * outer) < OFF:
+    if loss(way * outer) < PERCENT:
         return way * outer
-    root = scipy.optimize.brentq(lambda at: loss(way * at) - OFF, inner, outer, xtol=1e-6, rtol=1e-6)
+    root = scipy.optimize.brentq(lambda at: loss(way * at) - PERCENT, inner, outer, xtol=1e-6, rtol=1e-6)
     return way * float(root)
 
 
@@ -254,7 +239,7 @@ class MassCase(Displayed):
         changed_masses, way, other_way = min(
             (heavier, "heavier", "lighter"), (lighter, "lighter", "heavier"), key=lambda pair: len(pair[0])
         )
-        return f"{way}: {listed(changed_masses[:FEW], len(changed_masses))}; all others {other_way}"
+        return f"{way}: {listed(changed_masses[:4], len(changed_masses))}; all others {other_way}"
 
 
 def worst_case(objective: Objective, z: Floats) -> MassCase:
@@ -267,8 +252,8 @@ def worst_cases(objective: Objective, z: Floats, crew: Crew | None = None) -> li
     """Corners of the box of masses ±5 % in which a piece of the objective is worst; a `crew` shares them."""
     places = _free_masses(objective, z)
     corners: list[Factors]
-    if len(places) <= CORNERS:
-        signs = product((1 - SHARE, 1 + SHARE), repeat=len(places))
+    if len(places) <= 4:  # all 16 corners; of more masses the worst corner is climbed to
+        signs = product((1 - MASS_SHARE, 1 + MASS_SHARE), repeat=len(places))
         corners = [dict(zip(places, corner, strict=True)) for corner in signs]
     else:
         pieces = _signs(objective, z, places, {})
@@ -283,13 +268,11 @@ def _mass_case(objective: Objective, z: Floats, factors: Factors) -> MassCase:
 
 def _free_masses(objective: Objective, z: Floats) -> list[Place]:
     """The places of masses that may change without moving the equilibrium."""
-    from modal.tuning.pieces import masses_of
-
     places = []
     for place in masses_of(objective.quantities.scene):
         try:
-            objective.scene_at(z, {place: 1 + SHARE})
-            objective.scene_at(z, {place: 1 - SHARE})
+            objective.scene_at(z, {place: 1 + MASS_SHARE})
+            objective.scene_at(z, {place: 1 - MASS_SHARE})
         except SceneError:
             continue
         places.append(place)
@@ -299,17 +282,16 @@ def _free_masses(objective: Objective, z: Floats) -> list[Place]:
 def _climb(objective: Objective, z: Floats, places: list[Place], signs: Floats) -> Factors:
     """From the masses as they are in the direction in which a piece grows, and from there on along the worst one."""
     factors = _corner(places, signs)
-    for _ in range(CLIMBS):
+    while True:  # to ever higher costs of corners, of which there are not many
         better = _signs(objective, z, places, factors, worst=True)
         next_factors = _corner(places, better[0]) if better else factors
         if next_factors == factors or _cost(objective, z, next_factors) <= _cost(objective, z, factors):
-            break
+            return factors
         factors = next_factors
-    return factors
 
 
 def _corner(places: list[Place], signs: Floats) -> Factors:
-    return {place: 1 + SHARE * float(np.sign(sign) or 1.0) for place, sign in zip(places, signs, strict=True)}
+    return {place: 1 + MASS_SHARE * float(np.sign(sign) or 1.0) for place, sign in zip(places, signs, strict=True)}
 
 
 def _signs(
@@ -325,11 +307,7 @@ def _signs(
         order = np.argsort(-costs, kind="stable")
         large_pieces = [k for k in order.tolist() if costs[k] >= costs[order[0]] - 0.5 * abs(costs[order[0]])]
         signs += [np.sign(aim.sign * piece.gradients[k]) for k in (large_pieces[:1] if worst else large_pieces[:6])]
-    unique: list[Floats] = []
-    for one_sign in signs:
-        if all(np.any(one_sign != other_sign) for other_sign in unique):
-            unique.append(one_sign)
-    return unique
+    return list({row.tobytes(): row for row in signs}.values())
 
 
 def _cost(objective: Objective, z: Floats, factors: Factors) -> float:

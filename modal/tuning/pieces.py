@@ -28,8 +28,9 @@ from modal.statespace.hoisting import Travel, travel_swing
 from modal.statespace.shapers import Kind
 from modal.tuning.interpolation import Interpolated, interpolate
 from modal.tuning.model import (
-    MOST_COORDINATES,
-    UNDAMPED,
+    COORDINATES_MAX,
+    DAMPING_MIN,
+    STILL_RATE,
     Arrays,
     Channel,
     Model,
@@ -43,11 +44,9 @@ from modal.vibration.prescribed import acceleration_psd, psd_at
 from modal.vibration.random import nodes
 
 FIFTY = log(50.0)
-STEP = 2e-3
-"""Relative step of the difference quotient of a residual."""
+STEP = np.finfo(float).eps ** 0.2
+"""Tolerance: relative, of a difference quotient of four values, at which truncation and rounding are alike."""
 PAIRS = ((1, 2 / 3), (2, -1 / 12))
-STILL = 1e-7
-"""Of the fastest mode: a frequency below which a mode is a translation that nothing holds."""
 
 
 @dataclass(frozen=True)
@@ -202,7 +201,7 @@ class At:
     def rates(self) -> tuple[list[int], list[complex], Floats]:
         """Rows of the modes that move, their λ and ∂λ/∂p (K, n)."""
         modes = self.modes
-        smallest = STILL * float(modes.omega.max(initial=0.0))
+        smallest = STILL_RATE * float(modes.omega.max(initial=0.0))
         chosen = [number - 1 for number in self.setting.modes] or range(len(modes))
         rows = [k for k in chosen if k < len(modes) and modes.omega[k] > smallest]
         values = [complex(modes.eigenvalue[k]) for k in rows]
@@ -253,11 +252,10 @@ class At:
         total, slope = 0.0, np.zeros(n)
         for k in np.flatnonzero((psd[1:] > 0) | (psd[:-1] > 0)).tolist():
             low, high = tau * f[k], tau * f[k + 1]
-            has_no_damping = (np.abs(poles.real) <= UNDAMPED * np.abs(poles)) & (poles.imag > 0)
+            has_no_damping = (np.abs(poles.real) <= DAMPING_MIN * np.abs(poles)) & (poles.imag > 0)
             for pole in poles[has_no_damping & (poles.imag >= low) & (poles.imag <= high)].tolist():
-                if np.abs(self.model.response(channel, np.array([pole.imag * (1 + 1e-9)])))[0] > 1e6 * self._usual(
-                    channel, pole.imag
-                ):
+                at_pole, beside = np.abs(self.model.response(channel, pole.imag * np.array([1 + 1e-9, 1.01])))
+                if at_pole > 1e6 * beside:
                     words = f"it grows without bound: nothing damps a mode at {pole.imag / tau:.6g} Hz"
                     return Pieces.none(words, n)
             for omega, _, weight in nodes(low, high, poles[~has_no_damping].tolist()):
@@ -274,9 +272,6 @@ class At:
             return Pieces.none("it grows without bound", n)
         return Pieces(np.array([size]), (slope / (size or 1.0))[None], np.zeros(1), np.ones(1, bool))
 
-    def _usual(self, channel: int, omega: float) -> float:
-        return float(np.abs(self.model.response(channel, np.array([1.01 * omega])))[0])
-
     def _damping(self, quantity: Quantity) -> Pieces:
         rows, values, slopes = self.rates
         swings = [k for k, value in enumerate(values) if value.imag > 0]
@@ -289,7 +284,7 @@ class At:
     def _settling(self, quantity: Quantity) -> Pieces:
         rows, values, slopes = self.rates
         decay = np.array([-value.real for value in values])
-        smallest = UNDAMPED * np.abs(values)
+        smallest = DAMPING_MIN * np.abs(values)
         if not len(rows) or (decay <= smallest).any():
             words = (
                 "no mode moves" if not len(rows) else f"mode {rows[int((decay - smallest).argmin())] + 1} never settles"
@@ -304,7 +299,8 @@ class At:
         for k, place in enumerate(self.by):
             number = number_at(self.scene, place)
             for multiple, weight in PAIRS:
-                pair = [self._swing(_with(self.scene, place, number * (1 + way * multiple * STEP))) for way in (1, -1)]
+                values = [number * (1 + way * multiple * STEP) for way in (1, -1)]
+                pair = [self._swing(vary(self.scene, {with_numbers(place): value})) for value in values]
                 by[k] += weight * (pair[0] - pair[1]) / (number * STEP)
         return Pieces(np.array([value]), by[None], np.zeros(1), np.ones(1, bool))
 
@@ -313,10 +309,6 @@ class At:
         assert setting.travel is not None
         travel = travel_of(scene, setting.travel, setting.over)
         return travel_swing(scene, travel, setting.kind)
-
-
-def _with(scene: Scene, place: Place, value: float) -> Scene:
-    return vary(scene, {with_numbers(place): value})
 
 
 def travel_of(scene: Scene, distance: float, over: float | None) -> Travel:
@@ -358,8 +350,8 @@ def _validate(scene: Scene, quantities: Sequence[Quantity], setting: Setting) ->
     if problems:
         raise SceneError(problems)
     size = scene.n_links + len(scene.supports)
-    if size > MOST_COORDINATES:
-        raise ComputationError(f"the scene has {size} coordinates: at most {MOST_COORDINATES} are tuned")
+    if size > COORDINATES_MAX:
+        raise ComputationError(f"the scene has {size} coordinates: at most {COORDINATES_MAX} are tuned")
 
 
 def _travel_problems(scene: Scene, kinds: set[str], setting: Setting) -> Iterator[str]:

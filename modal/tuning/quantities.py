@@ -27,10 +27,10 @@ POSITIVE = ("mass", "length", "centre", "inertia", "gravity")
 CAN_VANISH = ("damping", "stiffness", "drag")
 DIRECTIONS = ("sway", "heave", "roll")
 WORDS = re.compile(r"\s*(?:(?P<weight>[^*:]+)\*)?\s*(?P<kind>[a-z]+)\s*(?::(?P<of>.+))?\s*", re.ASCII)
-FURTHEST = {"damping": 1e4, "stiffness": 1e4, "drag": 1e4}
-"""The largest factor by which a number without bounds may change, where it is more than that of others."""
-USUAL_FURTHEST = 100.0
+FACTOR_MAX = 100.0
+"""Limit: factor by which a number without bounds may change, its square of one that may vanish: "without end"."""
 MASS_NUDGE = 1e-3
+"""Tolerance: relative change of a mass or length by which it is seen whether the equilibrium moves."""
 SOURCE = "support_acceleration"
 """The input of an RMS that names none."""
 
@@ -211,7 +211,7 @@ def _free_numbers(scene: Scene, text: str, begin: Callable[[Place], float]) -> I
             yield FreeNumber(place, value, min(max(start, low), high), low, high, True, unit_at(scene, place))
             continue
         start = value or begin(place)
-        ratio = FURTHEST.get(key_of(place), USUAL_FURTHEST)
+        ratio = FACTOR_MAX**2 if key_of(place) in CAN_VANISH else FACTOR_MAX
         yield FreeNumber(place, value, start, start / ratio, start * ratio, False, unit_at(scene, place))
 
 

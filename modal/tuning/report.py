@@ -11,13 +11,13 @@ import numpy as np
 from modal.report import NOTHING, ReportColumn, ReportTable, as_json, finite, grid, percent, records_of, titled
 from modal.scene import title_of
 from modal.scene.parameters import with_numbers
-from modal.tuning.objective import SHARE, Load, Worth, extreme
+from modal.tuning.minimax import COARSE, EDGE
+from modal.tuning.objective import MASS_SHARE, Load, Worth, extreme
 from modal.tuning.quantities import FreeNumber
 from modal.tuning.result import Rule, Tuned
 
-EQUAL, ALIKE = 1e-6, 1e-3
-SHOWN = 6
-"""Valleys of which the depth is told."""
+EQUAL_PEAKS = 1e-6
+"""Tolerance: relative, of peaks that are listed as equally high: of their written digits."""
 
 
 def tuned_record(tuned: Tuned, curves: bool = True) -> dict[str, Any]:
@@ -45,7 +45,7 @@ def tuned_record(tuned: Tuned, curves: bool = True) -> dict[str, Any]:
         "last_gain": tuned.open,
         "rules": [_rule_record(rule) for rule in tuned.rules],
         "worst_case": {
-            "masses": SHARE,
+            "masses": MASS_SHARE,
             "before": finite(tuned.worst_before),
             "after": finite(tuned.worst.value),
             "factors": {with_numbers(place): factor for place, factor in tuned.worst.factors.items()},
@@ -182,7 +182,7 @@ def _objective_table(tuned: Tuned) -> str:
         peaks = ""
         if quantity.kind == "peak":
             largest = piece.values.max()
-            equal = sorted(piece.at[piece.inside & (piece.values >= largest * (1 - EQUAL))].tolist())
+            equal = sorted(piece.at[piece.inside & (piece.values >= largest * (1 - EQUAL_PEAKS))].tolist())
             peaks = ", ".join(f"{at / tau:.5g}" for at in equal)
         values = [f"{extreme(quantity, pieces[k]):.8g}" for pieces in (tuned.pieces_before, tuned.pieces_after)]
         way = "largest" if aim.maximized else "least"
@@ -207,8 +207,8 @@ def _objective_table(tuned: Tuned) -> str:
 def _sentences(tuned: Tuned) -> Iterator[str]:
     objective = tuned.objective
     ends, first = tuned.valleys, tuned.valleys[0].value
-    values = ", ".join(f"{valley.value:.6g}" for valley in ends[:SHOWN]) + ", …" * (len(ends) > SHOWN)
-    alike = [valley for valley in ends if abs(valley.value - first) <= ALIKE * abs(first)]
+    values = ", ".join(f"{valley.value:.6g}" for valley in ends)
+    alike = [valley for valley in ends if abs(valley.value - first) <= COARSE * abs(first)]
     if tuned.starts == 1:
         yield "One start had a finite value."
     elif len(ends) == 1:
@@ -229,7 +229,7 @@ def _sentences(tuned: Tuned) -> Iterator[str]:
     at_bounds = [
         number.path
         for number, z, low, high in zip(objective.free, tuned.z, objective.low, objective.high, strict=True)
-        if min(z - low, high - z) < 1e-9
+        if min(z - low, high - z) < EDGE
     ]
     if at_bounds:
         yield f"At its bound: {', '.join(at_bounds)}."
@@ -237,7 +237,7 @@ def _sentences(tuned: Tuned) -> Iterator[str]:
     if worst.factors:
         words = "Tuned for the worst case" if tuned.robust else "Worst case"
         values = f"{worst.value:.6g}, before {tuned.worst_before:.6g}"
-        yield f"{words} of all masses ±{percent(SHARE)}: {values} ({worst.words})."
+        yield f"{words} of all masses ±{percent(MASS_SHARE)}: {values} ({worst.words})."
     for load in tuned.loads:
         per, where = (f" per {load.per}", f" at {load.at_hz:.4g} Hz") if load.per else (" RMS", "")
         what = "torque" if load.unit == "rad" else "force"
@@ -275,7 +275,7 @@ def _rules_table(tuned: Tuned) -> str:
                     "",
                     "",
                     "",
-                    "exact if ζ were 0" if absorber.damping_ratio > EQUAL else "exact",
+                    "exact if ζ were 0" if absorber.damping_ratio > EQUAL_PEAKS else "exact",
                     f"{f:.8f}",
                     f"{zeta:.8f}",
                     "",

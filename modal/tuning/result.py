@@ -12,16 +12,14 @@ import numpy as np
 from modal.report import Displayed, Drawable, TextResult
 from modal.scene import Scene
 from modal.tuning.closed_forms import Absorber, absorbers, values_for
-from modal.tuning.model import find_peaks
+from modal.tuning.model import SIDE_POINTS, find_peaks
 from modal.tuning.objective import Load, MassCase, Objective, Worth, loads, worst_case, worths
 from modal.tuning.pieces import Pieces, Quantities
 from modal.tuning.quantities import Quantity
 from modal.types import Floats
 
-CURVE = 400
-NEAR = 24
-BESIDE = 3.0
-"""Points of a curve, points near each peak, and how far a curve goes beyond the outermost peaks."""
+CURVE_POINTS = 400
+"""Format: points of a curve, beside those near its peaks."""
 
 
 @dataclass(frozen=True)
@@ -148,13 +146,12 @@ class Tuned(Drawable, TextResult):
         poles = np.abs(np.concatenate([model.poles_for(0).imag for model in models]))
         rates = np.concatenate([peak.omega[peak.inside] for peak in peaks] or [poles])
         rates = rates if len(rates) else poles[poles > 0]
-        low, high = setting.rates or (rates.min() / BESIDE, rates.max() * BESIDE)
+        low, high = setting.rates or (rates.min() / 3, rates.max() * 3)
         low = max(low, 1e-3 * high)
         frequencies = np.concatenate([poles[poles > 0], rates])
-        close_points = np.outer(
-            frequencies, 1 + np.concatenate((-np.geomspace(1e-4, 0.05, NEAR), [0.0], np.geomspace(1e-4, 0.05, NEAR)))
-        )
-        omega = np.unique(np.concatenate((np.geomspace(low, high, CURVE), close_points.ravel())))
+        distances = np.geomspace(1e-4, 0.05, SIDE_POINTS)
+        close_points = np.outer(frequencies, 1 + np.concatenate((-distances, [0.0], distances)))
+        omega = np.unique(np.concatenate((np.geomspace(low, high, CURVE_POINTS), close_points.ravel())))
         omega = omega[(omega >= low) & (omega <= high)]
         before, after = (np.abs(model.response(0, omega)) for model in models)
         row, column = quantities.form.signals[0]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from itertools import permutations
+from itertools import islice, permutations
 from os import PathLike
 
 import numpy as np
@@ -17,29 +17,29 @@ from modal.scene.parameters import Place, texts_of
 from modal.scene.records import Spectrum, read_spectrum
 from modal.statespace.shapers import Kind
 from modal.tuning.closed_forms import den_hartog, rest_of_scene, single_links, values_for
-from modal.tuning.minimax import ALLOWED, Minimum, descend
-from modal.tuning.model import UNDAMPED
+from modal.tuning.minimax import COARSE, EDGE, ROUNDS, VALLEY_WIDTH, Minimum, descend
+from modal.tuning.model import DAMPING_MIN
 from modal.tuning.objective import Aim, Objective, worst_cases
 from modal.tuning.pieces import Setting
-from modal.tuning.quantities import SOURCE, FreeNumber, Quantity, find_free, key_of, parse_limit, parse_quantity
+from modal.tuning.quantities import (
+    CAN_VANISH,
+    SOURCE,
+    FreeNumber,
+    Quantity,
+    find_free,
+    key_of,
+    parse_limit,
+    parse_quantity,
+)
 from modal.tuning.result import Tuned, Valley
 from modal.types import Crew, Floats, map_by_crew
 
-TRIED, KEPT = 12, 3
-"""Random starts for each free number, of which so many lead into a descent."""
-SPREAD, WIDE = 1.1, 2.5
-"""Standard deviations of the logarithms of random starts, of a damper, drag or spring the second."""
-DISTINCT, SAME = 0.3, 0.02
-"""Distance of two starts, and of two ends in one valley, in logarithms."""
-ALIKE = 1e-3
-"""Of two costs in one valley."""
-FINISHED = 2
-"""The deepest valleys that are finished, where the descent into them is not certain."""
-RULES = 4
-"""Most starts by Den Hartog's rule."""
-CASES = 8
-"""Rounds of adding the worst case of what is tuned so far."""
-EDGE = 1e-6
+STARTS = 12
+"""Cost: random starts for each free number, of which the best three lead into a descent."""
+START_SPREAD = 1.1
+"""Tolerance: standard deviation of the logarithms of random starts, three to reach a factor of 30."""
+WIDE_START_SPREAD = 2.5
+"""Tolerance: the same of a damper, drag or spring, whose size is known to some powers of ten."""
 Report = Callable[[float], object]
 """Takes the part of the starts that has been descended from."""
 
@@ -109,7 +109,7 @@ def tune(
     size = abs(sum(item.largest for item in objective.evaluate(starts[0], False).costs))
     objective.scale = size if not objective.is_log and size > 0 else 1.0
     valleys = _valleys(objective, starts, report)
-    candidates = [valleys[0], *(item for item in valleys[1:FINISHED] if not item.certain)]
+    candidates = [valleys[0], *(item for item in valleys[1:2] if not item.certain)]  # uncertain ends may change places
     descents = list(map_by_crew(partial(_descend, objective), [item.point.z for item in candidates], crew))
     deepest = min(range(len(descents)), key=lambda k: descents[k].point.merit)
     best = descents[deepest]
@@ -124,7 +124,7 @@ def tune(
         Valley(
             objective.numbers(item.point.z),
             objective.value(item.point.z) if k else objective.value(best.point.z),
-            item.point.excess <= ALLOWED,
+            item.point.excess <= EDGE,
             item.certain,
         )
         for k, item in enumerate(valleys)
@@ -185,24 +185,24 @@ def _starts(objective: Objective, crew: Crew | None) -> Iterator[Floats]:
     for z in (objective.start, *_by_rule(objective)):
         at = np.clip(z, objective.low, objective.high)
         if (
-            all(np.abs(at - number).max() > SAME for number in chosen_starts)
+            all(np.abs(at - number).max() > VALLEY_WIDTH / 8 for number in chosen_starts)
             and objective.evaluate(at, False).is_finite
         ):
             chosen_starts.append(at)
             yield at
     rng = np.random.default_rng(1)
     n = len(objective.free)
-    spread = np.array([WIDE if number.key in {"damping", "drag", "stiffness"} else SPREAD for number in objective.free])
-    draws = objective.start + spread * rng.standard_normal((TRIED * n, n))
+    spread = [WIDE_START_SPREAD if number.key in CAN_VANISH else START_SPREAD for number in objective.free]
+    draws = objective.start + np.array(spread) * rng.standard_normal((STARTS * n, n))
     has_bounds = np.array([number.has_bounds for number in objective.free])
-    inside = objective.low + (objective.high - objective.low) * rng.random((TRIED * n, n))
+    inside = objective.low + (objective.high - objective.low) * rng.random((STARTS * n, n))
     draws = np.where(has_bounds, inside, np.clip(draws, objective.low, objective.high))
     merits = np.array([*map_by_crew(partial(_merit, objective), draws, crew)])
     n_chosen = 0
     for k in np.argsort(merits, kind="stable").tolist():
-        if not np.isfinite(merits[k]) or n_chosen == KEPT:
+        if not np.isfinite(merits[k]) or n_chosen == 3:
             break
-        if all(np.abs(draws[k] - number).max() > DISTINCT for number in chosen_starts):
+        if all(np.abs(draws[k] - number).max() > 2 * VALLEY_WIDTH for number in chosen_starts):
             chosen_starts.append(draws[k])
             n_chosen += 1
             yield draws[k]
@@ -227,7 +227,7 @@ def _by_rule(objective: Objective) -> Iterator[Floats]:
     columns = {item.path: k for k, item in enumerate(objective.free)}
     modes = range(min(len(rest.omega), len(pendula) + 1))
     ways = permutations(modes, len(pendula)) if len(pendula) <= len(modes) else [(0,) * len(pendula)]
-    chosen = [way for _, way in zip(range(RULES - 1), ways, strict=False)]
+    chosen = list(islice(ways, 3))
     if len(pendula) > 1:
         chosen.append((0,) * len(pendula))
     for way in chosen:
@@ -260,8 +260,8 @@ def _valleys(objective: Objective, starts: Sequence[Floats], report: Report) -> 
         alike = [
             other_minimum
             for other_minimum in minima
-            if abs(other_minimum.point.merit - minimum.point.merit) <= ALIKE * max(1.0, abs(other_minimum.point.merit))
-            and np.abs(other_minimum.point.z - minimum.point.z).max() <= 10 * SAME
+            if abs(other_minimum.point.merit - minimum.point.merit) <= COARSE * max(1.0, abs(other_minimum.point.merit))
+            and np.abs(other_minimum.point.z - minimum.point.z).max() <= VALLEY_WIDTH
         ]
         if not alike:
             minima.append(minimum)
@@ -287,12 +287,12 @@ def _centre(objective: Objective, z: Floats) -> None:
 def _robust(objective: Objective, best: Minimum, crew: Crew | None) -> Minimum:
     """The best for the worst of all masses ±5 %, to which cases are added until none is worse."""
     cases = list(objective.cases)
-    for _ in range(CASES):
+    for _ in range(ROUNDS):
         cost = objective.evaluate(best.point.z, False).cost
         worse = [
             case
             for case in worst_cases(objective, best.point.z, crew)
-            if case.cost > cost + EDGE and case.factors not in cases
+            if case.cost > cost + COARSE**2 and case.factors not in cases
         ]
         if not worse:
             break
@@ -320,7 +320,7 @@ def _endless(objective: Objective) -> str:
 
 def _refuse_endless(objective: Objective, best: Minimum) -> None:
     z, point = best.point.z, best.point
-    if point.excess > ALLOWED:
+    if point.excess > EDGE:
         worst = max(range(len(point.limits)), key=lambda k: point.limits[k].largest)
         limit = objective.limits[worst]
         smallest = float(np.exp(point.limits[worst].largest)) * limit.most
@@ -340,7 +340,7 @@ def _refuse_endless(objective: Objective, best: Minimum) -> None:
 
 def _require_damping(objective: Objective, z: Floats) -> None:
     for aim, piece in zip(objective.aims, objective.pieces(z), strict=False):
-        if aim.quantity.kind == "damping" and len(piece.values) and np.abs(piece.values).min() <= UNDAMPED:
+        if aim.quantity.kind == "damping" and len(piece.values) and np.abs(piece.values).min() <= DAMPING_MIN:
             number = int(piece.at[np.abs(piece.values).argmin()]) + 1
             raise ComputationError(f"damping: nothing damps mode {number}, whatever the free numbers are")
 

@@ -151,7 +151,7 @@ def _misfit(result: Fit, is_explained: bool) -> Iterator[str]:
 def _bounds(result: Fit) -> Iterator[str]:
     for k in result.fitted:
         number = result.parameters[k]
-        if number.least == 0.0 and result.unknowns[k] < BOUND:
+        if number.z_min == 0.0 and result.unknowns[k] < BOUND:
             white = all(len(rho) == 1 for rho in result.rho)
             yield f"{number.path} is at its bound, 0" + (": the record gives no sign of it" if white else "")
 

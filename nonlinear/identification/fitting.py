@@ -183,7 +183,7 @@ class Search:
         problem, layout = self.problem, self.problem.layout
         u = np.zeros(layout.size)
         z = starting_numbers(problem.scene, problem.parameters, problem.recording)
-        beliefs = [parameter.believed for parameter in problem.parameters]
+        beliefs = [parameter.prior_of_z for parameter in problem.parameters]
         z = np.array([numbers if b is None else b[0] for numbers, b in zip(z, beliefs, strict=True)])
         u[: layout.numbers] = np.clip(z, *(limits[: layout.numbers] for limits in problem.bounds))
         states = initial_states(problem)
@@ -397,9 +397,7 @@ class Search:
     def _scales(self, problem: FitProblem) -> Floats:
         """The size of a step of each unknown."""
         layout, scales = problem.layout, np.ones(problem.layout.size)
-        scales[: layout.numbers] = [
-            0.1 if parameter.log else 0.1 * max(parameter.start, 0.05) for parameter in problem.parameters
-        ]
+        scales[: layout.numbers] = [parameter.step for parameter in problem.parameters]
         scales[layout.offsets], scales[layout.scales] = 0.01, 0.01
         scales[layout.delays] = 0.1 * (problem.late or 1.0)
         for s in range(layout.segments):

@@ -182,8 +182,8 @@ class FitProblem(Displayed):
         """Of all unknowns, (size,) each."""
         layout = self.layout
         low, high = np.full(layout.size, -np.inf), np.full(layout.size, np.inf)
-        low[: layout.numbers] = [parameter.least for parameter in self.parameters]
-        high[: layout.numbers] = [-parameter.least if parameter.log else np.inf for parameter in self.parameters]
+        low[: layout.numbers] = [parameter.z_min for parameter in self.parameters]
+        high[: layout.numbers] = [-parameter.z_min if parameter.log else np.inf for parameter in self.parameters]
         low[layout.scales], low[layout.delays], high[layout.delays] = -0.9, -self.late or -1, self.late or 1
         return low, high
 
@@ -249,7 +249,7 @@ class FitProblem(Displayed):
     @cached_property
     def _beliefs(self) -> list[tuple[int, float, float]]:
         """The numbers with priors: their index, and mean and standard deviation of z."""
-        return [(k, *parameter.believed) for k, parameter in enumerate(self.parameters) if parameter.believed]
+        return [(k, *parameter.prior_of_z) for k, parameter in enumerate(self.parameters) if parameter.prior_of_z]
 
     def jacobian(self, u: Floats) -> Floats:
         """The derivatives of the residuals, (N, size)."""
