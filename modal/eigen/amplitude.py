@@ -26,13 +26,12 @@ import numpy as np
 from modal.assembly import Block
 from modal.types import Floats
 
-QUARTER = pi / 16 * np.array([1.0, 3.0, 5.0, 7.0])
-"""Number of instants whose mean is exact for products of four factors cos τ and cos 3τ."""
 RATIOS = np.array([[0.0], [1.0], [-1.0], [2.0], [-2.0]])
 """Ratios of the amplitudes of two modes at which their mean Lagrangian is evaluated."""
 INSTANTS = 33
+"""Tolerance: instants of a quarter period among which the largest angle is sought, 1 % of it between two."""
 LIGHT = 0.1
-"""Damping ratio, and out-of-phase share of a shape, up to which a mode has an amplitude coefficient."""
+"""Tolerance: damping ratio, and out-of-phase share of a shape, up to which a mode has an amplitude coefficient."""
 
 
 def quartic(block: Block, x: Floats, cart: Floats, angle: Floats) -> Floats:
@@ -128,8 +127,9 @@ def _quartic_terms(
     blocks: tuple[Block, ...], swing: ModeSwing, response: ModeSwing, harmonic: int
 ) -> tuple[Floats, Floats, Floats]:
     """(Γ, G₁, G₂) from the average at RATIOS, exact for a polynomial of fourth degree."""
-    elongation, velocity = RATIOS * np.cos(harmonic * QUARTER), -RATIOS * harmonic * np.sin(harmonic * QUARTER)
-    cos, sin, omega = np.cos(QUARTER), -np.sin(QUARTER), np.sqrt(swing.x)
+    phase = (np.arange(4) + 0.5) * pi / 2 / 4  # whose mean is exact for products of four factors cos τ and cos 3τ
+    elongation, velocity = RATIOS * np.cos(harmonic * phase), -RATIOS * harmonic * np.sin(harmonic * phase)
+    cos, sin, omega = np.cos(phase), -np.sin(phase), np.sqrt(swing.x)
     cart_velocity = _lanes(swing.cart * omega, sin) + _lanes(response.cart * omega, velocity)
     total = np.zeros(len(cart_velocity))
     for block, swung, its in zip(blocks, swing.angles, response.angles, strict=True):
@@ -144,9 +144,8 @@ def _quartic_terms(
 
 def _lanes(values: Floats, factors: Floats) -> Floats:
     """(…, R · L) from values (…, R) and L factors."""
-    lanes: Floats = (values[..., None] * np.broadcast_to(factors, (len(RATIOS), len(QUARTER))).ravel()).reshape(
-        *values.shape[:-1], -1
-    )
+    per_ratio = np.broadcast_to(factors, (len(RATIOS), factors.shape[-1]))
+    lanes: Floats = (values[..., None] * per_ratio.ravel()).reshape(*values.shape[:-1], -1)
     return lanes
 
 
