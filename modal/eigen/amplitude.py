@@ -30,6 +30,8 @@ RATIOS = np.array([[0.0], [1.0], [-1.0], [2.0], [-2.0]])
 """Ratios of the amplitudes of two modes at which their mean Lagrangian is evaluated."""
 INSTANTS = 33
 """Tolerance: instants of a quarter period among which the largest angle is sought, 1 % of it between two."""
+ONE_PERCENT = 0.01
+"""Physics: relative shift of a frequency up to which it is linear, the amplitude of which is stated."""
 LIGHT = 0.1
 """Tolerance: damping ratio, and out-of-phase share of a shape, up to which a mode has an amplitude coefficient."""
 
@@ -70,7 +72,7 @@ def coefficient(gamma: Floats, modal_mass: Floats, x: Floats, largest: Floats) -
 
 def one_percent_amplitude(kappa: float) -> float:
     """Largest angle of a mode (deg) at which |κ| a² = 0.01; infinite where κ = 0, NaN where κ is undefined."""
-    return degrees(sqrt(0.01 / abs(kappa))) if kappa else inf
+    return degrees(sqrt(ONE_PERCENT / abs(kappa))) if kappa else inf
 
 
 class ModeSwing(NamedTuple):
@@ -91,7 +93,7 @@ def distortion(
     order of the shape's own frequency.  The angle is the largest of any link over the period; errors and changes are
     infinite where two frequencies meet below it.
     """
-    a2 = min(0.01 / abs(kappa), (pi / 2) ** 2)
+    a2 = min(ONE_PERCENT / abs(kappa), (pi / 2) ** 2)
     chosen = np.vstack((np.ones(len(answers)), np.eye(len(answers))))
     size, bend, meets = np.zeros((3, len(answers)))
     for at, (harmonic, response) in enumerate(answers):
@@ -118,9 +120,9 @@ def _amplitude_ratio(blocks: tuple[Block, ...], swing: ModeSwing, kappa: float) 
     pairs = zip(blocks, swing.angles, strict=True)
     potential = sum(float(((block.sigma * block.b)[:, :, None] * angle**4).sum()) for block, angle in pairs) / 64
     p = -4 * potential / (swing.modal_mass * swing.x * kappa).item()
-    r = 1 + np.copysign(0.01, kappa)
+    r = 1 + np.copysign(ONE_PERCENT, kappa)
     square = (1 - r**2) / (p + (1 - p) * r**2) / -2 / kappa
-    return sqrt(max(square, 0.0) * abs(kappa) / 0.01)
+    return sqrt(max(square, 0.0) * abs(kappa) / ONE_PERCENT)
 
 
 def _quartic_terms(

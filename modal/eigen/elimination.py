@@ -173,6 +173,10 @@ PRECISIONS = (40, 80, 160, 320, 640)
 """Decimal digits, until two in a row agree to a rounding; half of the most reach below the smallest float."""
 
 
+REFINED_DIGITS = 80
+"""Cost: decimal digits in which a mode is refined, of which half may cancel; twice as many give the same floats."""
+
+
 class Arithmetic(Protocol):
     """What an elimination asks of its numbers."""
 

@@ -27,7 +27,7 @@ from modal.scene import Scene, require
 from modal.scene.doors import checked
 from modal.statespace import state_space, to_modal_form
 from modal.statespace.response import ExactResponse
-from modal.statespace.structural import MOST, is_small
+from modal.statespace.structural import MOST_IN_DIGITS, is_small
 from modal.types import Complexes, Floats
 from modal.vibration.random import PRECISE, ModalResponse, nodes, poles_of
 
@@ -123,7 +123,9 @@ def thermal_noise(scene: Scene, temperature: float, outputs: tuple[str, ...] = U
     if not (scene.has_damping or scene.has_losses):
         raise SceneError(["thermal noise: nothing dissipates in this scene: give it dampers, drag, loss or wire_loss"])
     if scene.has_modal_damping and not is_small(scene):
-        raise ComputationError(f"thermal noise: damping ratios of more than {MOST} coordinates: give dampers instead")
+        raise ComputationError(
+            f"thermal noise: damping ratios of more than {MOST_IN_DIGITS} coordinates: give dampers instead"
+        )
     modes = natural_modes(scene)
     if growing := [number for number, value in enumerate(modes.eigenvalue.tolist(), 1) if value.real > 0]:
         raise ComputationError(f"mode {growing[0]} grows by itself: there is no thermal equilibrium")
