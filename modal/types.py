@@ -1,4 +1,4 @@
-"""Type aliases of arrays of one kind of number, of any shape, and who computes many things."""
+"""Type aliases of arrays of one kind of number, of any shape, their rounding, and who computes many things."""
 
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Protocol, TypeVar
@@ -10,6 +10,15 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Booleans = NDArray[np.bool_]
 Complexes = NDArray[np.complex128]
+
+EPS = float(np.finfo(float).eps)
+"""Format: a last place of a double-precision float near 1, 2⁻⁵²; a rounding is half of it."""
+NOISE_OF_SUM = 2.0**-40
+"""Tolerance: share of its terms below which what is left of a sum is rounding: 4096 last places."""
+NEWTON_ROUNDS = 30
+"""Limit: rounds of an iteration that doubles its digits in each; what follows without convergence stands beside it."""
+NUMBERS_IN_CHUNK = 400_000
+"""Cost: numbers of one temporary array, 3 MB, where an answer is computed piece by piece (benchmarks/modes.py)."""
 
 T = TypeVar("T")
 R = TypeVar("R")

@@ -32,8 +32,8 @@ from modal.coupling.damping import Damped, damped_modes, negative_damping
 from modal.coupling.dynamic_mass import CartMode, DynamicMass, SecularEquation, dynamic_mass
 from modal.coupling.families import (
     LEAST_SHARE_OF_BEATS,
-    MOST_MODES,
-    UNEVEN,
+    MOST_PAIRED_MODES,
+    UNEVEN_DECAY_MIN,
     EnergyExchange,
     Family,
     FamilyBranch,
@@ -56,8 +56,9 @@ from modal.structure import Structure, slopes
 from modal.types import Floats, Ints
 
 MOST_POLES = 10_000
-MISSED = 1e-6
-"""Largest relative error of the sum rule."""
+"""Limit: links of different pendula, refused beyond."""
+SUM_RULE_ERROR_MAX = 1e-6
+"""Tolerance: largest relative error of the sum of modal effective masses, refused beyond."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -289,7 +290,7 @@ class Coupling(TextResult):
         modes, members = self.fixed_base, list(family.members)
         rates = modes.rate[members]
         largest_splitting = max((abs(branch.splitting) for branch in family.branches), default=0.0)
-        uneven = np.ptp(rates) > UNEVEN * (largest_splitting + rates.max())
+        uneven = np.ptp(rates) > UNEVEN_DECAY_MIN * (largest_splitting + rates.max())
         if not largest_splitting or uneven:
             return family
         decay_rate = float(rates.mean() + self._decay_rates(np.array([family.omega]))[0])
@@ -348,12 +349,12 @@ class Coupling(TextResult):
 
     @cached_property
     def pairs(self) -> tuple[EnergyExchange, ...]:
-        """Pairs of own modes of different kinds, those that exchange most first; none of more than MOST_MODES modes.
+        """Pairs of own modes of different kinds, those that exchange most first; none of too many modes.
 
         A pair that nothing else resists is rigidly coupled and omitted: it exchanges nothing.
         """
         count, kinds = len(self.fixed_base.omega), self.fixed_base.kind
-        if count > MOST_MODES or not self.is_coupled:
+        if count > MOST_PAIRED_MODES or not self.is_coupled:
             return ()
         pairs = [(a, b) for a in range(count) for b in range(a + 1, count) if kinds[a] != kinds[b]]
         exchanges = [pair for a, b in pairs if (pair := self._pair(a, b))]
@@ -456,7 +457,7 @@ def explain(scene: Scene) -> Coupling:
             refuse_beyond(structure)
         secular = dynamic_mass(structure, as_one_part=scene.cart is not None) if on_one else None
         coupling = Coupling(scene, structure, secular)
-    if not scene.is_structured and not (discrepancy := coupling.residual()) <= MISSED:
+    if not scene.is_structured and not (discrepancy := coupling.residual()) <= SUM_RULE_ERROR_MAX:
         raise ComputationError(
             f"modal effective masses are beyond double precision: their sum is off by {discrepancy:.1e}"
         )

@@ -30,11 +30,10 @@ from modal.errors import ComputationError
 from modal.modes.shapes import by_kind, displacements
 from modal.report import Displayed
 from modal.scene import Pendulum, Scene, VanDerPol, validate_scene
-from modal.types import Floats
+from modal.types import NUMBERS_IN_CHUNK, Floats
 
-CHUNK = 400_000
-STILL = 1e-20
-"""Largest share of a mode's kinetic energy in a structure that is said to stand still."""
+STILL_SHARE_MAX = 1e-20
+"""Tolerance: share of a mode's kinetic energy in a structure that is said to stand still: 1e-10 of its motion."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -159,7 +158,7 @@ def _shapes(rig: Rig, spectrum: ModalSpectrum, source: int, parts: list[Spectrum
 
     Of equal pendula in antiphase all swing alike, all else at rest: their rates are those of one.
     """
-    size = max(1, CHUNK // sum(block.mass.size for block in rig.blocks))
+    size = max(1, NUMBERS_IN_CHUNK // sum(block.mass.size for block in rig.blocks))
     for start in range(0, len(parts), size):
         chosen = parts[start : start + size]
         rows = [list(range(part.row, part.row + (1 if part.kind else part.along_count))) for part in chosen]
@@ -232,7 +231,7 @@ class _Losses:
         vectors = np.linalg.eigh(parts[0] + parts[1] + parts[-1])[1]
         losses = np.array([np.einsum("ik,ij,jk->k", vectors, matrix, vectors) for matrix in parts]).T
         share = 2 * np.einsum("ik,ij,jk->k", eta, self.carrier[0], eta)
-        is_still = part.is_still or bool(np.all(share <= STILL * bool(self.rig.structure)))
+        is_still = part.is_still or bool(np.all(share <= STILL_SHARE_MAX * bool(self.rig.structure)))
         fold = part.along_count if len(scale) == 1 else 1
         return [
             Damped(omega, fold, is_still, None, cart, joints, drives, excitation, None, drag, ratio * omega)

@@ -24,21 +24,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from modal.coupling.families import STRONG, FamilyBranch
-from modal.coupling.reduced import MOST_COORDINATES, ReducedStructure
-from modal.eigen import LIGHTEST, Poles, at_infinity, degenerate_modes, solve
+from modal.coupling.families import CHANGE_OF_FIRST_ORDER, STRONG_COUPLING, FamilyBranch
+from modal.coupling.reduced import ReducedStructure
+from modal.eigen import LIGHTEST, MOST_COORDINATES, Poles, at_infinity, degenerate_modes, solve
 from modal.errors import ComputationError
 from modal.modes import pair_rows
 from modal.report import Displayed
-from modal.types import Booleans, Floats, Ints
+from modal.types import NOISE_OF_SUM, NUMBERS_IN_CHUNK, Booleans, Floats, Ints
 
-CHUNK = 2_000_000
 Other = tuple[float, Floats]
 FALLS = "the structure does not stand by itself: at rest it falls over, and nothing swings about it"
-NOTHING_HOLDS = 256 * 2.0**-52
-"""A stiffness this small over the sum of the sizes of its terms is 0."""
-STEADY = 0.2
-"""Largest relative change of m over the frequencies of an isolated pair."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -67,7 +62,7 @@ class Zeros(Displayed):
     def modal_mass(self) -> Floats:
         """φᵀMφ (Z,) in kg of the modes in which the cart moves by 1: ω² dm_dyn/d(ω²); infinite if it hardly does."""
         mass = np.empty(len(self.anchor))
-        size = max(1, CHUNK // len(self.square))
+        size = max(1, NUMBERS_IN_CHUNK // len(self.square))
         for start in range(0, len(mass), size):
             part = slice(start, start + size)
             differences = (self.square - self.square[self.anchor[part], None]) - self.offset[part, None]
@@ -102,7 +97,7 @@ class DynamicMass(Displayed):
     def __call__(self, omega: ArrayLike, left_out: Booleans | None = None) -> Floats:
         """m_dyn (W,) in kg at ω (W,) in rad/s, infinite on a pole; without the poles marked in `left_out` (W, C)."""
         at = np.atleast_1d(np.asarray(omega, dtype=np.float64))
-        mass, size = np.empty(len(at)), max(1, CHUNK // len(self.omega))
+        mass, size = np.empty(len(at)), max(1, NUMBERS_IN_CHUNK // len(self.omega))
         with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
             for start in range(0, len(at), size):
                 part = slice(start, start + size)
@@ -310,7 +305,7 @@ class SecularEquation:
     def between(self, modes: tuple[int, int]) -> tuple[float, bool]:
         """The m (kg) between two modes, and whether it is steady over their frequencies: if not, others take part.
 
-        A coupling beyond STRONG is none that is steady; where there is no cart, infinite and steady.
+        A coupling beyond STRONG_COUPLING is none that is steady; where there is no cart, infinite and steady.
         """
         if not self.as_one_part:
             return inf, True
@@ -323,8 +318,8 @@ class SecularEquation:
             swing = np.hypot(detuning / 2, np.sqrt(np.abs(shift.prod())))
             ends = np.array([*omega, middle - swing, middle + swing])
             end_masses = self._without(modes, [max(ends.min(), 0.0), max(ends.max(), 0.0)])
-            steady = bool(np.all(np.abs(end_masses - m) <= STEADY * abs(m)))
-        return m, steady and isfinite(m) and bool(mass.max() <= STRONG * abs(m))
+            steady = bool(np.all(np.abs(end_masses - m) <= CHANGE_OF_FIRST_ORDER * abs(m)))
+        return m, steady and isfinite(m) and bool(mass.max() <= STRONG_COUPLING * abs(m))
 
 
 def dynamic_mass(reduced: ReducedStructure, *, as_one_part: bool) -> DynamicMass:
@@ -341,7 +336,7 @@ def dynamic_mass(reduced: ReducedStructure, *, as_one_part: bool) -> DynamicMass
     residual = np.concatenate([at_infinity(block)[0] * block.count for block in natural.blocks])
     carrier, spring = (float(S[0, 0]) if reduced.d else 0.0 for S in (reduced.own_inertia, reduced.own_stiffness))
     terms = float(reduced.hanging.elements.terms.sum()) if reduced.d else 0.0
-    if spring < -NOTHING_HOLDS * terms:
+    if spring < -NOISE_OF_SUM * terms:
         raise ComputationError(FALLS)
     first = chosen[groups.order[groups.first]] if len(chosen) else chosen
     return DynamicMass(
@@ -349,5 +344,5 @@ def dynamic_mass(reduced: ReducedStructure, *, as_one_part: bool) -> DynamicMass
         mass=np.add.reduceat(mass[chosen[groups.order]], groups.first) if len(chosen) else np.zeros(0),
         cart=carrier,
         residual=units.mass * float((residual * moves).sum()),
-        spring=spring if spring > NOTHING_HOLDS * terms else 0.0,
+        spring=spring if spring > NOISE_OF_SUM * terms else 0.0,
     )

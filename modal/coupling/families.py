@@ -36,17 +36,20 @@ from modal.modes import letters
 from modal.report import NOTHING, Displayed, ReportColumn, ReportTable, short
 from modal.types import Complexes, Floats, Ints
 
-SAMPLES = 2001
-MOST_MODES = 40
-"""Modes up to which pairs are listed: among more, no two are isolated from the others."""
-STRONG = 0.5
-"""Coupling strength μ/m above which first order is meaningless."""
-FAR = 0.2
-"""Relative difference of first order from the splitting above which what resists varies."""
+SAMPLES_OF_EXCHANGE = 2001
+"""Tolerance: times among which the most energy that the others ever hold is found: a beat's top to 1e-6 of it."""
+MOST_PAIRED_MODES = 40
+"""Limit: modes up to which pairs are listed: among more, no two are isolated from the others."""
+STRONG_COUPLING = 0.5
+"""Physics: coupling strength μ/m above which first order is meaningless."""
+WEAK_COUPLING = 0.1
+"""Physics: coupling strength, or deviation of a rate, up to which first order is no mere guide, a splitting small."""
+CHANGE_OF_FIRST_ORDER = 0.2
+"""Physics: relative difference from first order, or change of what resists, from which on others take part."""
 LEAST_SHARE_OF_BEATS = 0.01
-"""Share of the energy of one pendulum that others must come to hold for a beat to be told."""
-UNEVEN = 1e-3
-"""Largest differences of decay rates within a family, over its splitting and over the largest rate."""
+"""Physics: share of the energy of one pendulum that others must come to hold for a beat to be told."""
+UNEVEN_DECAY_MIN = 1e-3
+"""Tolerance: differences of decay rates within a family, over its splitting and the largest rate, that are told."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +78,8 @@ def transfer(first: complex, second: complex, coupling: complex) -> Transfer:
             maximum = float(abs(coupling / turn) ** 2) if turn else 0.0
             return Transfer(period, maximum, 1.0, beats=isfinite(period), lossless=True)
         rate = max(float(abs(turn)), decay)
-        early, late = np.linspace(0.0, min(period, 100 / rate), SAMPLES), np.geomspace(1e-3, 1e6, SAMPLES) / rate
+        early = np.linspace(0.0, min(period, 100 / rate), SAMPLES_OF_EXCHANGE)
+        late = np.geomspace(1e-3, 1e6, SAMPLES_OF_EXCHANGE) / rate
         other_energy = _swung(np.concatenate((early, late)), turn, decay) * abs(coupling) ** 2
         remainder = (
             float(max(_energy_at(sign * half, turn, decay, period) for sign in (1, -1))) if isfinite(period) else 0.0
@@ -118,9 +122,9 @@ def exchange_among(weights: Floats, levels: Complexes) -> Transfer:
     lossless = not levels.imag.any()
     rate = max(float(np.abs(gaps).max()) / 2, float(levels.imag.max()))
     span = period if isfinite(period) and lossless else min(period, 100 / rate) if rate else 0.0
-    times = np.linspace(0.0, span, SAMPLES)
+    times = np.linspace(0.0, span, SAMPLES_OF_EXCHANGE)
     if not lossless:
-        times = np.concatenate((times, np.geomspace(1e-3, 1e6, SAMPLES) / rate))
+        times = np.concatenate((times, np.geomspace(1e-3, 1e6, SAMPLES_OF_EXCHANGE) / rate))
         times = times[times * levels.imag.min() < 300]  # numbers below 1e-130 would be slow, and nothing is left then
     amplitude = np.exp(1j * np.outer(times, levels))
     energies, amplitudes = (np.einsum("tl,lm->tm", part, weights) for part in (np.abs(amplitude) ** 2, amplitude))
@@ -185,8 +189,8 @@ def pair_exchange(omega: Floats, rate: Floats, free: Any, lossy: Any) -> tuple[f
     return float(first - second), float(free[0, 1]) / (2 * sqrt(x)), float(strength), exchange
 
 
-ROUGH = 0.02
-"""Relative difference of a splitting from that with a constant ε above which both are only a guide."""
+CHANGE_OF_REST_MAX = 0.02
+"""Physics: relative difference of a splitting from that by what resists at its pole: beyond, another family is near."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -222,13 +226,13 @@ class FamilyBranch(Displayed):
 
     def is_first_order(self, omega: float) -> bool:
         """Whether ½ ε ω_r of a family at ω_r is near its splitting, and the coupling weak."""
-        is_near = abs(self.strength * omega / 2 - self.splitting) <= FAR * abs(self.splitting)
-        return self.is_finite and abs(self.strength) <= STRONG and is_near
+        is_near = abs(self.strength * omega / 2 - self.splitting) <= CHANGE_OF_FIRST_ORDER * abs(self.splitting)
+        return self.is_finite and abs(self.strength) <= STRONG_COUPLING and is_near
 
     def is_rough(self, omega: float) -> bool:
         """Whether another family is near: what resists varies from ω_r to the mode, not too much for first order."""
         steady = omega * (sqrt(max(0.0, 1 + self.strength)) - 1)
-        return abs(steady - self.splitting) > ROUGH * abs(self.splitting)
+        return abs(steady - self.splitting) > CHANGE_OF_REST_MAX * abs(self.splitting)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

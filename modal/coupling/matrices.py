@@ -17,19 +17,17 @@ from typing import Any
 
 import numpy as np
 
-from modal.coupling.damping import STILL
-from modal.coupling.dynamic_mass import FALLS, NOTHING_HOLDS, CartMode, Other
-from modal.coupling.families import FamilyBranch
+from modal.coupling.damping import STILL_SHARE_MAX
+from modal.coupling.dynamic_mass import FALLS, CartMode, Other
+from modal.coupling.families import WEAK_COUPLING, FamilyBranch
 from modal.coupling.reduced import ReducedStructure, pencil
 from modal.eigen import degenerate_modes
 from modal.errors import ComputationError
 from modal.modes import pair_rows
-from modal.types import Floats, Ints
+from modal.types import NOISE_OF_SUM, Floats, Ints
 
-RANK = 1e-10
-"""Smallest motion of the structure by a combination of equal pendula, over the largest, that is one."""
-WEAK = 0.1
-"""Coupling strength below which a splitting is computed as such, not as a difference."""
+STRUCTURE_MOTION_MIN = 1e-10
+"""Tolerance: smallest motion of the structure by a combination of equal pendula, over the largest, that is one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +69,7 @@ class ReducedPencil:
             omega = self.reduced.fixed_base.omega[members[0]]
             rows = np.hstack([K[at, :d] / (omega * size), M[at, :d] * omega / size])
             left_vectors, sizes, _ = np.linalg.svd(rows)
-            combinations.append(left_vectors[:, : int(np.sum(sizes > RANK * omega))])
+            combinations.append(left_vectors[:, : int(np.sum(sizes > STRUCTURE_MOTION_MIN * omega))])
         return tuple(combinations)
 
     @cached_property
@@ -151,7 +149,7 @@ class ReducedPencil:
         pole = float(self.reduced.fixed_base.omega[members[0]])
         motion, strength, difference = vector[:d], float(shift[k]) / pole**2, square - pole**2
         share = float(motion @ self.reduced.M[:d, :d] @ motion)
-        if abs(strength) < WEAK:
+        if abs(strength) < WEAK_COUPLING:
             exact_shifts = np.linalg.eigvalsh(patterns.T @ self._exact_shifts(members, square) @ patterns)
             closest = float(exact_shifts[np.abs(exact_shifts - difference).argmin()])
             difference = closest if abs(closest - difference) <= 1e-6 * pole**2 else difference
@@ -163,7 +161,7 @@ class ReducedPencil:
             difference / (omega + pole),
             turn * self._in_own_modes(motion),
             turn * pattern,
-            still=share <= STILL,
+            still=share <= STILL_SHARE_MAX,
             damping_factor=self._damping_factor(r, patterns[:, k], float(shift[k])),
         )
 
@@ -206,7 +204,7 @@ def stable_pencil(K: Floats, M: Floats) -> tuple[Floats, Floats]:
     ComputationError for a structure that falls over.
     """
     square, vectors = pencil(K, M)
-    terms = NOTHING_HOLDS * np.einsum("ik,ij,jk->k", np.abs(vectors), np.abs(K), np.abs(vectors))
+    terms = NOISE_OF_SUM * np.einsum("ik,ij,jk->k", np.abs(vectors), np.abs(K), np.abs(vectors))
     rounding = len(square) * np.finfo(float).eps * square.max(initial=0.0)
     square = np.where((np.abs(square) <= terms) | ((square < 0) & (square >= -rounding)), 0.0, square)
     if np.any(square < 0):

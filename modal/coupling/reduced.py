@@ -32,7 +32,7 @@ from typing import Any
 import numpy as np
 
 from modal.assembly import Hanging, Rig, assemble_pendula, centres, dissipators_of
-from modal.eigen import find_spectrum
+from modal.eigen import MOST_COORDINATES, find_spectrum
 from modal.errors import ComputationError
 from modal.report import Displayed
 from modal.scene import Scene
@@ -158,9 +158,6 @@ def places_within(kind: Ints) -> Ints:
     numbers = np.empty_like(order)
     numbers[order] = np.arange(len(kind)) - first + 1
     return numbers
-
-
-MOST_COORDINATES = 1200
 
 
 @dataclass(frozen=True, eq=False)

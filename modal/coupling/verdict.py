@@ -10,15 +10,15 @@ from math import isfinite
 
 from modal.coupling.analysis import Coupling
 from modal.coupling.damping import Damped
-from modal.coupling.families import STRONG, EnergyExchange, FamilyRow
-from modal.coupling.words import NEGLIGIBLE, ROUGH, SLIGHT, carrier_words, collective_words, fraction, member_words
+from modal.coupling.families import STRONG_COUPLING, WEAK_COUPLING, EnergyExchange, FamilyRow
+from modal.coupling.words import SHARE_GIVEN_MIN, carrier_words, collective_words, fraction, member_words
 from modal.modes.dissipation import stop_words
 from modal.report import capital, counted, listed, rad, short
+from modal.types import NOISE_OF_SUM
 
 SCARCE = "at most 1 % of the energy of one passes to the others"
-MOST_NUMBERS = 4
 MOST_LETTERS = 40
-"""Letters of the names of two pendula that a sentence has room for."""
+"""Format: letters of the names of two pendula that a sentence has room for."""
 
 
 def verdict(coupling: Coupling, rows: list[FamilyRow]) -> tuple[str, ...]:
@@ -67,7 +67,7 @@ def _strength(rows: list[FamilyRow]) -> Iterator[str]:
     if not isfinite(size):
         yield f"The coupling is rigid: nothing else resists family {strongest.family}."
         return
-    kind = "weak" if size <= ROUGH else "moderate" if size <= STRONG else "strong"
+    kind = "weak" if size <= WEAK_COUPLING else "moderate" if size <= STRONG_COUPLING else "strong"
     largest = "at most " if len(coupled_rows) > 1 else ""
     yield f"The coupling is {kind}: its strength is {largest}{size:.3g} (family {strongest.family})."
 
@@ -81,7 +81,7 @@ def _beats(coupling: Coupling, rows: list[FamilyRow]) -> Iterator[str]:
     row = max(beating, key=lambda row: row.beat or 0.0)
     share_words = ""
     if row.share is not None:
-        part = "all" if row.share > 1 - SLIGHT else fraction(row.share)
+        part = "all" if row.share > 1 - SHARE_GIVEN_MIN else fraction(row.share)
         share_words = f"; halfway, {'the other holds' if row.fold == 2 else 'the others hold'} {part} of the energy"
         if coupling.scene.has_damping:
             who = "the other never holds" if row.fold == 2 else "the others never hold"
@@ -132,7 +132,7 @@ def _is_isolated(coupling: Coupling, pair: EnergyExchange) -> bool:
     """Whether a pair of different families, whose beats the table does not have, is a pair by itself."""
     if any({pair.first, pair.second} <= set(family.members) for family in coupling.families):
         return False
-    return pair.alone if coupling.on_cart else pair.strength <= STRONG and bool(pair.coupling)
+    return pair.alone if coupling.on_cart else pair.strength <= STRONG_COUPLING and bool(pair.coupling)
 
 
 def _lasting(coupling: Coupling) -> Iterator[str]:
@@ -150,7 +150,7 @@ def _lasting(coupling: Coupling) -> Iterator[str]:
     if not modes:
         return
     last, first = _slowest_and_fastest(modes)
-    undamped_modes = [mode for mode in modes if mode.decay <= NEGLIGIBLE * first.decay]
+    undamped_modes = [mode for mode in modes if mode.decay <= NOISE_OF_SUM * first.decay]
     if undamped_modes:
         who = capital(_subject(coupling, [mode.omega for mode in undamped_modes]))
         yield f"{who} not damped: in the end only {'this swings' if len(undamped_modes) == 1 else 'these swing'}."
@@ -183,7 +183,7 @@ def _name(coupling: Coupling, omega: float) -> str:
 def _list_of_modes(coupling: Coupling, omegas: list[float]) -> str:
     """Modes 3 and 4; of many how many they are."""
     numbers = sorted({number for omega in omegas if (number := coupling.number(omega)) is not None})
-    if not numbers or len(numbers) > MOST_NUMBERS:
+    if not numbers or len(numbers) > 4:
         return f"{len(numbers) or len(omegas)} modes"
     return f"mode{'s' if len(numbers) > 1 else ''} {listed(list(map(str, numbers)), len(numbers))}"
 
@@ -194,10 +194,9 @@ def _subject(coupling: Coupling, omegas: list[float]) -> str:
 
 
 MOST_DAMPED = 12
+"""Format: modes about whose damping a report has a sentence each; more are in the JSON form."""
 LET_GO_DEG = 10.0
-"""Largest angle from which the report lets modes go that dry friction stops."""
-OFF = 0.1
-"""Relative difference of the exact rate from first order that is mentioned."""
+"""Physics: largest angle from which the report lets modes go that dry friction stops, as its sentence says."""
 
 
 def damping(coupling: Coupling) -> Iterator[str]:
@@ -255,13 +254,13 @@ def _mode(coupling: Coupling, mode: Damped) -> str:
 
 
 def _is_first_order(mode: Damped) -> bool:
-    return abs(mode.decay - mode.rate) <= OFF * mode.rate
+    return abs(mode.decay - mode.rate) <= WEAK_COUPLING * mode.rate
 
 
 def _survivors(coupling: Coupling, modes: tuple[Damped, ...]) -> Iterator[str]:
     last, first = _slowest_and_fastest(modes)
-    rate_limit = NEGLIGIBLE * max(mode.rate for mode in modes)
-    undamped_modes = [mode for mode in modes if mode.decay <= NEGLIGIBLE * first.decay and mode.rate <= rate_limit]
+    rate_limit = NOISE_OF_SUM * max(mode.rate for mode in modes)
+    undamped_modes = [mode for mode in modes if mode.decay <= NOISE_OF_SUM * first.decay and mode.rate <= rate_limit]
     if undamped_modes:
         names = "; ".join(_mode_name(coupling, mode) for mode in undamped_modes[:MOST_DAMPED])
         rest = f"; and {len(undamped_modes) - MOST_DAMPED} more" if len(undamped_modes) > MOST_DAMPED else ""

@@ -9,25 +9,31 @@ import numpy as np
 
 from modal.coupling.analysis import Coupling
 from modal.coupling.dynamic_mass import CartMode
-from modal.coupling.families import MOST_MODES, STRONG, EnergyExchange, Family, FamilyBranch, Transfer, family_name
+from modal.coupling.families import (
+    MOST_PAIRED_MODES,
+    STRONG_COUPLING,
+    WEAK_COUPLING,
+    EnergyExchange,
+    Family,
+    FamilyBranch,
+    Transfer,
+    family_name,
+)
+from modal.modes import MOST_LISTED
 from modal.report import capital, counted, listed, percent, rad, short
 from modal.structure import CarrierNumbers, Structure
+from modal.types import NOISE_OF_SUM
 
-MOST_LISTED, FEW = 8, 3
-ROUGH = 0.1
-"""Coupling strength above which first order is only a guide."""
 GUIDE = " (approximate: the coupling is strong)"
 NEAR = " (approximate: another family is near)"
-SLIGHT = 1e-4
-"""Smallest fraction of an energy that is given as a number."""
+SHARE_GIVEN_MIN = 1e-4
+"""Format: smallest fraction of an energy that is given as a number."""
 ELSEWHERE = "in the JSON form"
-HALF = 0.5
-NEGLIGIBLE = 1e-12
 
 
 def list_limit(coupling: Coupling) -> int:
     """How many entries of each kind are listed, fewer where there are many."""
-    return MOST_LISTED if len(coupling.fixed_base.omega) <= MOST_MODES else FEW
+    return MOST_LISTED if len(coupling.fixed_base.omega) <= MOST_PAIRED_MODES else 3
 
 
 def member_words(coupling: Coupling, k: int) -> str:
@@ -46,7 +52,7 @@ def number_words(coupling: Coupling, omega: float) -> str:
 
 def fraction(share: float) -> str:
     """A fraction of an energy in words."""
-    return percent(share) if share >= SLIGHT else f"less than {percent(SLIGHT)}"
+    return percent(share) if share >= SHARE_GIVEN_MIN else f"less than {percent(SHARE_GIVEN_MIN)}"
 
 
 def carrier_words(structure: Structure) -> str:
@@ -187,7 +193,7 @@ def _family(coupling: Coupling, r: str, family: Family) -> str:
     number = "" if coupling.is_coupled else number_words(coupling, family.omega)
     mass = f"{short(family.mass)} kg [μ_{r} = Σ (φᵀb)²/(φᵀAφ)]"
     if coupling.scene.is_structured and len(family.masses):
-        directions = np.flatnonzero(family.masses > NEGLIGIBLE * family.masses.max()).tolist()
+        directions = np.flatnonzero(family.masses > NOISE_OF_SUM * family.masses.max()).tolist()
         phrases = [f"{short(float(family.masses[s]))} kg along s{s + 1}" for s in directions[:MOST_LISTED]]
         mass = f"{listed(phrases, len(directions))} [μ = Σ N(φᵀb Φu)²/φᵀAφ]" if directions else mass
     head = f"Family {r}, ω_{r} = {rad(family.omega)}{number} [K φ = ω² A φ]: {who}, of modal effective mass {mass}."
@@ -240,7 +246,7 @@ def _strength(coupling: Coupling, r: str, family: Family, branch: FamilyBranch) 
     first = branch.strength * family.omega / 2
     guess = f", which to first order gives Δω ≈ {short(first)} rad/s [½ ε_{r} ω_{r}]{_guide(family, branch)}"
     what = f"m_{r}" if coupling.secular else "what resists"
-    if abs(branch.strength) > STRONG:
+    if abs(branch.strength) > STRONG_COUPLING:
         guess = ", too strong for first order"
     elif not branch.is_first_order(family.omega):
         guess = f"; {what} changes too much up to the zero for first order"
@@ -251,7 +257,7 @@ def _strength(coupling: Coupling, r: str, family: Family, branch: FamilyBranch) 
 
 
 def _guide(family: Family, branch: FamilyBranch) -> str:
-    return GUIDE if abs(branch.strength) > ROUGH else NEAR if branch.is_rough(family.omega) else ""
+    return GUIDE if abs(branch.strength) > WEAK_COUPLING else NEAR if branch.is_rough(family.omega) else ""
 
 
 def _beats(coupling: Coupling, family: Family) -> Iterator[str]:
@@ -341,10 +347,10 @@ def exchanges(coupling: Coupling) -> Iterator[str]:
     """A sentence about each pair of modes of different pendula, or about all of them where there are many."""
     if len(coupling.names) == 1 or not coupling.is_coupled:
         return
-    if len(coupling.fixed_base.omega) > MOST_MODES:
+    if len(coupling.fixed_base.omega) > MOST_PAIRED_MODES:
         yield from _spread_sentences(coupling)
         return
-    pairs = [pair for pair in coupling.pairs if coupling.on_cart or pair.coupling or pair.share > SLIGHT]
+    pairs = [pair for pair in coupling.pairs if coupling.on_cart or pair.coupling or pair.share > SHARE_GIVEN_MIN]
     yield from (_pair(coupling, pair) for pair in pairs[:MOST_LISTED])
     if not coupling.pairs:
         yield (
@@ -358,7 +364,7 @@ def _pair(coupling: Coupling, pair: EnergyExchange) -> str:
     modes, on_cart = coupling.fixed_base, coupling.on_cart
     a, b = (member_words(coupling, k) for k in (pair.first, pair.second))
     resists = f"m = {short(pair.cart_mass)} kg"
-    if pair.strength > STRONG:
+    if pair.strength > STRONG_COUPLING:
         why = f"[μ/|m| = {short(pair.strength)}, {resists}]" if on_cart else f"[|F|/ω² = {short(pair.strength)}]"
         return (
             f"{capital(a)} and {b} are coupled too strongly for beats between two {why}: "
@@ -382,7 +388,7 @@ def _pair(coupling: Coupling, pair: EnergyExchange) -> str:
     return (
         f"{capital(a)} and {b}{alike}: detuning {short(abs(pair.detuning))} rad/s [|δ|, {delta}] against coupling "
         f"{short(abs(pair.coupling))} rad/s [{g}]: {_exchange_words(pair)}{others}"
-        f"{GUIDE if pair.strength > ROUGH else ''}."
+        f"{GUIDE if pair.strength > WEAK_COUPLING else ''}."
     )
 
 
@@ -396,7 +402,7 @@ def _exchange_words(pair: EnergyExchange) -> str:
             "[2π/√(4g² + δ²)]"
         )
     verdict = (
-        ("they exchange energy" if pair.share > HALF else "damping suppresses the exchange")
+        ("they exchange energy" if pair.share > 0.5 else "damping suppresses the exchange")
         if is_in_tune
         else "detuning suppresses the exchange"
     )
@@ -412,7 +418,7 @@ def _exchange_words(pair: EnergyExchange) -> str:
 
 def collective_words(coupling: Coupling) -> str:
     """One sentence on many different pendula that swing alike; empty where pairs are listed."""
-    if len(coupling.fixed_base.omega) <= MOST_MODES or not coupling.on_cart:
+    if len(coupling.fixed_base.omega) <= MOST_PAIRED_MODES or not coupling.on_cart:
         return ""
     _, spread, shift, _ = _collective_shift(coupling)
     if abs(shift) > spread:

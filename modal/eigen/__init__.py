@@ -19,11 +19,12 @@ from typing import TYPE_CHECKING
 from modal.lazy import lazy_attributes
 
 if TYPE_CHECKING:
-    from modal.eigen.amplitude import LIGHT, ModeSwing, distortion, one_percent_amplitude
-    from modal.eigen.coupled import CLOSE, LIGHTEST, TOLERANCE, degenerate_modes
+    from modal.eigen.amplitude import LIGHT, ONE_PERCENT, ModeSwing, distortion, one_percent_amplitude
+    from modal.eigen.coupled import LIGHTEST, TOLERANCE, degenerate_modes
     from modal.eigen.dense import is_singular
     from modal.eigen.elimination import (
         FORCE,
+        REFINED_DIGITS,
         REPLICAS,
         TORQUE,
         TURN,
@@ -40,9 +41,10 @@ if TYPE_CHECKING:
     from modal.eigen.recursion import Suspension, at_infinity
     from modal.eigen.secular import Poles, solve
     from modal.eigen.short import short_squares
-    from modal.eigen.sources import Details, largest_angle, noun_count, structured_error
-    from modal.eigen.spectrum import UNCERTAIN, ModalSpectrum, SpectrumPart, find_spectrum, notes
-    from modal.eigen.squares import EVERYTHING, Limits, smallest_where, squares_of
+    from modal.eigen.sources import UNCERTAIN, Details, largest_angle, noun_count, structured_error
+    from modal.eigen.spectrum import ModalSpectrum, SpectrumPart, find_spectrum, notes
+    from modal.eigen.squares import CLOSE, EVERYTHING, Limits, smallest_where, squares_of
+    from modal.eigen.structured import MOST_COORDINATES
 
 __all__ = [
     "CLOSE",
@@ -50,6 +52,9 @@ __all__ = [
     "FORCE",
     "LIGHT",
     "LIGHTEST",
+    "MOST_COORDINATES",
+    "ONE_PERCENT",
+    "REFINED_DIGITS",
     "REPLICAS",
     "TOLERANCE",
     "TORQUE",

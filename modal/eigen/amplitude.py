@@ -26,13 +26,14 @@ import numpy as np
 from modal.assembly import Block
 from modal.types import Floats
 
-QUARTER = pi / 16 * np.array([1.0, 3.0, 5.0, 7.0])
-"""Number of instants whose mean is exact for products of four factors cos τ and cos 3τ."""
 RATIOS = np.array([[0.0], [1.0], [-1.0], [2.0], [-2.0]])
 """Ratios of the amplitudes of two modes at which their mean Lagrangian is evaluated."""
 INSTANTS = 33
+"""Tolerance: instants of a quarter period among which the largest angle is sought, 1 % of it between two."""
+ONE_PERCENT = 0.01
+"""Physics: relative shift of a frequency up to which it is linear, the amplitude of which is stated."""
 LIGHT = 0.1
-"""Damping ratio, and out-of-phase share of a shape, up to which a mode has an amplitude coefficient."""
+"""Tolerance: damping ratio, and out-of-phase share of a shape, up to which a mode has an amplitude coefficient."""
 
 
 def quartic(block: Block, x: Floats, cart: Floats, angle: Floats) -> Floats:
@@ -71,7 +72,7 @@ def coefficient(gamma: Floats, modal_mass: Floats, x: Floats, largest: Floats) -
 
 def one_percent_amplitude(kappa: float) -> float:
     """Largest angle of a mode (deg) at which |κ| a² = 0.01; infinite where κ = 0, NaN where κ is undefined."""
-    return degrees(sqrt(0.01 / abs(kappa))) if kappa else inf
+    return degrees(sqrt(ONE_PERCENT / abs(kappa))) if kappa else inf
 
 
 class ModeSwing(NamedTuple):
@@ -92,7 +93,7 @@ def distortion(
     order of the shape's own frequency.  The angle is the largest of any link over the period; errors and changes are
     infinite where two frequencies meet below it.
     """
-    a2 = min(0.01 / abs(kappa), (pi / 2) ** 2)
+    a2 = min(ONE_PERCENT / abs(kappa), (pi / 2) ** 2)
     chosen = np.vstack((np.ones(len(answers)), np.eye(len(answers))))
     size, bend, meets = np.zeros((3, len(answers)))
     for at, (harmonic, response) in enumerate(answers):
@@ -119,17 +120,18 @@ def _amplitude_ratio(blocks: tuple[Block, ...], swing: ModeSwing, kappa: float) 
     pairs = zip(blocks, swing.angles, strict=True)
     potential = sum(float(((block.sigma * block.b)[:, :, None] * angle**4).sum()) for block, angle in pairs) / 64
     p = -4 * potential / (swing.modal_mass * swing.x * kappa).item()
-    r = 1 + np.copysign(0.01, kappa)
+    r = 1 + np.copysign(ONE_PERCENT, kappa)
     square = (1 - r**2) / (p + (1 - p) * r**2) / -2 / kappa
-    return sqrt(max(square, 0.0) * abs(kappa) / 0.01)
+    return sqrt(max(square, 0.0) * abs(kappa) / ONE_PERCENT)
 
 
 def _quartic_terms(
     blocks: tuple[Block, ...], swing: ModeSwing, response: ModeSwing, harmonic: int
 ) -> tuple[Floats, Floats, Floats]:
     """(Γ, G₁, G₂) from the average at RATIOS, exact for a polynomial of fourth degree."""
-    elongation, velocity = RATIOS * np.cos(harmonic * QUARTER), -RATIOS * harmonic * np.sin(harmonic * QUARTER)
-    cos, sin, omega = np.cos(QUARTER), -np.sin(QUARTER), np.sqrt(swing.x)
+    phase = (np.arange(4) + 0.5) * pi / 2 / 4  # whose mean is exact for products of four factors cos τ and cos 3τ
+    elongation, velocity = RATIOS * np.cos(harmonic * phase), -RATIOS * harmonic * np.sin(harmonic * phase)
+    cos, sin, omega = np.cos(phase), -np.sin(phase), np.sqrt(swing.x)
     cart_velocity = _lanes(swing.cart * omega, sin) + _lanes(response.cart * omega, velocity)
     total = np.zeros(len(cart_velocity))
     for block, swung, its in zip(blocks, swing.angles, response.angles, strict=True):
@@ -144,9 +146,8 @@ def _quartic_terms(
 
 def _lanes(values: Floats, factors: Floats) -> Floats:
     """(…, R · L) from values (…, R) and L factors."""
-    lanes: Floats = (values[..., None] * np.broadcast_to(factors, (len(RATIOS), len(QUARTER))).ravel()).reshape(
-        *values.shape[:-1], -1
-    )
+    per_ratio = np.broadcast_to(factors, (len(RATIOS), factors.shape[-1]))
+    lanes: Floats = (values[..., None] * per_ratio.ravel()).reshape(*values.shape[:-1], -1)
     return lanes
 
 

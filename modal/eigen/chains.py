@@ -16,9 +16,7 @@ from modal.assembly import Block, CartNumbers
 from modal.eigen.recursion import Suspension, SweepResult, from_above, from_below, joint_masses, kinetic
 from modal.eigen.seeds import sums_without_each
 from modal.eigen.squares import EVERYTHING, Limits, Squares, squares_of
-from modal.types import Booleans, Floats
-
-ROUNDING = 1e-15
+from modal.types import EPS, Booleans, Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +113,7 @@ def _mismatch(lower_half: SweepResult, upper_half: SweepResult, masses: Floats) 
     joinable = (masses[:, :, None] > 0) & (nearest_energy > 1e-150 * total_energy)
     weight = np.where(joinable, masses[:, :, None], 1.0)
     share = np.where(joinable, nearest_energy, 1.0) / np.where(joinable, total_energy, 1.0)
-    return gap, np.where(joinable, np.maximum(gap / weight, ROUNDING) / share, np.inf)
+    return gap, np.where(joinable, np.maximum(gap / weight, 4 * EPS) / share, np.inf)  # below, the energy decides
 
 
 def _cheapest(costs: tuple[Floats, ...]) -> list[Booleans]:

@@ -18,16 +18,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from modal.assembly import WAYS, Block, Element, null_space
-from modal.eigen.components import CANCELLED, ROUNDED, Component, Heavy, PartedRig
+from modal.eigen.components import CANCELLED, Component, Heavy, PartedRig
 from modal.eigen.recursion import joints, kinetic
 from modal.report import deferred
-from modal.types import Floats, Ints
+from modal.types import EPS, Floats, Ints
 
 if TYPE_CHECKING:
     from modal.eigen.trees import HungChains, Tree
 
-WIDE = 200
-"""Coordinates up to which the triangular factors are computed in the widest floats of the machine."""
+LARGEST_WIDE = 200
+"""Cost: coordinates up to which triangular factors are computed in the widest floats of the machine, 0.4 s of them."""
 BEYOND = "the ratios in this scene are beyond double precision on its product form"
 Numbers = NDArray[Any]
 
@@ -47,7 +47,7 @@ class SquareSum(NamedTuple):
 
 def is_wide(size: int) -> bool:
     """Whether the triangular factors of so many coordinates are computed in wider floats."""
-    return size <= WIDE and bool(np.finfo(np.longdouble).eps < np.finfo(float).eps)
+    return size <= LARGEST_WIDE and bool(np.finfo(np.longdouble).eps < EPS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -384,6 +384,6 @@ def square_root(S: Floats) -> tuple[Floats, Floats]:
         return np.asarray((L / scale[:, None]).T), np.ones(len(S))
     except np.linalg.LinAlgError:
         values, vectors = np.linalg.eigh(S * scale * scale[:, None])
-        is_significant = np.abs(values) > 4 * len(S) * ROUNDED * np.abs(values).max(initial=0.0)
+        is_significant = np.abs(values) > 4 * len(S) * EPS * np.abs(values).max(initial=0.0)
         rows = np.sqrt(np.abs(values[is_significant]))[:, None] * vectors.T[is_significant] / scale
         return rows, np.sign(values[is_significant])

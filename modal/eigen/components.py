@@ -18,12 +18,10 @@ import numpy as np
 from modal.assembly import ARRAYS, Block, Element, Hanging, Rig, SquareRows, chain_squares
 from modal.eigen.recursion import at_infinity
 from modal.structure import slopes
-from modal.types import Floats, Ints
+from modal.types import EPS, Floats, Ints
 
-ROUNDED = 2.0**-52
-"""Singular values below this, times the number of rows and columns, of the largest one are 0."""
-CANCELLED = 2.0**-48
-"""A push along the rail below this fraction of its terms is 0."""
+CANCELLED = 16 * EPS
+"""Tolerance: a push along the rail, or a stretch of a damper, below this fraction of its terms is 0."""
 
 
 class Share(NamedTuple):
@@ -255,7 +253,7 @@ class PartedRig:
         weighted_rows = np.sqrt(counts)[:, None] * rows
         scale = np.tile(1 / np.sqrt(self.inertia), 2)
         U, sigma, _ = np.linalg.svd(weighted_rows * scale, full_matrices=False)
-        rank = int((sigma > sigma[0] * ROUNDED * max(rows.shape)).sum())
+        rank = int((sigma > sigma[0] * EPS * max(rows.shape)).sum())
         first = [self._columns[block, column] for column in columns]
         if rank == len(columns):
             return [self._single_heavy(block, column) for column in columns], []

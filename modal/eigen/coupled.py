@@ -29,24 +29,19 @@ from modal.eigen.chains import ChainShapes, cart_shapes, fixed_shapes
 from modal.eigen.recursion import Suspension, at_infinity, joints, kinetic
 from modal.eigen.seeds import seed_matrices
 from modal.eigen.sources import Details, ProblemSize, chain_details, noun_count, oscillating, structured_error
-from modal.eigen.squares import EVERYTHING, Limits, Squares, squares_of
+from modal.eigen.squares import CLOSE, EVERYTHING, Limits, Squares, squares_of
 from modal.report import deferred
-from modal.types import Complexes, Floats, Ints
+from modal.types import EPS, NUMBERS_IN_CHUNK, Complexes, Floats, Ints
 
 if TYPE_CHECKING:
     from modal.eigen.secular import Poles, Roots
 
-CHUNK = 100_000
 LIGHTEST = 1e-290
-"""Least weight of a pole: a lighter one changes no digit of any root, and its products underflow."""
-CLOSE = 1e-8
-"""Relative gap of squares below which shapes come from the secular equation, which keeps their differences."""
+"""Tolerance: least weight of a pole: a lighter one changes no digit of any root, and its products underflow."""
 MOST_LINKS_TOGETHER = 600
-"""Links on a cart up to which counts find modes, the secular equation those of more."""
-SLACK = 4
-"""Factor of the error of a zero of the secular equation over that of one recursion."""
-TOLERANCE = 16 * 2.0**-52
-"""Squares this close are taken as equal: the largest difference of equal ones by rounding."""
+"""Cost: links on a cart up to which counts find modes, the secular equation those of more, in a tenth of the time."""
+TOLERANCE = 16 * EPS
+"""Tolerance: squares this close are taken as equal: the largest difference of equal ones by rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,7 +213,8 @@ class CartPendula:
     @property
     def error(self) -> Floats:
         """Relative error bounds."""
-        return self.oscillating.error / 2 + self.rounding * (1 if self._are_few else SLACK)
+        rounding = self.rounding if self._are_few else 4 * self.rounding  # a zero of a sum has those of all its terms
+        return self.oscillating.error / 2 + rounding
 
     @property
     def rounding(self) -> float:
@@ -437,7 +433,7 @@ def bare_mass(blocks: tuple[Block, ...], cart: CartNumbers) -> float:
 def _own_modes(block: Block, square: Floats) -> _Own:
     """The fixed-base modes, computed with a bounded amount of memory in addition to the results."""
     column, x = np.broadcast_to(np.arange(block.size), square.shape).ravel(), square.ravel()
-    step = max(1, CHUNK // block.n)
+    step = max(1, NUMBERS_IN_CHUNK // block.n)
 
     def solve_part(part: slice) -> tuple[Floats, Floats, Floats]:
         motion = fixed_shapes(block.take(column[part]), x[part])

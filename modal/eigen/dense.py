@@ -28,12 +28,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from modal.eigen.amplitude import LIGHT
+from modal.eigen.sources import UNCERTAIN
 from modal.errors import ComputationError
-from modal.types import Complexes, Floats, Ints
+from modal.types import EPS, Complexes, Floats, Ints
 
 LARGEST_DAMPED = 500
+"""Limit: coordinates with dampers, refused beyond as `refuse_beyond` says: a minute."""
 LARGEST_UNDAMPED = 2000
-EPS = float(np.finfo(float).eps)
+"""Limit: coordinates without dampers, refused beyond as `refuse_beyond` says: a minute."""
 SINGULAR = (
     "the mass matrix is singular to double precision (as with a massless cart over bobs): with dampers or "
     "inverted links this scene has no state-space form; give the cart or the links some inertia"
@@ -130,14 +133,10 @@ def refuse_beyond(largest: int, size: int, cause: str) -> None:
         )
 
 
-LIGHT = 1e-2
-"""Damping ratio below which the real part of an eigenvalue comes from its shape."""
-SPAN = 1e2
-"""Ratio up to which rates are solved together: one digit either way."""
+RATIO_OF_RATES = 1e2
+"""Tolerance: ratio up to which rates are solved together: one digit either way."""
 FACTORS_OF_RATE = (1.0, 2.0, 0.5)
 """Factor by which a rate may be shifted."""
-ERROR_TO_IMPROVE, ERROR_WITHOUT_DIGITS, RATIO_OF_NEAR_RATES, MOST_RATES = 1e-8, 1e-2, 30.0, 12
-"""Bounds between which an eigenvalue needs a rate within the third factor; most rates."""
 
 
 class Dampers(NamedTuple):
@@ -165,7 +164,7 @@ class _QuadraticProblem:
 
     @property
     def rates(self) -> list[float]:
-        """√(k/m) or, where a damper dominates, d/m and k/d of every coordinate; those within SPAN merged."""
+        """√(k/m) or, where a damper dominates, d/m and k/d of every coordinate; those within RATIO_OF_RATES merged."""
         m, d, k = np.diag(self.M), np.abs(self.dampers.strength), np.diag(self.sizes)
         if self.dampers.roots is not None:
             d = d + (self.dampers.roots**2).sum(0)
@@ -174,7 +173,7 @@ class _QuadraticProblem:
         ascending = np.sort(candidates[candidates > 0])
         rates = []
         while ascending.size:
-            is_near = ascending <= SPAN * ascending[0]
+            is_near = ascending <= RATIO_OF_RATES * ascending[0]
             rates.append(float(np.sqrt(ascending[0]) * np.sqrt(ascending[is_near][-1])))
             ascending = ascending[~is_near]
         return rates
@@ -213,14 +212,14 @@ class _Solution:
         return np.asarray(highest_below < lowest_above)
 
     def next_rate(self, rates: list[float]) -> float | None:
-        """The magnitude of the best-known eigenvalue that a rate other than these would improve; None without any."""
+        """The magnitude of the best-known eigenvalue that a rate other than these would improve; None without any.
+
+        Each is a digit from all rates so far, so that there are at most as many as the eigenvalues have decades.
+        """
         size = np.abs(self.value)
         distance = np.abs(np.log(size[:, None] / np.array(rates))).min(1)
-        asking = np.flatnonzero(
-            (self.error > ERROR_TO_IMPROVE)
-            & (self.error < ERROR_WITHOUT_DIGITS)
-            & (distance > np.log(RATIO_OF_NEAR_RATES))
-        )
+        is_improvable = (self.error > np.sqrt(EPS)) & (self.error < UNCERTAIN)
+        asking = np.flatnonzero(is_improvable & (distance > np.log(RATIO_OF_RATES) / 2))
         return float(size[asking[np.argmin(self.error[asking])]]) if asking.size else None
 
     def join(self, faster: _Solution) -> _Solution:
@@ -261,7 +260,7 @@ def _solve_all_rates(problem: _QuadraticProblem) -> tuple[_Solution, int]:
     while True:
         solution = reduce(_Solution.join, (solutions[rate] for rate in sorted(solutions)))
         rate = solution.next_rate(list(solutions))
-        if rate is None or len(solutions) >= MOST_RATES:
+        if rate is None:
             return solution, len(solutions)
         solutions[rate] = _solve(problem, rate)
 

@@ -35,7 +35,7 @@ from numpy.typing import ArrayLike
 
 from modal import pair
 from modal.assembly import Block, CartNumbers
-from modal.types import Booleans, Complexes, Floats
+from modal.types import EPS, Booleans, Complexes, Floats
 
 TORQUE, FORCE, TURN = "torque", "force", "turn"
 Load = tuple[str, int]
@@ -167,14 +167,14 @@ def cart_of(cart: CartNumbers, mass: Any, numbers: Arithmetic) -> tuple[Any, Any
     return direct, direct * omega * omega, direct * stiffness
 
 
-REPLICAS, SAFETY = 3, 4.0
-"""Perturbed results of each frequency, and the factor on their spread."""
-ULP = 2.0**-52
+REPLICAS = 3
+"""Tolerance: perturbed results of each frequency; their largest deviation, times 4, bounds the rounding error."""
 PRECISIONS = (40, 80, 160, 320, 640)
-"""Decimal digits, until two in a row agree to AGREED; half of the most reach below the smallest float."""
-AGREED = 1e-15
-BESIDE = 8 / 7
-"""A frequency beside those asked for, over the largest: none at which a response vanishes by its numbers' roundness."""
+"""Decimal digits, until two in a row agree to a rounding; half of the most reach below the smallest float."""
+
+
+REFINED_DIGITS = 80
+"""Cost: decimal digits in which a mode is refined, of which half may cancel; twice as many give the same floats."""
 
 
 class Arithmetic(Protocol):
@@ -205,7 +205,7 @@ class Rounded:
 
     def __init__(self, omega: Floats | Complexes) -> None:
         ways = np.concatenate(([0.0], (-1.0) ** np.arange(REPLICAS)))
-        self.omega = np.tile(omega, REPLICAS + 1) * np.repeat(1 + ULP * ways, len(omega))
+        self.omega = np.tile(omega, REPLICAS + 1) * np.repeat(1 + EPS * ways, len(omega))
         self.rates = np.real(np.tile(omega, REPLICAS + 1))
         self._first = len(omega)
         self._random = np.random.default_rng(0)
@@ -226,21 +226,21 @@ class Rounded:
         """Each replica changed by up to one part in 2⁵²."""
         values = np.array(np.broadcast_to(values, np.broadcast_shapes(np.shape(values), self.omega.shape)))
         later = values[..., self._first :]
-        later *= 1 + ULP * (2 * self._random.random(later.shape) - 1)
+        later *= 1 + EPS * (2 * self._random.random(later.shape) - 1)
         if np.iscomplexobj(values):
-            later *= 1 + 1j * ULP * (2 * self._random.random(later.shape) - 1)
+            later *= 1 + 1j * EPS * (2 * self._random.random(later.shape) - 1)
         return values
 
     def pivot(self, values: Any, neighbours: Any) -> Any:
         """Zeros replaced by a last bit of those beside them."""
-        return np.where(values == 0, -ULP * neighbours, values)
+        return np.where(values == 0, -EPS * neighbours, values)
 
     def results(self, values: Any) -> tuple[Complexes, Floats]:
         """The values (…, W) and their rounding errors (…, W)."""
         all_values = np.asarray(values, dtype=np.complex128)
         parts = all_values.reshape(*all_values.shape[:-1], REPLICAS + 1, self._first)
         spread = np.abs(parts[..., 1:, :] - parts[..., :1, :]).max(-2)
-        return parts[..., 0, :], SAFETY * spread
+        return parts[..., 0, :], 4 * spread
 
 
 class Digits:
@@ -357,7 +357,7 @@ def precise_values(
     entries = tuple(range(is_imprecise.ndim - 1))
     if len(open_places := np.flatnonzero(is_imprecise.any(entries))):
         full_remainder = np.zeros(len(omega)) if remainder is None else remainder
-        terms = np.nan_to_num(errors[..., open_places], posinf=0.0) / ULP
+        terms = np.nan_to_num(errors[..., open_places], posinf=0.0) / EPS
         values[..., open_places] = _in_digits(
             evaluate, omega[open_places], full_remainder[open_places], terms, is_real=is_real
         )
@@ -369,8 +369,9 @@ def _in_digits(
 ) -> Complexes:
     """The values (…, W) in as many digits as they need; `terms` (…, W) is the size of what adds up to each.
 
-    A value below 10^−half of the digits of its terms is 0 where that of BESIDE is in the most digits: it vanishes
-    at all frequencies.  Any other is sought in more digits.
+    A value below 10^−half of the digits of its terms is 0 where it is in the most digits at a frequency beside all of
+    these, at an irrational ratio, where no response vanishes by the roundness of its numbers: it vanishes at all
+    frequencies.  Any other is sought in more digits.
     """
 
     def compute(
@@ -386,13 +387,13 @@ def _in_digits(
     for precision in PRECISIONS:
         values, small = compute(omega[open_places], remainder[open_places], precision, terms[..., open_places])
         if small.any() and not vanish.size:
-            nearby_frequency = omega[[np.abs(omega).argmax()]] * BESIDE
+            nearby_frequency = omega[[np.abs(omega).argmax()]] * (np.pi / 3)
             vanish = compute(nearby_frequency, np.zeros(1), PRECISIONS[-1], terms.max(-1, keepdims=True))[1]
         zero = small & vanish if vanish.size and precision < PRECISIONS[-1] else small
         values[zero] = 0
         results[..., open_places] = values
         if last is not None:
-            disagrees = ~(np.abs(values - last) <= AGREED * np.abs(values)) | (small & ~zero)
+            disagrees = ~(np.abs(values - last) <= 4 * EPS * np.abs(values)) | (small & ~zero)
             is_open = disagrees.any(tuple(range(disagrees.ndim - 1)))
             open_places, values = open_places[is_open], values[..., is_open]
             if not len(open_places):

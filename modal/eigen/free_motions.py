@@ -9,9 +9,7 @@ import numpy as np
 
 from modal.eigen.component_matrices import ComponentMatrices, Numbers, StructureShapes
 from modal.eigen.sources import Details, ProblemSize
-from modal.types import Booleans, Complexes, Floats, Ints
-
-EPS = float(np.finfo(float).eps)
+from modal.types import EPS, Booleans, Complexes, Floats, Ints
 
 
 class CartModes(Protocol):

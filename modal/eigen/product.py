@@ -25,7 +25,6 @@ from modal.eigen.component_matrices import BEYOND, SquareSum, is_wide
 from modal.errors import ComputationError
 from modal.types import Floats, Ints
 
-KEEP_ALL = 0
 """LAPACK's joba "C": no singular value is set to zero, as "A" does below n ε of the largest."""
 
 
@@ -86,7 +85,7 @@ def _sort_rows(F: Any) -> Any:
 def _jacobi(W: Floats) -> tuple[Floats, Floats]:
     """Singular values of W (n, r), ascending, and its left singular vectors (n, r)."""
     gejsv: Any = scipy.linalg.lapack.dgejsv
-    sva, u, _, work, _, failure = gejsv(np.asfortranarray(W), joba=KEEP_ALL, jobu=0, jobv=3, jobr=0, jobt=0, jobp=0)
+    sva, u, _, work, _, failure = gejsv(np.asfortranarray(W), joba=0, jobu=0, jobv=3, jobr=0, jobt=0, jobp=0)
     omega = sva * (work[0] / work[1])
     if failure or not (omega > 0).all():
         raise ComputationError(BEYOND)

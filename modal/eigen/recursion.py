@@ -40,8 +40,7 @@ from modal.types import Floats, Ints
 
 Sweep = Callable[[list[Any], float], tuple[float, float]]
 NUDGE = 2.0**-60
-"""Subtracted from each D, in counts only after one that is zero: far below its rounding, but turns an exact zero into a
-tiny negative number."""
+"""Tolerance: share of its terms taken from a D that is zero: far below its rounding, but it makes a negative of it."""
 
 
 def at_infinity(block: Block) -> tuple[Floats, Floats, Floats]:
@@ -162,12 +161,10 @@ def _empty(block: Block, x: Floats) -> SweepResult:
     )
 
 
-ROOM = 16_000
-"""Size of an array of trials over links that fits a processor's cache."""
-FEW = 8
-"""Trial values of all chains for which floats take less time than arrays."""
-MOST_COUNTED = 127
-"""Links of which an integer of eight bits is a count."""
+NUMBERS_IN_CACHE = 16_000
+"""Cost: size of an array of trials over links that fits a processor's cache (benchmarks/modes.py)."""
+FEW_TRIALS = 8
+"""Cost: trial values of all chains for which floats take less time than arrays (benchmarks/modes.py)."""
 
 
 class Chains(NamedTuple):
@@ -305,7 +302,7 @@ def count_and_mass(chains: Chains, x: Floats) -> tuple[Ints, Floats]:
 def _count_in_arrays(chains: Chains, x: Floats, nudge: float) -> tuple[Ints, Floats]:
     mu = np.zeros((chains.m.shape[1], *x.shape))
     counts = np.zeros(mu.shape, dtype=np.int64)
-    step = min(MOST_COUNTED, max(1, ROOM // max(1, mu.size)))
+    step = min(np.iinfo(np.int8).max, max(1, NUMBERS_IN_CACHE // max(1, mu.size)))  # sums of as many bits are int8
     room = np.empty((5, min(step, chains.n), *mu.shape))
     for end in range(chains.n, 0, -step):
         span = slice(max(0, end - step), end)
@@ -331,12 +328,12 @@ def _count_in_arrays(chains: Chains, x: Floats, nudge: float) -> tuple[Ints, Flo
 
 
 def one_by_one(sweep: Sweep, constants: Sequence[Floats], x: Floats) -> tuple[Floats, Floats] | None:
-    """What a sweep over floats returns for each chain (n, P, 1, S) at each x (R, S), where these are FEW, (P, R, S).
+    """What a sweep over floats returns for each chain (n, P, 1, S) at each x (R, S), (P, R, S), of FEW_TRIALS in all.
 
     None for more of them, and where a pivot is zero.
     """
     _, chains, _, supports = constants[0].shape
-    if chains * x.size > FEW:
+    if chains * x.size > FEW_TRIALS:
         return None
     results = np.empty((2, chains, *x.shape))
     for p in range(chains):

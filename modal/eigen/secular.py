@@ -24,14 +24,15 @@ import numpy as np
 from modal.errors import ComputationError
 from modal.types import Floats, Ints
 
-LEAF = 48
-FAN = 16
-POINTS = 22
-MAX_STEPS = 200
+GAPS_OF_LEAF = 48
+"""Cost: gaps whose poles are summed one by one, and runs into which more are divided (benchmarks/modes.py)."""
+CHEBYSHEV_POINTS = 22
+"""Tolerance: points of a table of poles at least a run's length away: their sum is known to rounding."""
+MOST_STEPS = 200
+"""Limit: steps to a root, two a bit; beyond, the equation is said not to converge."""
 
-_ANGLES = (2 * np.arange(POINTS) + 1) * np.pi / (2 * POINTS)
-_NODES = np.cos(_ANGLES)
-_WEIGHTS = (-1.0) ** np.arange(POINTS) * np.sin(_ANGLES)
+_NODES = np.polynomial.chebyshev.chebpts1(CHEBYSHEV_POINTS)[::-1]
+_WEIGHTS = np.where(np.arange(CHEBYSHEV_POINTS) % 2, -1, 1) * np.sqrt((1 - _NODES) * (1 + _NODES))
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,11 +93,11 @@ class _Run:
     def roots(self) -> Iterator[Roots]:
         """The roots in these gaps, run by run."""
         gaps = self.last - self.first
-        if gaps <= LEAF:
+        if gaps <= GAPS_OF_LEAF:
             if gaps:
                 yield self._leaf()
             return
-        edges = np.linspace(self.first, self.last, min(FAN, gaps // (LEAF // 2)) + 1).astype(int)
+        edges = np.linspace(self.first, self.last, min(GAPS_OF_LEAF, 2 * gaps // GAPS_OF_LEAF) + 1).astype(int)
         for first, last in pairwise(edges.tolist()):
             yield from self._part(first, last).roots()
 
@@ -107,7 +108,7 @@ class _Run:
         pole_start = max(self.pole_start, int(np.searchsorted(square, low - 2 * half)))
         pole_stop = min(self.pole_stop, int(np.searchsorted(square, high + 2 * half, side="right")))
         x = low + half * (1 + _NODES)
-        values = np.zeros(POINTS) if self.others is None else self.others(x)
+        values = np.zeros(CHEBYSHEV_POINTS) if self.others is None else self.others(x)
         for outer in (slice(self.pole_start, pole_start), slice(pole_stop, self.pole_stop)):
             values = values + (weight[outer] / (square[outer] - x[:, None])).sum(1)
         table = _Table(low + half, half, values)
@@ -154,7 +155,7 @@ def _rising_zero(function: Callable[[Floats], Floats], high: Floats, at_low: Flo
     The Illinois rule [Dowell1971]; ComputationError if it does not converge.
     """
     low, last = np.zeros_like(high), np.zeros_like(high)
-    for _ in range(MAX_STEPS):
+    for _ in range(MOST_STEPS):
         from_low, from_high = ((high - low) * (end / (at_low - at_high)) for end in (at_low, at_high))
         trial = np.clip(np.where(at_high > -at_low, low + from_low, high + from_high), low, high)
         if np.all(np.abs(trial - last) <= 4e-16 * trial):

@@ -23,18 +23,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from modal.eigen.recursion import ROOM, Chains, Suspension, joint_masses, mass_and_energy_in_floats, one_by_one
-from modal.types import Floats
+from modal.eigen.recursion import (
+    NUMBERS_IN_CACHE,
+    Chains,
+    Suspension,
+    joint_masses,
+    mass_and_energy_in_floats,
+    one_by_one,
+)
+from modal.types import EPS, Floats
 
-EPS = 2.0**-53
-ROUNDINGS = 4
-"""Rounding of an entry for each row, in units in the last place."""
-EARLIER = 3
-"""Rows whose rounding is as much as that of the terms before their difference is taken."""
-EACH, MORE = 4, 24
-"""Lanczos steps for each mode, and for all of them."""
-LARGEST = 1500
-"""Links on a support up to which a dense matrix is used."""
+LARGEST_SEEDED = 1500
+"""Cost: links on a support up to which a dense matrix, not a search, seeds the counts (benchmarks/modes.py)."""
 
 
 def seeds(suspension: Suspension) -> tuple[Floats, Floats]:
@@ -47,7 +47,8 @@ def seeds(suspension: Suspension) -> tuple[Floats, Floats]:
         values = np.full(matrix.shape[:2], np.nan)
     largest = values[:, -1:]
     with np.errstate(all="ignore"):
-        error = ROUNDINGS * EPS * (size * largest + EARLIER * (largest + 2 * removed_norm[:, None])) / values
+        # two roundings of each row, and of three more for the terms before their difference is taken
+        error = 2 * EPS * (size * largest + 3 * (largest + 2 * removed_norm[:, None])) / values
         error = np.where((values > 0) & np.isfinite(error), error, np.inf)
         return np.asarray((1.0 / values).T[::-1]), error.T[::-1]
 
@@ -60,7 +61,7 @@ def slow_seeds(suspension: Suspension, number: int) -> tuple[Floats, Floats]:
     count tells.
     """
     (product, removed_norm), size = _product(suspension), suspension.size
-    steps = min(size, EACH * number + MORE)
+    steps = min(size, 4 * (number + 4))
     basis, small, beta = np.zeros((steps + 1, size)), np.zeros((steps, steps)), 0.0
     start = np.random.default_rng(0).uniform(0.5, 1.0, size)
     basis[0] = start / np.linalg.norm(start)
@@ -73,7 +74,7 @@ def slow_seeds(suspension: Suspension, number: int) -> tuple[Floats, Floats]:
         basis[k + 1] = w / beta if beta > 0 else w
     values, vectors = np.linalg.eigh(small)
     values, residual = values[: -number - 1 : -1, None], beta * np.abs(vectors[-1, : -number - 1 : -1, None])
-    error = (residual + ROUNDINGS * (size + EARLIER) * EPS * (values[0] + removed_norm)) / values
+    error = (residual + 2 * EPS * (size + 3) * (values[0] + removed_norm)) / values
     return 1.0 / values, np.where((values > 0) & np.isfinite(error), error, np.inf)
 
 
@@ -103,7 +104,7 @@ def _product(suspension: Suspension) -> tuple[Callable[[Floats], Floats], float]
 
 def seed_matrices(links: int, supports: int) -> tuple[tuple[str, int, int], ...]:
     """The matrices behind the seeds of `supports` supports, as (name, order, count)."""
-    return (("seeds", links, supports),) if 1 < links <= LARGEST else ()
+    return (("seeds", links, supports),) if 1 < links <= LARGEST_SEEDED else ()
 
 
 def _single_eigenvalue(matrix: Floats) -> Floats:
@@ -179,7 +180,7 @@ def _mass_and_energy(chains: Chains, x: Floats) -> tuple[Floats, Floats]:
         return results
     mass, energy = (np.zeros((chains.m.shape[1], *x.shape)) for _ in range(2))
     D = np.empty_like(mass)
-    step = max(1, ROOM // max(1, mass.size))
+    step = max(1, NUMBERS_IN_CACHE // max(1, mass.size))
     room = np.empty((5, min(step, chains.n), *mass.shape))
     for end in range(chains.n, 0, -step):
         span = slice(max(0, end - step), end)
@@ -214,7 +215,7 @@ def _mass_and_energy(chains: Chains, x: Floats) -> tuple[Floats, Floats]:
 
 def twisted_quotients(suspension: Suspension, x: Floats) -> Floats:
     """The Rayleigh quotients (R, S) of the shapes at x (R, S) out of balance at the best joint; NaN without one."""
-    step = max(1, ROOM // (suspension.size * suspension.supports))
+    step = max(1, NUMBERS_IN_CACHE // (suspension.size * suspension.supports))
     with np.errstate(all="ignore"):
         pieces = [
             x[at : at + step] * (1.0 - _least_imbalance(suspension, x[at : at + step])) for at in range(0, len(x), step)

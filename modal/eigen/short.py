@@ -24,7 +24,7 @@ from modal.eigen.recursion import (
     mass_and_energy_in_floats,
     nudged_count_in_floats,
 )
-from modal.eigen.squares import PLACES_OF_SECOND_GUESS
+from modal.eigen.squares import PLACES_OF_GUESS
 from modal.types import Floats
 
 Link = tuple[float, float, float, float]
@@ -32,10 +32,8 @@ Count = Callable[[list[Any], float], tuple[int, float]]
 Constants = tuple[float, float, float, float, float]
 """1/k, J, m s², m (1 − s)² and m of a link."""
 
-STEPS = 3
-"""Rayleigh quotient steps that a seed is given."""
-SETTLED = 1e-5
-"""Relative step beyond which the next quotient, off by its square, is not yet worth counts."""
+LARGEST_LAST_STEP = 1e-5
+"""Cost: relative step of a quotient beyond which the next, off by its square, is not yet worth counts."""
 
 
 def short_squares(links: Sequence[Link], cart: CartNumbers | None) -> Floats | None:
@@ -70,11 +68,11 @@ def _confirmed_squares(links: Sequence[Link], cart: CartNumbers | None) -> list[
     squares: list[float] = []
     for j, seed in reversed([*enumerate(seeds, rigid_modes)]):
         x = seed
-        for _ in range(STEPS):
+        for _ in range(3):
             mu, energy = mass_and_energy_in_floats(constants, x)
             imbalance = (mu + mass - stiffness / x) / (energy + mass)
             x *= 1.0 - imbalance
-            if abs(imbalance) < SETTLED and (square := _step_of_count(count_constants, rail, spring, j, x)):
+            if abs(imbalance) < LARGEST_LAST_STEP and (square := _step_of_count(count_constants, rail, spring, j, x)):
                 squares.append(square)
                 break
         else:
@@ -105,7 +103,7 @@ def _seeds(constants: list[tuple[float, float, float]], hanging: float, cart: Ca
 
 
 def _step_of_count(links: list[Constants], mass: float, stiffness: float, index: int, x: float) -> float:
-    """The float within PLACES_OF_SECOND_GUESS of x at which the count passes the number `index`, 0 without one.
+    """The float within PLACES_OF_GUESS of x at which the count passes the number `index`, 0 without one.
 
     The count is that of a chain on a cart with a rigid translation; a `mass` of −∞ is a fixed support.
     """
@@ -121,7 +119,7 @@ def _neighbour(count: Count, links: list[Constants], mass: float, stiffness: flo
     number, mu = count(links, x)
     high = number + (mu + mass > stiffness / x) > index
     way = 0.0 if high else inf
-    for _ in range(PLACES_OF_SECOND_GUESS):
+    for _ in range(PLACES_OF_GUESS):
         last, x = x, nextafter(x, way)
         number, mu = count(links, x)
         if (number + (mu + mass > stiffness / x) > index) != high:

@@ -24,9 +24,10 @@ from modal.eigen.chains import ChainShapes, fixed_shapes, fixed_squares
 from modal.eigen.components import PartedRig, StillGroup
 from modal.eigen.seeds import seed_matrices
 from modal.eigen.squares import EVERYTHING, Limits, Squares
-from modal.types import Complexes, Floats, Ints
+from modal.types import EPS, Complexes, Floats, Ints
 
-ROUNDOFF = 2.0**-53
+UNCERTAIN = 0.1
+"""Tolerance: relative error from which on no digit is certain: bounds are of first order, and larger ones none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +93,7 @@ def oscillating(squares: Floats) -> NDArray[np.complex128]:
 
 def structured_error(links: int, chains: int) -> float:
     """Bound on the relative error of ω: each step of a count perturbs the scene's data by a few roundings."""
-    return (12 + 6 * links + log2(chains + 1)) * ROUNDOFF
+    return (12 + 6 * links + log2(chains + 1)) * EPS / 2
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,7 +22,7 @@ from modal.eigen.component_matrices import ComponentMatrices
 from modal.eigen.components import PartedRig, StillGroup
 from modal.eigen.coupled import CartPendula, StillModes
 from modal.eigen.free_motions import FreeMotions
-from modal.eigen.sources import Alone, Details, Source, StillPendula
+from modal.eigen.sources import UNCERTAIN, Alone, Details, Source, StillPendula
 from modal.eigen.squares import EVERYTHING, SEEDS, Limits
 from modal.errors import ComputationError
 from modal.report import deferred
@@ -31,8 +31,6 @@ from modal.types import Booleans, Floats, Ints
 if TYPE_CHECKING:
     from modal.assembly import RatioAt
 
-UNCERTAIN = 0.1
-"""Bound on a relative error from which on no digit is certain: bounds are of first order, and larger ones none."""
 MASSLESS = (
     "The mass matrix is singular: a massless cart over bobs has no inertia of its own, "
     "so one mode has no finite frequency and is left out."

@@ -6,9 +6,8 @@ neighbouring floats, after at most 62 counts.  Where few zeros are sought each c
 interval, which costs little more than one.
 
 A guess is used if the count confirms it: of one support x is the float at which the count steps, within PLACES_OF_GUESS
-units in the last place of the guess, or PLACES_OF_SECOND_GUESS where few are sought or few were missed; of many
-supports the guess itself, if the count steps within ERROR_OF_COUNTS of it.  The others are sought in brackets about
-theirs, which are widened until the count steps inside.
+units in the last place of the guess; of many supports the guess itself, if the count steps within two units of it.  The
+others are sought in brackets about theirs, or among all floats where the count does not step inside.
 """
 
 from __future__ import annotations
@@ -19,28 +18,22 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from modal.eigen.recursion import Suspension
-from modal.eigen.seeds import LARGEST, at_pivot, seeds, slow_seeds, twisted_quotients
+from modal.eigen.seeds import LARGEST_SEEDED, at_pivot, seeds, slow_seeds, twisted_quotients
 from modal.errors import ComputationError
-from modal.types import Booleans, Floats, Ints
+from modal.types import EPS, NUMBERS_IN_CHUNK, Booleans, Floats, Ints
 
-STRIDE = 2.0**24
 BEYOND = "the ratios in this scene are beyond double precision: a frequency overflows"
-PLACES_OF_GUESS = 2
-"""Distance from a guess in units in the last place."""
-WIDER, WIDEST = 2**8, 2**62
-TRIALS = 800
-"""Number of trial values that cost hardly more than one."""
 SEEDS = "dense seeds"
-LONG, FEW = 100, 20
-"""Links above which seeds of all cost more than those of one mode in FEW."""
-CACHED = 100_000
-"""Numbers of one array of many supports, few enough for all of them to stay in a processor's cache."""
-ERROR_OF_COUNTS = 2.0**-51
-"""Relative distance of ω² that counts leave where there are many supports: two to four units in the last place."""
-PLACES_OF_SECOND_GUESS = 16
-"""Distance from a second guess in units in the last place."""
-RARE = 20
-"""Modes of which one is missed by rounding alone, so that counts further off confirm its guess."""
+PLACES_OF_GUESS = 4
+"""Cost: distance from a guess in units in the last place, confirmed by counts at all floats (benchmarks/modes.py)."""
+TRIALS_OF_COUNT = 800
+"""Cost: number of trial values that cost hardly more than one (benchmarks/modes.py)."""
+LINKS_OF_LONG_CHAIN = 100
+"""Cost: links above which seeds of all modes cost more than those of a few (benchmarks/few_modes.py)."""
+LINKS_PER_MODE = 20
+"""Cost: links above those for each mode that is sought, where these are a few (benchmarks/few_modes.py)."""
+CLOSE = 1e-8
+"""Tolerance: relative gap of squares below which shapes need their differences, or are orthogonal by construction."""
 
 
 class Limits(NamedTuple):
@@ -69,12 +62,12 @@ def smallest_where(condition: Callable[[Floats], Booleans], low: Floats, high: F
 
 
 def upper_bounds(count: Callable[[Floats], Ints], start: Floats, target: Ints) -> Floats:
-    """Powers of STRIDE times `start` until `count` has reached `target` everywhere."""
-    high = start * STRIDE
+    """Some power of 2²⁶ times `start` at which `count` has reached `target` everywhere."""
+    high: Floats = start / np.sqrt(EPS)
     if not np.all((start > 0) & np.isfinite(start)):
         raise ComputationError(BEYOND)
     while np.any(count(high) < target):
-        high = high * STRIDE
+        high = high / np.sqrt(EPS)
         if not np.all(high < 1e280):
             raise ComputationError(BEYOND)
     return high
@@ -107,12 +100,10 @@ def locate(problem: Counting, indices: Ints, modes: int) -> Floats:
     return _bisect_between(problem, indices, *(np.take_along_axis(ends, first + step, 0) for step in (0, 1)))
 
 
-def confirm(
-    problem: Counting, indices: Ints, guess: Floats, distance: int = PLACES_OF_GUESS
-) -> tuple[Floats, Booleans]:
-    """The eigenvalues confirmed within `distance` last places of guesses (R, S), and a mask of the others."""
+def confirm(problem: Counting, indices: Ints, guess: Floats) -> tuple[Floats, Booleans]:
+    """The eigenvalues confirmed within PLACES_OF_GUESS of guesses (R, S), and a mask of the others."""
     bits = np.where(guess > 0, guess, 1.0).view(np.int64)
-    steps = np.arange(-distance, distance + 1)
+    steps = np.arange(-PLACES_OF_GUESS, PLACES_OF_GUESS + 1)
     is_past = _is_past(problem, indices, bits + steps[:, None, None])
     squares = (bits + steps[is_past.argmax(0)]).view(np.float64)
     return squares, is_past[0] | ~is_past[-1]
@@ -130,19 +121,15 @@ def search(problem: Counting, indices: Ints, guess: Floats, error: Floats, modes
     lowest = problem.low[None].view(np.int64)
     highest = upper_bounds(problem.count, problem.low[None], np.array(modes)).view(np.int64)
     bits = np.clip(np.where(np.isfinite(error), guess, 1.0).view(np.int64), lowest, highest)
-    width = (np.minimum(error, 1.0) * 2.0**53).astype(np.int64) + WIDER
-    while True:
-        lo, hi = bits - np.minimum(width, bits - lowest), bits + np.minimum(width, highest - bits)
-        is_past = _is_past(problem, indices, np.stack([lo, hi]))
-        wrong = (is_past[0] & (lo > lowest)) | (~is_past[1] & (hi < highest))
-        if not wrong.any():
-            return _bisect_between(problem, indices, lo, hi)
-        width = np.where(wrong, np.where(width < WIDEST // WIDER, width * WIDER, WIDEST), width)
+    width = (np.minimum(error, 1.0) * 2 / EPS).astype(np.int64) + PLACES_OF_GUESS
+    lo, hi = bits - np.minimum(width, bits - lowest), bits + np.minimum(width, highest - bits)
+    is_past = _is_past(problem, indices, np.stack([lo, hi]))
+    return _bisect_between(problem, indices, np.where(is_past[0], lowest, lo), np.where(is_past[1], hi, highest))
 
 
 def _bisect_between(problem: Counting, indices: Ints, lo: Ints, hi: Ints) -> Floats:
     """The floats at which the count passes each index, between these bit patterns."""
-    parts = max(2, TRIALS // max(1, lo.size))
+    parts = max(2, TRIALS_OF_COUNT // max(1, lo.size))
     inner = np.arange(1, parts)[:, None, None]
     while np.any((gap := hi - lo) > 1):
         points = lo + (gap // parts) * inner + (gap % parts) * inner // parts
@@ -190,9 +177,9 @@ def squares_of(suspension: Suspension, indices: Ints, modes: int, accuracy: floa
         guess, error = slow_seeds(suspension, len(indices))
         guesses = guess, np.maximum(error, 3 * accuracy)  # nothing tells that none was missed, so that a count must
         return _settle(suspension, indices, _try_seeds(suspension, indices, accuracy, guesses), modes)
-    if suspension.size > LARGEST or _are_few(suspension, indices):
+    if suspension.size > LARGEST_SEEDED or _are_few(suspension, indices):
         return Squares.exact(locate(suspension, indices, modes))
-    step = max(1, CACHED // suspension.size**2)
+    step = max(1, NUMBERS_IN_CHUNK // suspension.size**2)
     starts = range(0, suspension.supports, step)
     pieces = [suspension.take(slice(at, at + step)) for at in starts] if len(starts) > 1 else [suspension]
     trials = [_try_seeds(piece, indices, accuracy, seeds(piece)) for piece in pieces]
@@ -208,7 +195,7 @@ def _is_slow(suspension: Suspension, indices: Ints) -> bool:
 
 
 def _are_few(suspension: Suspension, indices: Ints) -> bool:
-    return FEW * len(indices) < suspension.size - LONG
+    return LINKS_PER_MODE * len(indices) < suspension.size - LINKS_OF_LONG_CHAIN
 
 
 class Trial(NamedTuple):
@@ -230,7 +217,7 @@ def _settle(suspension: Suspension, indices: Ints, trial: Trial, modes: int) -> 
     if suspension.supports == 1:
         x[rows] = _find_otherwise(suspension, indices[rows, None], guess[rows], seed_error[rows], modes)
         return Squares(x, error)
-    squares, step = [], max(1, CACHED // suspension.size)
+    squares, step = [], max(1, NUMBERS_IN_CHUNK // suspension.size)
     for at in range(0, len(rows), step):
         row, support = rows[at : at + step], supports[at : at + step]
         arguments = indices[None, row], guess[None, row, support], seed_error[None, row, support]
@@ -257,23 +244,17 @@ def _try_seeds(suspension: Suspension, indices: Ints, accuracy: float, guesses: 
 def _improve(suspension: Suspension, indices: Ints, guess: Floats) -> tuple[Floats, Booleans]:
     """A Rayleigh quotient step at the pivot, and where the count does not confirm it.
 
-    Of one support the float at which the count steps, of many a float within ERROR_OF_COUNTS of it.
+    Of one support the float at which the count steps, of many a float within two last places of it.
     """
     squares = at_pivot(suspension, guess)
     if suspension.supports == 1:
-        steps, is_wrong = confirm(
-            suspension, indices, squares, PLACES_OF_SECOND_GUESS if _are_few(suspension, indices) else PLACES_OF_GUESS
-        )
-        rows = np.flatnonzero(is_wrong)
-        if 0 < RARE * rows.size < len(indices):
-            steps[rows], is_wrong[rows] = confirm(suspension, indices[rows], squares[rows], PLACES_OF_SECOND_GUESS)
-        return steps, is_wrong
-    return squares, ~lies_within(suspension, indices, squares, ERROR_OF_COUNTS)
+        return confirm(suspension, indices, squares)
+    return squares, ~lies_within(suspension, indices, squares, 2 * EPS)
 
 
 def _find_otherwise(suspension: Suspension, indices: Ints, guess: Floats, error: Floats, modes: int) -> Floats:
     """The eigenvalues with these indices (R, S) from another shape, and by a search where that is not confirmed."""
-    squares, is_wrong = confirm(suspension, indices, twisted_quotients(suspension, guess), PLACES_OF_SECOND_GUESS)
+    squares, is_wrong = confirm(suspension, indices, twisted_quotients(suspension, guess))
     if is_wrong.any():
         rows, supports = (np.flatnonzero(is_wrong.any(axis)) for axis in (1, 0))
         part = np.ix_(rows, supports)

@@ -26,7 +26,6 @@ from modal.eigen.component_matrices import (
 from modal.eigen.coupled import MOST_LINKS_TOGETHER
 from modal.eigen.free_motions import details_of, significant_product
 from modal.eigen.sources import (
-    ROUNDOFF,
     Details,
     ProblemSize,
     largest_angle,
@@ -37,12 +36,12 @@ from modal.eigen.sources import (
 from modal.eigen.squares import EVERYTHING, Limits
 from modal.errors import ComputationError
 from modal.report import deferred
-from modal.types import Complexes, Floats, Ints
+from modal.types import EPS, Complexes, Floats, Ints
 
-LARGEST = 1200
-"""Coordinates of one component up to which shapes, and frequencies from factors, are computed."""
-NARROW = 64.0
-"""Factor on the error where the triangular factors are computed in floats no wider than the results."""
+MOST_COORDINATES = 1200
+"""Limit: coordinates of a structure up to which shapes are computed, refused beyond as `dense.refuse_beyond` says."""
+ERROR_OF_NARROW = 64.0
+"""Tolerance: factor on the error where triangular factors are in floats no wider than the results, as measured."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,22 +124,22 @@ class OnStructure:
         if not (self._is_counted or self._is_product):
             return self._dense.error
         if matrices.hidden.any():
-            loss_error = 2 * ROUNDOFF * matrices.cancelling
+            loss_error = EPS * matrices.cancelling
         for _, modal_matrices in matrices.modal:
-            loss_error += sum(len(S) * ROUNDOFF * _condition(S) for S in modal_matrices[:2])
+            loss_error += sum(len(S) * EPS / 2 * _condition(S) for S in modal_matrices[:2])
         if self._is_counted:
             blocks = [matrices.parted_rig.rig.blocks[heavy.block] for heavy in matrices.component.heavies]
             deepest = max((block.n for block in blocks), default=0)
             deepest += 0 if self._is_plain else 2 * len(matrices.component.eta)
             assert matrices.tree is not None
             return matrices.tree.slack(self.squares) * structured_error(deepest, len(blocks)) + loss_error
-        narrow = NARROW if not is_wide(matrices.size) else 1.0
-        return np.full(len(self._product[0]), narrow * (32 + 12 * matrices.size) * ROUNDOFF + loss_error)
+        narrow = ERROR_OF_NARROW if not is_wide(matrices.size) else 1.0
+        return np.full(len(self._product[0]), narrow * (32 + 12 * matrices.size) * EPS / 2 + loss_error)
 
     @cached_property
     def _product(self) -> tuple[Floats, Floats]:
         """ω (R,) and shapes (n, R) from the factors."""
-        dense.refuse_beyond(LARGEST, self.matrices.size, "shapes on a structure")
+        dense.refuse_beyond(MOST_COORDINATES, self.matrices.size, "shapes on a structure")
         M, K, _ = self.matrices.factors
         return _product_modes(K, M, self.matrices.free.shape[1])
 
@@ -191,7 +190,7 @@ class OnStructure:
         """
         first = len(self.matrices.component.eta)
         compliance = np.abs(np.linalg.inv(K[first:, first:]))
-        return float(8 * dense.EPS * (compliance @ self.matrices.terms[first:]).max())
+        return float(8 * EPS * (compliance @ self.matrices.terms[first:]).max())
 
     @cached_property
     def _losses(self) -> SquareSum:
@@ -336,7 +335,7 @@ class OnStructure:
         shape = dense.in_phase(shape, first if self.matrices.size > first else 0) if self.is_damped else shape.real
         weight = np.sqrt((M.size[:, None] * M.rows**2).sum(0))[:, None]
         sizes = np.abs(shape) * weight
-        return np.where(sizes > 4 * len(shape) * dense.EPS * sizes.max(0), shape, 0.0)
+        return np.where(sizes > 4 * len(shape) * EPS * sizes.max(0), shape, 0.0)
 
 
 def _product_modes(stiffness: SquareSum, inertia: SquareSum, free: int) -> tuple[Floats, Floats]:
@@ -351,7 +350,7 @@ def _condition(S: Floats) -> float:
         return 1.0
     scale = 1 / np.sqrt(np.abs(np.diag(S)) + np.finfo(float).tiny)
     values = np.abs(np.linalg.eigvalsh(S * scale * scale[:, None]))
-    significant = values[values > 4 * len(S) * dense.EPS * values.max()]
+    significant = values[values > 4 * len(S) * EPS * values.max()]
     return float(values.max() / significant.min())
 
 

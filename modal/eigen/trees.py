@@ -42,24 +42,11 @@ from typing import NamedTuple
 import numpy as np
 
 from modal.assembly import Block, CartNumbers
-from modal.eigen.recursion import Chains, Suspension, at_infinity, count_and_mass
-from modal.eigen.squares import locate, smallest_where, upper_bounds
-from modal.types import Booleans, Floats, Ints
+from modal.eigen.recursion import NUDGE, Chains, Suspension, at_infinity, count_and_mass
+from modal.eigen.squares import CLOSE, locate, smallest_where, upper_bounds
+from modal.types import EPS, Booleans, Floats, Ints
 
-NUDGE = 2.0**-60
-"""An exact zero of a pivot, or of D, becomes minus this fraction of its terms."""
-ITERATIONS = 3
-CLOSE = 1e-8
-"""Relative gap of ω² within which shapes are made orthogonal one after another."""
 NO_CART = CartNumbers(0.0, 0.0, 0.0)
-LOWER = 2.0**-48
-"""Factor by which a trial value is lowered until no mode is below it."""
-SMALLEST = 2.0**-900
-"""Lower bound of |ω²| with inverted links."""
-ROUNDINGS = 4
-"""Roundings per link with joint springs, over those without."""
-CANCELLED = 2.0**-50
-"""Displacement of a coordinate over the largest angle, per coordinate, that is zero among close modes."""
 
 
 class TreeShapes(NamedTuple):
@@ -182,14 +169,14 @@ class Tree:
     def low(self) -> Floats:
         """A trial value (1,) below all modes."""
         if self.stands:
-            return np.array([SMALLEST])
+            return np.array([np.finfo(float).tiny ** 0.5])
         stiffnesses = np.concatenate(
             [self.stiffness, self.spring, *(h.block.constants.k.ravel() for h in self.hanging_chains)]
         )
         heavy = np.concatenate([self.mass, *(hanging.block.mass.ravel() for hanging in self.hanging_chains)])
         trial = np.array([[stiffnesses[stiffnesses > 0].min() / heavy.sum()]])
         while self.count(trial)[0, 0] > 0 and trial[0, 0] > 0:
-            trial = trial * LOWER
+            trial = trial * EPS
         return np.asarray(trial[0])
 
     def squares(self, lowest: int | None) -> Floats:
@@ -217,14 +204,15 @@ class Tree:
         With inverted links a rounding of gravity and of each spring counts in proportion to its energy.
         """
         if not self.stands:
-            return np.full(len(squares), 1.0 if self.is_plain else float(ROUNDINGS))
+            # the sums of a spring round as often as those of three links
+            return np.full(len(squares), 1.0 if self.is_plain else 4.0)
         (eta, angles, _), _ = self._shapes(squares, np.arange(len(squares)))
         potential = self.stiffness @ eta**2
         for (block, *_), angle in zip(self.hanging_chains, angles, strict=True):
             upper_angle = np.concatenate([np.zeros_like(angle[:1]), angle[:-1]]) * turns(block)[:, :, None]
             spring = block.stiffness[:, :, None] * (angle - upper_angle) ** 2
             potential = potential + (block.b[:, :, None] * angle**2 + spring).sum((0, 1))
-        return np.asarray(ROUNDINGS * (potential / np.abs(squares) + 1) / 2)
+        return np.asarray(2 * (potential / np.abs(squares) + 1))
 
     # ----------------------------------------------------------------------------------------------------- shapes
 
@@ -260,7 +248,7 @@ class Tree:
             [np.sqrt(self.mass) * random.uniform(0.5, 1.0, len(self.mass)) for _ in numbers], axis=1
         )
         loads = random_forces[:, place], [np.zeros_like(moment) for moment in moments], moments
-        for _ in range(ITERATIONS):
+        for _ in range(3):
             shape = self._answer(pivots, x, loads)
             size = np.sqrt(_work(self._inertial(shape), shape))
             shape = _scale(shape, 1 / size)
@@ -279,7 +267,7 @@ class Tree:
         eta, angles, centres = shape
         swings = np.max([np.abs(part).max((0, 1)) for part in angles], axis=0, initial=0.0)
         several = np.bincount(cluster)[cluster[members]] > 1
-        eta[:] = np.where(several & (np.abs(eta) <= CANCELLED * self.size * swings), 0.0, eta)
+        eta[:] = np.where(several & (np.abs(eta) <= 4 * EPS * self.size * swings), 0.0, eta)
         at = np.searchsorted(members, rows)
         selection = eta[:, at], [part[:, :, at] for part in angles], [part[:, :, at] for part in centres]
         return selection, np.abs(imbalance / x)[at]

@@ -30,12 +30,13 @@ from modal.exact.characteristic import exact
 from modal.report import deferred, silent
 from modal.scene import AnyLink, Cart, Fixed, Pendulum, Scene, require
 from modal.scene.doors import checked, checked_index
+from modal.types import EPS, NEWTON_ROUNDS
 
 Ball = Any
 Links = tuple[AnyLink, ...]
 
 MOST_BITS = 1 << 17
-NEWTON_STEPS = 8
+"""Limit: bits with which a sign is decided, refused beyond: four times those of the most digits."""
 
 
 class _UndecidedError(ArithmeticError):
@@ -80,7 +81,7 @@ class ChainsInBalls:
     def newton(self, x: Ball, width: Ball, bits: int) -> Ball:
         """An approximate zero of the determinant near x, to be verified by the count."""
         with flint().ctx.workprec(bits):
-            for _ in range(NEWTON_STEPS):
+            for _ in range(NEWTON_ROUNDS):
                 step = 1 / self._logarithmic_derivative(x, bits)
                 if not step.is_finite():
                     break
@@ -141,8 +142,9 @@ def flint() -> Any:
 
 
 GUARD_BITS = 64
+"""Cost: bits beyond those of the digits, with fewer of which more signs are decided at twice as many."""
 MOST_DIGITS = 10_000
-FIRST_WIDTH = 2.0**-48
+"""Limit: the most that `digits` may ask for."""
 natural_modes = deferred("modal.modes:natural_modes")
 """Imported by a proof alone: a derivation needs polynomials of this room and no eigenvalue routine."""
 
@@ -242,7 +244,7 @@ class _ProblemInBalls:
 
     def bisect(self, index: int, start: Ball, width: Ball, bits: int) -> tuple[Ball, Ball]:
         """From a bracket expanded until proved, by near-halving (so that no trial value is special)."""
-        growth = 1 + FIRST_WIDTH
+        growth = 1 + 4 * EPS
         low, high = (start / growth).mid(), (start * growth).mid()
         while self.system.count(low, bits) > index:
             growth *= growth

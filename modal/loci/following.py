@@ -48,7 +48,9 @@ def state_columns(
 
 
 MOST_SOLVED = 20_000
-DEEPEST = 200
+"""Limit: values at which modes are solved, besides those given, refused beyond: shapes change too often."""
+MOST_HALVINGS = 200
+"""Limit: halvings of an interval, as many as lead from 1 to 1e-60; what is then unsure is refused."""
 Report = Callable[[float], object]
 
 
@@ -146,7 +148,7 @@ class _Walk:
         values = sorted({*self.variation.values, own_value})
         points = [self.at(values[0])]
         for count, value in enumerate(values[1:], start=2):
-            points += self.points_between(points[-1], self.at(value), DEEPEST)
+            points += self.points_between(points[-1], self.at(value), MOST_HALVINGS)
             report(count)
         return points
 

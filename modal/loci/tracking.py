@@ -31,11 +31,12 @@ from modal.modes import UNCERTAIN, Modes, natural_modes, pair_rows
 from modal.report import Displayed
 from modal.scene import Scene
 from modal.scene.parameters import vary
-from modal.types import Floats, Ints
+from modal.types import EPS, Floats, Ints
 
 MOST_MODES = 400
-SURE = 0.97
-"""The MAC above which a mode is identified with the previous one: its shape has turned by less than 10°."""
+"""Limit: modes that are followed by their shapes, refused beyond."""
+SHAPE_MAC_SURE = 0.97
+"""Tolerance: MAC from which on a mode is the one before: its shape has turned by less than 10°."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +117,8 @@ def follow(start: LociPoint, end: LociPoint) -> tuple[LociPoint, bool]:
     shares = np.zeros((names.size, end.omega.size))
     np.add.at(shares, members, overlap**2)
     best, free = np.argmax(shares, axis=0), np.bincount(members)
-    sure = bool(np.all(shares.max(axis=0) >= SURE) and np.array_equal(np.bincount(best, minlength=names.size), free))
+    is_complete = np.array_equal(np.bincount(best, minlength=names.size), free)
+    sure = bool(np.all(shares.max(axis=0) >= SHAPE_MAC_SURE) and is_complete)
     chosen = best if sure else pair_rows(shares.T, free)
     order, shapes = np.zeros_like(members), np.zeros_like(end.shapes)
     for number in range(names.size):
@@ -134,13 +136,12 @@ def _turn(start: LociPoint, end: LociPoint, rows: Ints, tracks: Ints) -> Floats:
     return np.asarray(U @ Vh)
 
 
-TURNED = 0.25
-"""The least MAC of one shape before with the other after, where the gap has grown by √2, that makes a veering."""
-APART = 0.02
-"""The MAC below which two modes are unrelated."""
-GOLDEN = (3 - sqrt(5)) / 2
-SHARPNESS = 3e-9
-"""Fraction of the interval to which a veering is located: the gap is flat there, so rounding hides more."""
+VEERING_MAC_MIN = 0.25
+"""Physics: least MAC of one shape before with the other after, where the gap has grown by √2, that makes a veering."""
+SHAPE_MAC_UNRELATED = 0.02
+"""Physics: MAC below which two modes are unrelated, so that one crosses the other's veering."""
+GOLDEN_SECTION = (3 - sqrt(5)) / 2
+"""Physics: the golden section, of which a search of a minimum loses least."""
 
 Kind = Literal["crossing", "veering"]
 Pair = tuple[int, int]
@@ -210,7 +211,7 @@ def _veerings(points: Sequence[LociPoint], gap: Floats, pair: Pair, solve: Solve
         if lower.size and upper.size:
             start, end = points[lower[-1]], points[upper[0]]
             exchange = _exchange(start, end, pair)
-            if exchange >= TURNED and not _between(start, points[i], end, pair):
+            if exchange >= VEERING_MAC_MIN and not _between(start, points[i], end, pair):
                 yield "veering", _nearest(points[i - 1 : i + 2], pair, solve), exchange
 
 
@@ -219,17 +220,19 @@ def _between(start: LociPoint, middle: LociPoint, end: LociPoint, pair: Pair) ->
     low, high = sorted(middle.omega[list(pair)])
     others = np.flatnonzero((middle.omega > low) & (middle.omega < high))
     return any(
-        _exchange(start, end, (track, int(track_between))) >= APART for track_between in others for track in pair
+        _exchange(start, end, (track, int(track_between))) >= SHAPE_MAC_UNRELATED
+        for track_between in others
+        for track in pair
     )
 
 
 def _nearest(three: Sequence[LociPoint], pair: Pair, solve: Solve) -> LociPoint:
     """The smallest gap near the middle one of three points, by golden section of the interval between the others."""
     low, best, high = three[0].value, three[1], three[2].value
-    resolution = SHARPNESS * (high - low)
+    resolution = sqrt(EPS) / 4 * (high - low)  # within which a smallest gap is flat to rounding
     while high - low > resolution:
         rises = high - best.value > best.value - low
-        trial = best.value + GOLDEN * ((high if rises else low) - best.value)
+        trial = best.value + GOLDEN_SECTION * ((high if rises else low) - best.value)
         if not low < trial < high or trial == best.value:
             break
         candidate, _ = follow(best, solve(trial))

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from modal.modes.dissipation import mode_losses, quality_factors, sliding_modes, stop_of
     from modal.modes.frequencies import natural_frequencies
     from modal.modes.mode import Mode
-    from modal.modes.modes import ModalMatrix, Modes, all_shapes, equilibrium_words, natural_modes
+    from modal.modes.modes import MOST_LISTED, ModalMatrix, Modes, all_shapes, equilibrium_words, natural_modes
     from modal.modes.numbering import MOST_COMPARED, counterparts, letters, number_labels, pair_rows, table_numbers
     from modal.modes.rope import hanging_rope, rope_error_of_bobs, rope_error_of_rods
     from modal.modes.rows import moving_words
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "MOST_COMPARED",
+    "MOST_LISTED",
     "UNCERTAIN",
     "ModalMatrix",
     "Mode",

@@ -22,8 +22,6 @@ Stds = Mapping[int, tuple[float, float]]
 """Standard deviations of ω (rad/s) and of the damping ratio by the number of the mode."""
 Value = float | int | str | bool | None
 EVERY = "all"
-INDENT = 14
-"""Characters before a line of an error message."""
 
 
 class Column(NamedTuple):
@@ -325,7 +323,7 @@ def _chosen_keys(modes: Modes, chosen: str, columns: Sequence[Column]) -> set[st
             problems.append(f"columns {name or chosen}: no such column{hint}")
     if problems:
         names = ", ".join(column.key for column in printable)
-        overview = [] if has_hints else wrap(f"columns are {EVERY}, {names}", line_width() - INDENT)
+        overview = [] if has_hints else wrap(f"columns are {EVERY}, {names}", line_width() - len("multipendula: "))
         raise SceneError([*problems, *overview])
     return keys
 

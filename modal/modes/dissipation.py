@@ -24,7 +24,7 @@ which do not turn together, this is an estimate.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import exp, inf, nan, pi, sqrt
+from math import expm1, inf, log1p, nan, pi, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -35,12 +35,10 @@ from modal.modes.modes import Modes, natural_modes
 from modal.modes.numbering import table_numbers
 from modal.scene import Scene, validate_scene
 from modal.scene.doors import checked
-from modal.types import Floats
+from modal.types import EPS, Floats
 
-CLOSE = 3.0
-"""Relative differences of ω² over losses below which two modes mix."""
 MOST_SHAPES = 60
-"""Most shapes of one frequency among which the one that loses most is found."""
+"""Limit: shapes of one frequency among which the one that loses most is found; Q is NaN beyond."""
 
 
 @checked
@@ -81,14 +79,14 @@ def quality_factors(modes: Modes, indices: Sequence[int] | None = None) -> Float
 
 
 def sharing(modes: Modes) -> list[int]:
-    """The numbers of modes that another is closer to, relative to ω², than CLOSE times the larger of both losses.
+    """The numbers of modes that another is closer to, relative to ω², than three times the larger of both losses.
 
     Their shapes mix, so that the first order of each alone is a guide.
     """
     if not modes.scene.has_losses or len(modes) < 2:
         return []
     losses, square = np.nan_to_num(mode_losses(modes)), modes.omega**2
-    is_near = np.diff(square) <= CLOSE * np.maximum(losses[1:], losses[:-1]) * square[1:]
+    is_near = np.diff(square) <= 3 * np.maximum(losses[1:], losses[:-1]) * square[1:]
     return [int(number) for number in modes.number[np.append(is_near, False) | np.append(False, is_near)]]
 
 
@@ -119,9 +117,6 @@ def _elongations(losses: Sequence[Dissipator], columns: Floats) -> Floats:
     elongations = np.zeros((len(columns), len(losses)), dtype=columns.dtype)
     np.add.at(elongations.T, owner, (columns[:, at] * entries).T)
     return elongations
-
-
-MOST_HALF_SWINGS = 10_000_000
 
 
 class Sliding(NamedTuple):
@@ -183,13 +178,11 @@ def stop_of(sliding: Sliding, amplitude: float) -> Stop:
     if stuck <= 0 or ratio >= 1:
         return Stop(inf, inf, nan)
     rate = sliding.omega * sqrt(1 - ratio**2)
-    shrink, count = exp(-pi * ratio / sqrt(1 - ratio**2)), 0
-    while amplitude > stuck and count < MOST_HALF_SWINGS:
-        if ratio <= 0:
-            count = int(np.ceil((amplitude - stuck) / (2 * stuck) * (1 - 1e-15)))
-            break
-        amplitude = abs((amplitude - stuck) * shrink - stuck)
-        count += 1
+    # a half swing takes a to (a − a_s) e^−δ − a_s: in all a geometric series, of equal steps 2 a_s without dampers
+    steps, delta = max(amplitude - stuck, 0.0) / (2 * stuck), pi * ratio / sqrt(1 - ratio**2)
+    if delta > 0:
+        steps = log1p(-expm1(-delta) * steps) / delta
+    count = int(np.ceil(steps * (1 - 4 * EPS)))
     return Stop(count, count * pi / rate, stuck)
 
 

@@ -13,6 +13,7 @@ from modal.assembly import Hanging, Rig, Units, rig_of, single
 from modal.eigen import (
     EVERYTHING,
     LIGHT,
+    MOST_COORDINATES,
     UNCERTAIN,
     Limits,
     ModalSpectrum,
@@ -20,7 +21,7 @@ from modal.eigen import (
     short_squares,
     structured_error,
 )
-from modal.modes.mode import MOST_COORDINATES, SupportResponse, hertz, oscillating, swing_period
+from modal.modes.mode import SupportResponse, hertz, oscillating, swing_period
 from modal.scene import Scene
 from modal.types import Booleans, Floats, Ints
 

@@ -18,10 +18,9 @@ from modal.scene.parameters import Variable, Vary, parse_arrays, parse_vary, val
 from modal.types import Booleans, Floats
 
 LINKS_OF_PIECE = 10_000
-"""Links of all scenes that are stacked at once: one array of their numbers stays in a processor's cache."""
-
+"""Cost: links of all scenes stacked at once: one array of their numbers stays in cache (benchmarks/modes.py)."""
 MOST_MEMBERS = 100_000_000
-"""Members of one call."""
+"""Limit: members of one call, refused beyond as a number of `vary`."""
 
 
 def natural_frequencies(

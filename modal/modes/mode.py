@@ -24,20 +24,21 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from modal.assembly import Hanging, Rig, scene_squares
-from modal.eigen import UNCERTAIN
+from modal.eigen import ONE_PERCENT, UNCERTAIN
 from modal.modes.shapes import Shape
 from modal.report import Displayed, Summary, deferred
 from modal.types import Floats, Ints
 
-WIDTH = 0.02
-"""Distance from the exact ratio, relative to the frequency."""
-NEAREST = 3
-"""Modes on either side of the ratio whose responses are computed."""
-PROMISED, UNSEEN, LEFT_OUT = 0.03, 0.002, 0.03
-"""Relative error of an angle of 1 % without a star; how far its estimate may be too small, and too large over a²."""
-BESIDE, SURE = 0.1, 0.05
-"""Distance from a ratio within which a response may be wrong by all of itself; share by which it may be elsewhere."""
-MOST_NAMED = 4
+DISTANCE_OF_RESONANCE = 0.02
+"""Physics: distance from 1:1 or 1:3, relative to the frequency, within which two modes are told to be in resonance."""
+PROMISED_ERROR = 0.03
+"""Tolerance: relative error of an angle of 1 % without a star, as docs and tables say; a star stands beyond."""
+ERROR_UNSEEN = 0.002
+"""Tolerance: how far the estimate of that error may be too small, as in 400 modes of random scenes."""
+DISTANCE_OF_DOUBT = 0.1
+"""Tolerance: distance from a ratio within which a response may be wrong by all of itself."""
+DOUBT_ELSEWHERE = 0.05
+"""Tolerance: share by which a response further from a ratio may be wrong, as in 400 modes of random scenes."""
 RATIOS = (("1:1", 1.0), ("1:3", 3.0), ("3:1", 1 / 3))
 DRIVEN = (1, 3)
 """The harmonics in which a mode drives other modes."""
@@ -171,8 +172,10 @@ def resonances(omega: Floats, number: int, partners: Ints, first: int = 0) -> tu
         return ()
     words: list[str] = []
     for ratio, factor in RATIOS:
-        low, high = np.searchsorted(others, frequency * factor * np.array([1 - WIDTH, 1 + WIDTH]))
-        neighbours = [int(k) for k in partners[low : min(high, low + MOST_NAMED + 1)] if k != number][:MOST_NAMED]
+        low, high = np.searchsorted(
+            others, frequency * factor * np.array([1 - DISTANCE_OF_RESONANCE, 1 + DISTANCE_OF_RESONANCE])
+        )
+        neighbours = [int(k) for k in partners[low : min(high, low + 4 + 1)] if k != number][:4]
         itself = low <= np.searchsorted(partners, number) < high
         words += [f"{ratio} with mode {first + k + 1}" for k in neighbours]
         remainder = int(high - low - itself) - len(neighbours)
@@ -183,10 +186,10 @@ def resonances(omega: Floats, number: int, partners: Ints, first: int = 0) -> tu
 def is_guide(angle: float, error: float, doubt: float) -> bool:
     """Whether an angle of 1 % (rad) is a guide by the estimate of its relative error, uncertain by a doubt.
 
-    The estimate leaves out terms of the next order, which make the angle larger, by up to LEFT_OUT a² in 400 modes of
+    The estimate leaves out terms of the next order, which make the angle larger, by up to 3 % of a² in 400 modes of
     random scenes.
     """
-    return not UNSEEN - PROMISED + doubt <= error <= PROMISED - LEFT_OUT * angle**2 - doubt
+    return not ERROR_UNSEEN - PROMISED_ERROR + doubt <= error <= PROMISED_ERROR * (1 - angle**2) - doubt
 
 
 def answering(omega: Floats, number: int, partners: Ints) -> list[tuple[int, int]]:
@@ -194,13 +197,9 @@ def answering(omega: Floats, number: int, partners: Ints) -> list[tuple[int, int
     pairs, others = [], partners[partners != number]
     for harmonic in DRIVEN if omega[number] else ():
         at = int(np.searchsorted(omega[others], harmonic * omega[number]))
-        pairs += [(harmonic, k) for k in others[max(at - NEAREST, 0) : at + NEAREST].tolist() if omega[k]]
+        neighbours = others[max(at - 3, 0) : at + 3]  # those further from the ratio respond less
+        pairs += [(harmonic, k) for k in neighbours.tolist() if omega[k]]
     return pairs
-
-
-ONE_PERCENT = 0.01
-MOST_COORDINATES = 1200
-"""Of a dense matrix that is solved once a mode, as in `modal.eigen.structured`."""
 
 
 class Amplitude(NamedTuple):

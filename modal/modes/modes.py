@@ -22,7 +22,7 @@ from modal.modes.shapes import Shape, expand, validate_normalisation
 from modal.report import HTML_ROWS, TEXT_ROWS, Displayed, Summary, TextResult, counted, deferred, more, scrolled
 from modal.scene import Scene, left_out, validate_scene
 from modal.scene.doors import checked, require_type
-from modal.types import Booleans, Floats, Ints
+from modal.types import NUMBERS_IN_CHUNK, Booleans, Floats, Ints
 
 if TYPE_CHECKING:
     from os import PathLike
@@ -33,7 +33,8 @@ if TYPE_CHECKING:
 
 GROWING = "Growing modes get nothing of the scene's damping_ratio, which belongs to modes that oscillate."
 SELECTED = "Only some of the modes were computed, and resonances among these alone."
-CHUNK, MOST_TOLD = 400_000, 8
+MOST_LISTED = 8
+"""Format: what of a list a sentence names; … or a number stands for the rest."""
 """Numbers of a shape at once; angles of a pendulum, and different pendula, that a sentence names."""
 
 
@@ -97,7 +98,7 @@ class Modes(TextResult, Eigenvalues, Sequence[Mode]):
 
     def rows(self, numbers: Sequence[int]) -> Iterator[Mode]:
         """The modes with these indices (from 0), computed together, a bounded amount of memory at a time."""
-        size = max(1, CHUNK // max(1, sum(block.mass.size for block in self.rig.blocks)))
+        size = max(1, NUMBERS_IN_CHUNK // max(1, sum(block.mass.size for block in self.rig.blocks)))
         places = [self.place(number) for number in numbers]
         for start in range(0, len(places), size):
             chunk = places[start : start + size]
@@ -364,14 +365,14 @@ def equilibrium_words(rig: Rig) -> tuple[str, ...]:
         return ()
     sizes = [rig.blocks[block].n for block, _, copies in rig.members for _ in range(copies)]
     chain_angles = np.split(np.degrees(rig.rest_angles) + 0.0, np.cumsum(sizes)[:-1])
-    words = [", ".join([f"{angle:.1f}°" for angle in angles[:MOST_TOLD].tolist()]) for angles in chain_angles]
+    words = [", ".join([f"{angle:.1f}°" for angle in angles[:MOST_LISTED].tolist()]) for angles in chain_angles]
     words = [
-        f"{phrase}, …" if len(angles) > MOST_TOLD else phrase
+        f"{phrase}, …" if len(angles) > MOST_LISTED else phrase
         for phrase, angles in zip(words, chain_angles, strict=True)
     ]
     runs = [(phrase, len(list(group))) for phrase, group in groupby(words)]
-    phrases = [phrase if count == 1 else f"{phrase} ({count} times)" for phrase, count in runs[:MOST_TOLD]]
-    phrases += ["…"] * (len(runs) > MOST_TOLD)
+    phrases = [phrase if count == 1 else f"{phrase} ({count} times)" for phrase, count in runs[:MOST_LISTED]]
+    phrases += ["…"] * (len(runs) > MOST_LISTED)
     cart = f"the cart at {rig.cart_rest:.4g} m, links at " if rig.cart_rest else ""
     return (f"The equilibrium under the constant forces: {cart}{'; '.join(phrases)}.",)
 

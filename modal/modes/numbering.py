@@ -10,8 +10,8 @@ the modal assurance criterion with M as weight [Allemang2003]; rows are paired o
 one, the most similar first.
 
 A damped mode has no real shape, of which its modal effective mass (φᵀMe)²/(φᵀMφ) would be.  Where the damping ratio is
-below LIGHT and w at least ALIKE for each shape, the mode without dampers stands for it: 1 − w is of second order in
-what dampers change, so that the masses are right to some √(1 − ALIKE).
+below LIGHT and w at least SHAPE_MAC_MIN for each shape, the mode without dampers stands for it: 1 − w is of second
+order in what dampers change, so that the masses are right to some √(1 − SHAPE_MAC_MIN).
 
 About a free cart a rigid translation has all of the effective mass, and every other mode none: it leaves the centre of
 mass where it is.  Held, the same pendula swing in their fixed-base modes ψ, K ψ = ω² A ψ, of effective mass
@@ -35,21 +35,19 @@ from typing import NamedTuple
 import numpy as np
 
 from modal.assembly import Rig
-from modal.eigen import UNCERTAIN, Limits, ModalSpectrum, SpectrumPart, degenerate_modes, find_spectrum
+from modal.eigen import LIGHT, UNCERTAIN, Limits, ModalSpectrum, SpectrumPart, degenerate_modes, find_spectrum
 from modal.errors import ComputationError
 from modal.modes.modes import Modes, all_shapes, natural_modes
 from modal.scene import Scene
 from modal.scene.doors import checked
 from modal.types import Complexes, Floats, Ints
 
-DIGITS = 9
-"""Decimals to which similarities are compared; the earlier of two equally similar rows is taken."""
+DECIMALS_OF_LIKENESS = 9
+"""Tolerance: decimals to which similarities are compared; the earlier of two equally similar rows is taken."""
 MOST_COMPARED = 1000
-"""Links of a scene up to which its shapes are compared where the numbers are optional."""
-LIGHT = 0.1
-"""Damping ratio below which a mode may be light."""
-ALIKE = 0.99
-"""Least modal assurance of the shape of a light mode and of the same without dampers."""
+"""Limit: links up to which shapes are compared where the numbers are optional; none are given beyond."""
+SHAPE_MAC_MIN = 0.99
+"""Tolerance: least modal assurance of the shape of a light mode and of the same without dampers."""
 
 
 @lru_cache(maxsize=4)
@@ -74,7 +72,7 @@ def table_numbers(scene: Scene, undamped_modes: Modes | None = None) -> Ints:
 def counterparts(modes: Modes, others: Modes, among: Sequence[int] | None = None) -> Ints:
     """For every row (R,) of `modes` the index of the most similar row of `others` (one of `among`)."""
     chosen = np.arange(len(others)) if among is None else np.asarray(among, dtype=np.intp)
-    alike = np.round(likeness(modes, others)[:, chosen], DIGITS)
+    alike = np.round(likeness(modes, others)[:, chosen], DECIMALS_OF_LIKENESS)
     partners = pair_rows(alike, np.ones(len(chosen), dtype=np.int64))
     return np.asarray(chosen[np.where(partners < 0, alike.argmax(axis=1), partners)])
 
@@ -249,7 +247,7 @@ def undamped_masses(modes: Modes) -> UndampedMasses:
     counterpart = alike.argmax(axis=1)
     fold = modes.multiplicity
     light = (modes.damping_ratio >= 0) & (modes.damping_ratio < LIGHT) & (without.multiplicity[counterpart] == fold)
-    light &= alike[np.arange(len(modes)), counterpart] >= ALIKE * fold
+    light &= alike[np.arange(len(modes)), counterpart] >= SHAPE_MAC_MIN * fold
     fixed_base = fixed_base_masses(without)
     for row, partner in zip(np.flatnonzero(light).tolist(), counterpart[light].tolist(), strict=True):
         mode = without[partner]

@@ -11,9 +11,6 @@ import numpy as np
 
 from modal.types import Floats
 
-BESSEL_NODES = 64
-"""Nodes beyond z at which the integrals for J_0(z) and J_1(z) are exact to rounding."""
-
 
 def bessel_zeros(count: int) -> Floats:
     """The first zeros j_{0,k} (count,) of J_0, by Newton's iteration from McMahon's expansion.
@@ -57,6 +54,6 @@ def rope_error_of_rods(n: int, count: int) -> Floats:
 
 def _bessel(order: int, z: Floats) -> Floats:
     """J_order(z) by the mean over a half-period."""
-    nodes = int(z.max()) + BESSEL_NODES
+    nodes = 4 * (int(z.max()) + 4)  # beyond z the integrals gain a digit or more a node
     t = (np.arange(nodes) + 0.5) * pi / nodes
     return np.asarray(np.cos(order * t - z[:, None] * np.sin(t)).mean(axis=1))

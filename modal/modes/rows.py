@@ -28,20 +28,30 @@ from modal.eigen import (
 )
 from modal.errors import ComputationError
 from modal.modes.eigenvalues import Eigenvalues
-from modal.modes.mode import BESIDE, PROMISED, SURE, UNKNOWN, Amplitude, Mode, answering, is_guide, resonances
+from modal.modes.mode import (
+    DISTANCE_OF_DOUBT,
+    DOUBT_ELSEWHERE,
+    PROMISED_ERROR,
+    UNKNOWN,
+    Amplitude,
+    Mode,
+    answering,
+    is_guide,
+    resonances,
+)
 from modal.modes.shapes import by_kind, displacements, expand, first_of_largest, is_balanced
 from modal.report import deferred
 from modal.structure import Structure, coordinate_units
 from modal.types import Floats, Ints
 
-NEGLIGIBLE = 0.01
+SHARE_OF_MOTION_MIN = 0.01
+"""Tolerance: share of the largest energy, or weight of a coordinate, from which on a motion has a word of its own."""
 STRUCTURE_STILL, FREE = "supports still", "free"
 UNNAMED = {"tilt": "board", "heave": "support", "modal": "structure"}
 ALIKE = {"cart": "carts", "swing": "swings"}
 COUNTED = ("", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
-MOST_NAMED = 3
 MOST_REFINED = 120
-"""Coordinates up to which any mode is refined where terms of its momentum cancel."""
+"""Limit: coordinates up to which a mode is refined where its terms cancel; beyond, it has the digits of floats."""
 FIXED, CART_STILL = "fixed support", "cart still"
 
 
@@ -103,7 +113,7 @@ def agreement(
     top, energy = np.concatenate([angle[0, :, at] for angle in angles]), energies(shares, at)
     if len(top) == 1:
         return "in phase" if several else ""
-    busy = energy >= NEGLIGIBLE * energy.max()
+    busy = energy >= SHARE_OF_MOTION_MIN * energy.max()
     if busy.sum() == 1:
         return f"mostly {names[int(energy.argmax())]}"
     signs = np.sign(_in_phase_with_largest(top[busy]))
@@ -135,7 +145,7 @@ def _in_phase_with_largest(values: NDArray[np.inexact]) -> NDArray[np.float64]:
 def moving_words(structure: Structure, eta: NDArray[np.inexact], inertia: NDArray[np.float64]) -> str:
     """What moves of a structure, by its coordinates (d,): two carts in antiphase, board tilts."""
     weight = np.abs(eta) * np.sqrt(inertia)
-    moving_coordinates = np.flatnonzero(weight >= NEGLIGIBLE * weight.max()).tolist()
+    moving_coordinates = np.flatnonzero(weight >= SHARE_OF_MOTION_MIN * weight.max()).tolist()
     owners = [int(np.searchsorted(structure.offsets, k, side="right")) - 1 for k in moving_coordinates]
     kinds = {structure.carriers[owner].kind for owner in owners}
     if len(moving_coordinates) > 1 and len(kinds) == 1 and (kind := kinds.pop()) in ALIKE:
@@ -144,7 +154,7 @@ def moving_words(structure: Structure, eta: NDArray[np.inexact], inertia: NDArra
             "in phase" if (signs > 0).all() else "in antiphase" if len(moving_coordinates) == 2 else "in mixed phases"
         )
         is_all = len(moving_coordinates) == sum(carrier.kind == kind for carrier in structure.carriers)
-        if not is_all and len(moving_coordinates) <= MOST_NAMED:
+        if not is_all and len(moving_coordinates) <= 3:
             return f"{_enumerate_words([_carrier_name(structure, owner) for owner in owners])} {phase}"
         count = (
             COUNTED[len(moving_coordinates)] if len(moving_coordinates) < len(COUNTED) else str(len(moving_coordinates))
@@ -155,7 +165,7 @@ def moving_words(structure: Structure, eta: NDArray[np.inexact], inertia: NDArra
         verb = structure.carriers[owner].verb(k - structure.offsets[owner])
         if verb not in verbs_of.setdefault(owner, []):
             verbs_of[owner].append(verb)
-    if len(verbs_of) > MOST_NAMED:
+    if len(verbs_of) > 3:
         return f"{len(moving_coordinates)} coordinates move"
     return ", ".join(
         f"{_carrier_name(structure, owner)} {_enumerate_words(verbs)}" for owner, verbs in verbs_of.items()
@@ -176,7 +186,7 @@ def following(
     """
     energy = energies(shares, at)
     top = np.concatenate([angle[0, :, at] for angle in angles])
-    signs = np.sign((top * np.conj(np.concatenate(pivots))).real)[energy >= NEGLIGIBLE * energy.max()]
+    signs = np.sign((top * np.conj(np.concatenate(pivots))).real)[energy >= SHARE_OF_MOTION_MIN * energy.max()]
     if not (signs > 0).all() and not (signs < 0).all():
         return ""
     is_plural = several or len(top) > 1
@@ -265,7 +275,7 @@ def _shaking(modes: Eigenvalues, mode: Mode, part: SpectrumPart) -> Mode:
     deviation = abs(amplitude.one_percent_deg / one_percent_amplitude(amplitude.kappa) - 1)
     # Of the next order in a, which terms of opposite sign in κ leave large beside their sum.
     next_order = 0.01 * (mode.kappa**2 + (amplitude.kappa - mode.kappa) ** 2) / amplitude.kappa**2
-    words = [] if deviation + next_order <= PROMISED else [f"1:2 with {modes.moving_near(2 * mode.omega)}"]
+    words = [] if deviation + next_order <= PROMISED_ERROR else [f"1:2 with {modes.moving_near(2 * mode.omega)}"]
     several = [f"1:1 among its own {mode.multiplicity} shapes"] if mode.multiplicity > 1 else []
     return _with_amplitude(mode, amplitude, (*several, *words))
 
@@ -481,7 +491,7 @@ def _answers(
     swings = [(harmonic, _swing(modes, partner, piece)) for harmonic, partner, piece in alike]
     error, *changes = distortion(_blocks(modes, head.part), _swing(modes, number, head), swings, kappa).tolist()
     ratios = (modes.omega[partner] / modes.omega[number] / harmonic for harmonic, partner, _ in alike)
-    shares = [1.0 if abs(ratio - 1) < BESIDE else SURE for ratio in ratios]
+    shares = [1.0 if abs(ratio - 1) < DISTANCE_OF_DOUBT else DOUBT_ELSEWHERE for ratio in ratios]
     doubt = sum(share * abs(change) for share, change in zip(shares, changes, strict=True) if change)
     if not is_guide(radians(one_percent_amplitude(kappa)), error, doubt):
         return []
@@ -489,7 +499,7 @@ def _answers(
     words = [
         f"1:{harmonic} with mode {modes.first + partner + 1}"
         for (harmonic, partner, _), change in zip(alike, changes, strict=True)
-        if abs(change) >= min(largest, PROMISED)
+        if abs(change) >= min(largest, PROMISED_ERROR)
     ]
     return list(dict.fromkeys(words))
 

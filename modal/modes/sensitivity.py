@@ -29,17 +29,17 @@ import numpy as np
 
 from modal import pair
 from modal.assembly import Rig
-from modal.eigen import TORQUE, UNCERTAIN, Digits, cart_of, chain_response
+from modal.eigen import REFINED_DIGITS, TORQUE, UNCERTAIN, Digits, cart_of, chain_response
 from modal.errors import ComputationError, SceneError
 from modal.modes.mode import Mode
 from modal.modes.modes import Modes
 from modal.modes.shapes import Shape
-from modal.modes.squares import CANCELLED, ULP, slopes_by_squares
+from modal.modes.squares import CANCELLED, slopes_by_squares
 from modal.report import Displayed, Summary, brief, tabulated
 from modal.scene import Body, Pendulum, refusals
 from modal.scene.doors import checked
 from modal.scene.parameters import number_at, with_numbers
-from modal.types import Complexes, Floats
+from modal.types import EPS, NEWTON_ROUNDS, Complexes, Floats
 
 BY_PLACE = (
     "support: sensitivities link by link are those of pendula on a fixed support or one cart: take "
@@ -214,7 +214,7 @@ def _centres(chain: _Chain, phi: Complexes, cart: complex) -> Complexes:
 def _rounding_error(chain: _Chain, phi: Complexes, cart: complex, z: Complexes) -> float:
     """The error of the relative derivatives that is due to rounding of z, where φᵀMφ = 1."""
     m, turns = chain.mass, np.abs(phi)
-    rounding = ULP * (
+    rounding = EPS * (
         abs(cart) + _sum_above((chain.length * turns).astype(np.complex128)) + np.abs(chain.centre) * turns
     )
     load = (chain.centre * m * rounding) + chain.length * _sum_below(m * rounding)
@@ -262,14 +262,10 @@ def _sum_below(values: Complexes) -> Complexes:
 # ------------------------------------------------------------------------------------------ where sums of angles cancel
 
 
-DIGITS, AWAY, STEPS = 80, -25, 8
-"""Decimal digits, the first step over the frequency as a power of ten, and most steps of the secant."""
-
-
 def centre_displacements(rig: Rig, value: complex, shape: Shape) -> list[Complexes]:
     """The displacement z (copies, n) of every centre of mass, for each pendulum of the file, in a simple mode.
 
-    The frequency is refined in DIGITS digits, as the zero of 1/G for the turn G of one joint by its own torque, and the
+    The frequency is refined in many digits, as the zero of 1/G for the turn G of one joint by its own torque, and the
     shape is what that torque excites there (`modal.eigen.elimination`): a centre that hardly moves keeps its digits.
     `value` is its eigenvalue in 1/s and `shape` its shape, in the scale of which z is.
     """
@@ -280,7 +276,7 @@ def centre_displacements(rig: Rig, value: complex, shape: Shape) -> list[Complex
     ]
     member = int(np.argmax([np.abs(chain).max() for chain in chain_angles]))
     copy, link = np.unravel_index(np.abs(chain_angles[member]).argmax(), chain_angles[member].shape)
-    with localcontext(Context(prec=DIGITS)):
+    with localcontext(Context(prec=REFINED_DIGITS)):
         centres, turns = _excite(rig, value, rig.members[member][:2], int(link), moves_cart=shape.cart != 0)
         places = []
         for chain, (block, column, copies) in zip(chain_angles, rig.members, strict=True):
@@ -299,13 +295,13 @@ def _excite(
     rig: Rig, value: complex, kind: tuple[int, int], link: int, *, moves_cart: bool
 ) -> tuple[list[Any], list[Any]]:
     """Centres and angles (n, P) of every block where the torque of one link excites the mode alone."""
-    numbers = Digits(np.ones(1), DIGITS, is_real=not rig.is_damped)
+    numbers = Digits(np.ones(1), REFINED_DIGITS, is_real=not rig.is_damped)
     omega = numbers.number(np.array([value.imag]))
     if rig.is_damped:
         omega = omega - numbers.imaginary(numbers.number(np.array([value.real])))
     last: Any = None
-    next_omega = omega * (numbers.exact(np.array([1 + Decimal(1).scaleb(AWAY)])))
-    for _ in range(STEPS):
+    next_omega = omega * (numbers.exact(np.array([1 + Decimal(1).scaleb(-REFINED_DIGITS // 3)])))
+    for _ in range(NEWTON_ROUNDS):
         numbers.omega = omega
         centres, turns, turn = _load_link(rig, kind, link, numbers, moves_cart=moves_cart)
         inverse = numbers.exact(np.array([Decimal(1)])) / turn
@@ -322,7 +318,7 @@ def _excite(
 
 
 def _agree(omega: Any, last: Any) -> bool:
-    return abs(complex((omega - last)[0])) <= 10.0 ** (20 - DIGITS) * abs(complex(omega[0]))
+    return abs(complex((omega - last)[0])) <= 10.0 ** (20 - REFINED_DIGITS) * abs(complex(omega[0]))
 
 
 def _load_link(

@@ -29,7 +29,6 @@ PACKAGES = (
     "pandas",
     "xarray",
 )
-MOST_SHOWN = 6
 
 
 @dataclass(frozen=True)
@@ -210,7 +209,7 @@ def _size_words(matrix: Matrix) -> str:
     return f"{several}{matrix.name} {matrix.order}×{matrix.order}"
 
 
-def _first(words: Iterable[str], indent: str = "") -> list[str]:
+def _first(words: Iterable[str], indent: str = "", most: int = 6) -> list[str]:
     all_words = list(words)
-    hidden = len(all_words) - MOST_SHOWN
-    return all_words[:MOST_SHOWN] + ([f"{indent}and {hidden} more"] if hidden > 0 else [])
+    hidden = len(all_words) - most
+    return all_words[:most] + ([f"{indent}and {hidden} more"] if hidden > 0 else [])

@@ -22,25 +22,23 @@ from modal.assembly import Arrays, differences, rig_of, scene_squares
 from modal.assembly.linearization import LARGEST_DENSE
 from modal.assembly.squares import SceneSquares, SquareRows
 from modal.assembly.structure import modal_supports
-from modal.eigen import Digits
+from modal.eigen import REFINED_DIGITS, Digits
 from modal.errors import ComputationError, SceneError
 from modal.modes.rows import MOST_REFINED
 from modal.scene import Scene
 from modal.scene.parameters import Place, number_at
 from modal.scene.validation import Part
-from modal.types import Complexes, Floats, Ints
+from modal.types import EPS, NEWTON_ROUNDS, NOISE_OF_SUM, Complexes, Floats, Ints
 
 if TYPE_CHECKING:
     from modal.modes.eigenvalues import Eigenvalues
 
-ULP, CANCELLED, UNSURE = 2.0**-52, 1e-13, 1e-9
-"""Errors of relative derivatives above which digits are refined, and above which they have none."""
-DIGITS, STEPS, CLOSE = 80, 12, 30
-"""Decimal digits, most steps, and digits to which two steps agree at the end."""
-KEPT = 1e-3
-"""Of the terms of a momentum: what of them is left with its digits."""
-FEW = 24
-"""Coordinates up to which every mode is refined."""
+CANCELLED = 1e-13
+"""Tolerance: error of a relative derivative above which its mode is refined in many digits."""
+UNSURE = 1e-9
+"""Tolerance: error of a relative derivative above which it is refused: nine digits are promised."""
+KEPT_SHARE_OF_MOMENTUM = 1e-3
+"""Tolerance: what of the terms of a momentum is left with its digits, and not refined."""
 Keys = list[tuple[str, int, int]]
 
 
@@ -49,8 +47,6 @@ LINEARIZED = frozenset(
     | {"support", "spring", "sway", "heave", "roll"}
 )
 """Keys of numbers, and of what holds them, on which M, K and D depend."""
-NOTHING_OF = 2.0**-40
-"""Of an entry of a row, or a size: a change by a number as large as itself that is rounding."""
 
 
 class _Change(NamedTuple):
@@ -136,8 +132,8 @@ def refine(scene: Scene, value: complex, phi: Complexes, within: float) -> Refin
     """
     if len(phi) > MOST_REFINED:
         raise ComputationError(f"more than {MOST_REFINED} coordinates: its digits are not refined")
-    with localcontext(Context(prec=DIGITS)):
-        numbers = Digits(np.ones(1), DIGITS, is_real=not scene.has_damping)
+    with localcontext(Context(prec=REFINED_DIGITS)):
+        numbers = Digits(np.ones(1), REFINED_DIGITS, is_real=not scene.has_damping)
         matrices, rows, momentum = _in_digits(scene)
         eigenvalue, shape = _newton(numbers, [numbers.exact(S) for S in matrices], value, phi)
         if not abs(eigenvalue - value) <= within * abs(value):
@@ -154,13 +150,13 @@ def _rest(row: Any, shape: Any) -> Decimal:
     """A row times a shape, 0 where half of the digits cancel."""
     terms = row * shape
     total: Decimal = terms.sum()
-    return total if abs(total) > np.abs(terms).sum().scaleb(-DIGITS // 2) else Decimal(0)
+    return total if abs(total) > np.abs(terms).sum().scaleb(-REFINED_DIGITS // 2) else Decimal(0)
 
 
 @lru_cache(maxsize=2)
 def _in_digits(scene: Scene) -> tuple[tuple[Any, Any, Any], Any, Any]:
     """M, K and D, the rows of `rows_of` and the momentum along the rail, in decimals."""
-    squares = scene_squares(rig_of(scene), Digits(np.ones(1), DIGITS, is_real=True).number)
+    squares = scene_squares(rig_of(scene), Digits(np.ones(1), REFINED_DIGITS, is_real=True).number)
     return squares.matrices, rows_of(squares).rows, squares.momentum
 
 
@@ -172,13 +168,13 @@ def _newton(numbers: Digits, pencil: list[Any], value: complex, phi: Complexes) 
     shape = _number(numbers, phi)
     rate = _number(numbers, np.array([(value / 1j) ** 2 if numbers.is_real else value]))[0]
     scale = shape[largest]
-    for _ in range(STEPS):
+    for _ in range(NEWTON_ROUNDS):
         P, slope = (K - rate * M, -M) if numbers.is_real else (rate * rate * M + rate * D + K, (rate + rate) * M + D)
         load = slope @ shape
         shape = _solve(P, load, numbers)
         step = (shape @ load) / (shape @ (slope @ shape))
         rate, shape = rate - step, shape * (scale / shape[largest])
-        if abs(complex(step)) <= 10.0**-CLOSE * abs(complex(rate)):
+        if abs(complex(step)) <= 10.0 ** (-REFINED_DIGITS // 2) * abs(complex(rate)):
             break
     eigenvalue = 1j * np.sqrt(complex(rate)) if numbers.is_real else complex(rate)
     return complex(eigenvalue), shape
@@ -192,7 +188,7 @@ def _number(numbers: Digits, values: Complexes) -> Any:
 def _solve(P: Any, right: Any, numbers: Digits) -> Any:
     """P⁻¹ times a column, by elimination with pivots of the largest in each column."""
     S, n = np.concatenate((P, right[:, None]), axis=1), len(P)
-    smallest = numbers.exact(np.array([Decimal(1).scaleb(-4 * DIGITS)]))[0]
+    smallest = numbers.exact(np.array([Decimal(1).scaleb(-4 * REFINED_DIGITS)]))[0]
     for k in range(n):
         sizes = np.abs(S[k:, k].astype(np.complex128))
         top = k + int(sizes.argmax())
@@ -220,11 +216,11 @@ def slopes_by_squares(modes: Eigenvalues, number: int, phi: Complexes) -> dict[P
         return dict.fromkeys(changes, 0.0)
     weight = (rows.size * (rows.power == 2)) @ rows.rows**2
     floor = np.where((phi == 0) & (weight > 0), 4 * len(phi) / np.sqrt(np.where(weight > 0, weight, 1.0)), 0.0)
-    motion = _MovedShape(value, phi, rows.rows @ phi, ULP * (np.abs(rows.rows) @ (np.abs(phi) + floor)))
+    motion = _MovedShape(value, phi, rows.rows @ phi, EPS * (np.abs(rows.rows) @ (np.abs(phi) + floor)))
     derivatives, error = _slopes(modes, rows, changes, motion)
-    if error > CANCELLED or len(phi) <= FEW:
+    if error > CANCELLED:
         z, phi, _ = refine(modes.scene, value, phi, 2 * float(modes.error[number]) + CANCELLED)
-        derivatives, error = _slopes(modes, rows, changes, _MovedShape(value, phi, z, ULP * np.abs(z)))
+        derivatives, error = _slopes(modes, rows, changes, _MovedShape(value, phi, z, EPS * np.abs(z)))
         if not error <= UNSURE:
             raise ComputationError("its derivatives are beyond double precision")
     return derivatives
@@ -254,7 +250,7 @@ def _slopes(
         turn, push = change.entry * phi[change.column], 2 * power[r] * rows.size[r]
         terms = np.concatenate((power[s] * change.size * z[s] ** 2, push * z[r] * turn))
         unsure = np.sum(np.abs(power[s] * change.size) * (2 * np.abs(z[s]) + rounding[s]) * rounding[s])
-        unsure += np.sum(np.abs(push * turn) * rounding[r]) + ULP * np.sum(np.abs(terms))
+        unsure += np.sum(np.abs(push * turn) * rounding[r]) + EPS * np.sum(np.abs(terms))
         slope = -terms.sum() / pencil
         derivatives[place] = float((np.conj(value) * slope).real / abs(value))
         worst = max(worst, abs(number_at(modes.scene, place)) * float(unsure) / abs(pencil * value))
@@ -275,8 +271,8 @@ def square_changes(scene: Scene) -> tuple[Rows, dict[Place, _Change]]:
         except SceneError:
             continue
         number = abs(number_at(scene, place))
-        size_places = np.flatnonzero(number * np.abs(size) > NOTHING_OF * np.abs(base.size))
-        square, column = np.nonzero(number * np.abs(rows) > NOTHING_OF * np.abs(base.rows))
+        size_places = np.flatnonzero(number * np.abs(size) > NOISE_OF_SUM * np.abs(base.size))
+        square, column = np.nonzero(number * np.abs(rows) > NOISE_OF_SUM * np.abs(base.rows))
         if len(size_places) or len(square):
             by_place[place] = _Change(size_places, size[size_places], square, column, rows[square, column])
     return base, by_place
@@ -307,7 +303,7 @@ def momentum_left(modes: Eigenvalues, number: int, phi: Complexes) -> float | No
     e moves everything along the rail by 1; `phi` is the shape (n,).
     """
     value, row = complex(modes.eigenvalue[number]), _momentum(modes.scene)
-    if not value or abs(row @ phi) > KEPT * (np.abs(row) @ np.abs(phi)):
+    if not value or abs(row @ phi) > KEPT_SHARE_OF_MOMENTUM * (np.abs(row) @ np.abs(phi)):
         return None
     try:
         return refine(modes.scene, value, phi, 2 * float(modes.error[number]) + CANCELLED).momentum.real

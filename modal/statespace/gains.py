@@ -25,13 +25,11 @@ from modal.scene.doors import checked
 from modal.statespace.modal_form import ModalForm, to_modal_form
 from modal.statespace.model import StateSpace
 from modal.statespace.signals import Signal
-from modal.types import Complexes, Floats, Ints
+from modal.types import NOISE_OF_SUM, Complexes, Floats, Ints
 
 Number = TypeVar("Number", np.float64, np.complex128)
-NOISE = 2.0**-40
-"""Gains below this fraction of the sum of their absolute terms are rounding and count as 0."""
-BARELY = 1e-3
-"""Relative gain below which a mode is only barely reached or seen."""
+RELATIVE_GAIN_MIN = 1e-3
+"""Limit: relative gain below which a mode is only barely reached or seen, the default of `threshold`."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -65,14 +63,14 @@ class Side(Displayed):
             for gains, shares in zip(self.gain.tolist(), self.relative.tolist(), strict=True)
         ]
 
-    def missed(self, threshold: float = BARELY) -> tuple[int, ...]:
+    def missed(self, threshold: float = RELATIVE_GAIN_MIN) -> tuple[int, ...]:
         """Indices, from 0, of modes with a copy below this relative gain for all signals together."""
         present = np.array([len(part) for part in self.parts])
         return tuple(np.flatnonzero(self._ranks(threshold) < present).tolist())
 
     def _ranks(self, threshold: float) -> Ints:
         largest = self._largest
-        rows = (np.linalg.svd(part / largest, compute_uv=False) > max(threshold, NOISE) for part in self.parts)
+        rows = (np.linalg.svd(part / largest, compute_uv=False) > max(threshold, NOISE_OF_SUM) for part in self.parts)
         return np.array([np.count_nonzero(row) for row in rows])
 
     @cached_property
@@ -83,7 +81,7 @@ class Side(Displayed):
     def _word(self, gain: float, share: float) -> str:
         if gain == 0:
             return f"not {self.verb}"
-        return self.verb if share >= BARELY else f"barely (gain {gain:.0e})"
+        return self.verb if share >= RELATIVE_GAIN_MIN else f"barely (gain {gain:.0e})"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -168,12 +166,12 @@ def modal_gains(modes: Modes, model: StateSpace) -> Gains:
     )
 
 
-def unseen(gains: Gains, threshold: float = BARELY) -> tuple[int, ...]:
+def unseen(gains: Gains, threshold: float = RELATIVE_GAIN_MIN) -> tuple[int, ...]:
     """Indices, from 0, of the modes not seen by the outputs above a relative gain, or not in all copies."""
     return gains.outputs.missed(threshold)
 
 
-def unreached(gains: Gains, threshold: float = BARELY) -> tuple[int, ...]:
+def unreached(gains: Gains, threshold: float = RELATIVE_GAIN_MIN) -> tuple[int, ...]:
     """Indices, from 0, of the modes not reached by the inputs above a relative gain, or not in all copies."""
     return gains.inputs.missed(threshold)
 
@@ -181,7 +179,7 @@ def unreached(gains: Gains, threshold: float = BARELY) -> tuple[int, ...]:
 def without_noise(rows: NDArray[Number], matrix: Floats) -> NDArray[Number]:
     """Gains rows · matrix, set to 0 where they may be rounding."""
     product: NDArray[Number] = rows @ matrix
-    return product * (np.abs(product) > NOISE * (np.abs(rows) @ np.abs(matrix)))
+    return product * (np.abs(product) > NOISE_OF_SUM * (np.abs(rows) @ np.abs(matrix)))
 
 
 def _by_mode(form: ModalForm, rows: Complexes) -> tuple[Complexes, ...]:

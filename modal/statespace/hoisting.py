@@ -36,14 +36,16 @@ from modal.statespace.sampling import hoisting_times
 from modal.statespace.shapers import UNSHAPED, Drive, Kind, Shaper, Train, drives_of, shaper_for
 from modal.types import Floats, Ints
 
-LOOKS = 200
-"""Times at which the size of a command is looked up."""
+SAMPLES_OF_HISTORY = 600
+"""Format: times of the history of a travel, and at which the size of a command is looked up."""
 MOST_LINKS = 100
-"""Links of a scene whose swing is integrated in the time-varying model."""
-MOST_SWINGS = 1e5  # of the fastest mode during one law of length
-POWERS = 6
-"""Coefficients of a quintic."""
-TOLERANCE = 1e-10
+"""Limit: links of a scene whose swing is integrated along a hoist, refused beyond."""
+MOST_SWINGS = 1e5
+"""Limit: swings of the fastest mode during one law of length, refused beyond: a minute."""
+POWERS_OF_QUINTIC = 6
+"""Format: coefficients of a quintic, of which a travel's law consists."""
+TOLERANCE_OF_HOIST = 1e-10
+"""Tolerance: relative error of a step along a hoist, a thousandth of it near rest: residual swing to seven digits."""
 Command = Callable[[Floats], Floats]
 SWING = "swing: the largest angle of each mode over that at the beginning, if E/ω is conserved (a slow hoist)"
 NO_MODE = "with the cart free no mode oscillates: a massless cart stays above its load"
@@ -333,7 +335,7 @@ def _through(link: object) -> Floats:
 def _residual_angle(scene: Scene, travel: Travel, train: Train) -> float:
     """The largest angle (rad) that a shaped travel of the cart leaves of a state of rest."""
     stops, hoisting = travel.stops(train), hoisting_of(scene)
-    pushes = travel.shaped(train, np.linspace(min(stops), max(stops), LOOKS))[2]
+    pushes = travel.shaped(train, np.linspace(min(stops), max(stops), SAMPLES_OF_HISTORY))[2]
     times = np.unique([*stops, *(time for time in (hoisting.breaks if hoisting else ()) if time > min(stops))])
     size = float(np.abs(pushes).max()) / scene.gravity
     states = motion_history(scene, lambda at: travel.shaped(train, at)[2], times, stops, coordinate=None, size=size)
@@ -457,8 +459,8 @@ def motion_history(
             states[rows[0]],
             method="DOP853",
             t_eval=times[rows],
-            rtol=TOLERANCE,
-            atol=TOLERANCE * 1e-3 * size,
+            rtol=TOLERANCE_OF_HOIST,
+            atol=TOLERANCE_OF_HOIST * 1e-3 * size,
         )
         if not solution.success:
             raise ComputationError(f"the motion along the hoist cannot be integrated: {solution.message}")
@@ -475,20 +477,20 @@ def _advance(states: Floats, times: Floats, rows: Ints, equations: tuple[Floats,
         if step not in step_matrices:
             step_matrices[step] = _step(*equations, float(end - begin))
         free, driven = step_matrices[step]
-        states[row] = free @ states[row - 1] + driven @ command(np.linspace(begin, end, POWERS + 2)[1:-1])
+        states[row] = free @ states[row - 1] + driven @ command(np.linspace(begin, end, POWERS_OF_QUINTIC + 2)[1:-1])
 
 
 def _step(A: Floats, B: Floats, duration: float) -> tuple[Floats, Floats]:
-    """What becomes of (q, q') (2n, 2n), and of a quintic by its values inside (2n, POWERS), in a time."""
+    """What becomes of (q, q') (2n, 2n), and of a quintic by its values inside (2n, POWERS_OF_QUINTIC), in a time."""
     n = len(B)
-    matrix = np.zeros((2 * n + POWERS,) * 2)
+    matrix = np.zeros((2 * n + POWERS_OF_QUINTIC,) * 2)
     matrix[:n, n : 2 * n] = np.eye(n) * duration
     matrix[n : 2 * n, : 2 * n] = A * duration
     matrix[n : 2 * n, 2 * n] = B * duration
-    matrix[2 * n :, 2 * n :] = np.eye(POWERS, k=1)
+    matrix[2 * n :, 2 * n :] = np.eye(POWERS_OF_QUINTIC, k=1)
     rows_of_exponential = scipy.linalg.expm(matrix)[: 2 * n]
-    inside = np.linspace(0.0, 1.0, POWERS + 2)[1:-1]
-    rows = inside[:, None] ** np.arange(POWERS) / scipy.special.factorial(np.arange(POWERS))
+    inside = np.linspace(0.0, 1.0, POWERS_OF_QUINTIC + 2)[1:-1]
+    rows = inside[:, None] ** np.arange(POWERS_OF_QUINTIC) / scipy.special.factorial(np.arange(POWERS_OF_QUINTIC))
     return rows_of_exponential[:, : 2 * n], np.linalg.solve(rows.T, rows_of_exponential[:, 2 * n :].T).T
 
 

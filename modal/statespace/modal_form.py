@@ -29,18 +29,12 @@ from modal.report import NOTHING, Displayed, Drawable, Summary, brief, first_lin
 from modal.scene.doors import checked
 from modal.statespace.model import StateSpace, without_carrier
 from modal.statespace.signals import DRIVES, SUPPORT, Signal
-from modal.types import Complexes, Floats
+from modal.types import EPS, NOISE_OF_SUM, Complexes, Floats
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Numbers = NDArray[Any]
-DEFECTIVE = 1e-7
-"""|φᵀ(2λM + D)φ| over the sum of its absolute terms, below which two damped modes nearly coincide."""
-
-
-RIGID = 2.0**-40
-"""Of the sum of the absolute terms: what rounding leaves of the forces of dampers in a free motion."""
 
 
 class ModalBlock(NamedTuple):
@@ -212,7 +206,7 @@ def _mode_blocks(modes: Modes, n: int, size: int, kind: str, first: int) -> Iter
             phi: Numbers = modes.column(shape)
             name = f"{number + 1}" if modes.multiplicity[number] == 1 else f"{number + 1}_{copy + 1}"
             forces = linear.D @ phi
-            coasts = value == 0 and not np.any(np.abs(forces) > RIGID * (np.abs(linear.D) @ np.abs(phi)))
+            coasts = value == 0 and not np.any(np.abs(forces) > NOISE_OF_SUM * (np.abs(linear.D) @ np.abs(phi)))
             vectors: tuple[Numbers, Numbers, Numbers] = phi, linear.M @ phi, 0 * forces if coasts else forces
             is_real = np.isrealobj(phi) and (not value.imag if modes.is_classical else not vectors[2].any())
             meaning = f"coordinate of {kind}mode {name}"
@@ -293,6 +287,6 @@ def _slope(value: complex, phi: Numbers, Mphi: Numbers, Dphi: Numbers) -> comple
     """φᵀ(2λM + D)φ, which vanishes where two modes coincide."""
     terms = phi * (2 * value * Mphi), phi * Dphi
     slope = complex(np.sum(terms))
-    if abs(slope) <= DEFECTIVE * np.abs(terms).sum():
+    if abs(slope) <= 4 * np.sqrt(EPS) * np.abs(terms).sum():
         raise ComputationError("a mode of this scene is critically damped: it has no shape of its own")
     return slope

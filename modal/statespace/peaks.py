@@ -16,15 +16,17 @@ from modal.modes import mode_losses
 from modal.report import NOTHING, as_csv, as_json, finite, grid, titled
 from modal.scene import title_of
 from modal.statespace.modal_form import ModalForm
-from modal.statespace.response import frequency_response
-from modal.types import Floats
+from modal.statespace.response import TOLERANCE_OF_RESPONSE, frequency_response
+from modal.types import EPS, Floats
 
-SLOWEST, MOST_OUTPUTS = 12, 24
-"""Modes at most whose peaks are looked for, the slowest, and outputs at most."""
-REACH, NEAR, BEYOND = 10.0, 0.03, 2.0
-"""Half-widths of a mode within which its peak is looked for, first how close to it, and how far beyond all modes."""
-POINTS, ROUNDS = 24, 6
-"""Frequencies at once, and how often closer ones."""
+MOST_SLOW_MODES = 12
+"""Format: modes whose peaks are printed, the slowest, as the heading says."""
+MOST_OUTPUTS = 24
+"""Limit: outputs whose peaks are printed, refused beyond."""
+HALF_WIDTHS_OF_PEAK = 10.0
+"""Tolerance: half-widths of a mode within which its peak is looked for: no further from it are two modes told apart."""
+POINTS_OF_PEAK = 24
+"""Cost: frequencies at once, of which the three beside the highest bound the next, closer ones."""
 
 
 def peaks_table(form: ModalForm, source: int, outputs: Sequence[int], to: str) -> str:
@@ -43,7 +45,7 @@ def peaks_table(form: ModalForm, source: int, outputs: Sequence[int], to: str) -
     headings = ("output", "unit", "f (Hz)", "magnitude", "dB")
     cells = [[_cell(value) for value in record.values()] for record in records]
     is_infinite = any(np.isinf(record["magnitude"]) for record in records)
-    slowest = f" of the {SLOWEST} slowest modes" if len(_oscillating(form)) > SLOWEST else ""
+    slowest = f" of the {MOST_SLOW_MODES} slowest modes" if len(_oscillating(form)) > MOST_SLOW_MODES else ""
     notes = [] if cells else ["no output has a peak"]
     notes += ["∞ at modes that nothing damps: give links or joints damping"] if is_infinite else []
     what = f"peaks of the response to {driven.name} ({driven.unit}){slowest}"
@@ -58,14 +60,15 @@ def _cell(value: Any) -> str:
 
 def _records(form: ModalForm, source: int, outputs: Sequence[int]) -> Iterator[dict[str, Any]]:
     driven, losses = form.model.inputs[source], np.nan_to_num(mode_losses(form.modes))
-    rows = _oscillating(form)[:SLOWEST]
+    rows = _oscillating(form)[:MOST_SLOW_MODES]
     if not rows:
         return
     poles = form.modes.eigenvalue[rows]
     widths = np.abs(poles.real) + losses[rows] * poles.imag / 2
-    aside = np.concatenate((-np.geomspace(REACH, NEAR, POINTS), [0.0], np.geomspace(NEAR, REACH, POINTS)))
+    aside = np.geomspace(1 / HALF_WIDTHS_OF_PEAK, HALF_WIDTHS_OF_PEAK, POINTS_OF_PEAK)
+    aside = np.concatenate((-aside, [0.0], aside))
     close_points = (poles.imag[:, None] + widths[:, None] * aside).ravel()
-    between = np.geomspace(poles.imag.min() / BEYOND, poles.imag.max() * BEYOND, POINTS)
+    between = np.geomspace(poles.imag.min() / 2, poles.imag.max() * 2, POINTS_OF_PEAK)
     omega = np.unique(np.concatenate((between, close_points[close_points > 0])))
 
     def size(k: int, at: Floats) -> Floats:
@@ -87,11 +90,14 @@ def _peaks(size: Callable[[Floats], Floats], omega: Floats) -> Iterator[tuple[fl
     heights = size(omega)
     for k in np.flatnonzero((heights[1:-1] > heights[:-2]) & (heights[1:-1] >= heights[2:])) + 1:
         low, at, high, height = omega[k - 1], omega[k], omega[k + 1], heights[k]
-        for _ in range(ROUNDS if np.isfinite(height) else 0):
-            inner = np.linspace(low, high, POINTS)
+        drop = height
+        while np.isfinite(height) and drop > TOLERANCE_OF_RESPONSE * height and high - low > 4 * EPS * high:
+            inner = np.linspace(low, high, POINTS_OF_PEAK)
             values = size(inner)
-            best = int(np.clip(values.argmax(), 1, POINTS - 2))
-            low, at, high, height = inner[best - 1], inner[best], inner[best + 1], values[best]
+            best = int(np.clip(values.argmax(), 1, POINTS_OF_PEAK - 2))
+            low, at, high = inner[best - 1 : best + 2]
+            height = values[best]
+            drop = height - values[[best - 1, best + 1]].min()
         yield float(at), float(height)
 
 

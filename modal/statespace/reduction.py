@@ -27,12 +27,12 @@ from modal.report import Displayed, Summary, brief, counted, first_line
 from modal.scene import Pendulum, Scene
 from modal.scene.doors import checked
 from modal.scene.points import PendulumPoint, parse_point
-from modal.statespace.gains import NOISE, without_noise
+from modal.statespace.gains import without_noise
 from modal.statespace.geometry import geometry_of
 from modal.statespace.modal_form import ModalBlock, ModalForm, block_diagonal, to_modal_form
 from modal.statespace.model import StateSpace, state_space
 from modal.statespace.signals import OF_A_CART, SUPPORT, Signal, is_point, own_signals
-from modal.types import Complexes, Floats
+from modal.types import EPS, NOISE_OF_SUM, Complexes, Floats
 
 Choice = Literal["contribution", "lowest"]
 APART = "acts differently on equal pendula, so they cannot be merged"
@@ -41,12 +41,10 @@ APART = "acts differently on equal pendula, so they cannot be merged"
 # ------------------------------------------------------------------------------------------------ exact reduction
 
 
-UNDAMPED = 1e-11
-"""Damping ratio below which an eigenvalue computed from A counts as undamped."""
-CERTAIN = 1e-6
-"""Largest relative residual of the Lyapunov equations for which the gramians are accepted."""
-NEGLIGIBLE = 1e-8
-"""Relative size below which Hankel singular values are uncertain, from square roots of rounded gramians."""
+UNDAMPED_RATIO = 1e-11
+"""Tolerance: damping ratio below which an eigenvalue computed from A counts as undamped."""
+GRAMIAN_RESIDUAL_MAX = 1e-6
+"""Tolerance: largest relative residual of the Lyapunov equations for which the gramians are accepted."""
 
 
 class Folded(NamedTuple):
@@ -206,7 +204,7 @@ def _independent(blocks: Sequence[ModalBlock], gains: Floats) -> Sequence[ModalB
     rights, lefts = (np.array([getattr(block, side) for block in blocks]) for side in ("right", "left"))
     return [
         block._replace(right=np.tensordot(turn, rights, 1), left=np.tensordot(turn, lefts, 1))
-        for block, turn in zip(blocks, U.T[size > NOISE * size[0]], strict=False)
+        for block, turn in zip(blocks, U.T[size > NOISE_OF_SUM * size[0]], strict=False)
     ]
 
 
@@ -298,7 +296,7 @@ def balance(model: StateSpace, count: int) -> Balanced:
         _root(_gramian(model.A.T, *_duals(values, V), model.C.T)),
     )
     U, hankel, Wt = np.linalg.svd(sight.T @ reach)
-    order = int(np.count_nonzero(hankel > NEGLIGIBLE * hankel[0]))
+    order = int(np.count_nonzero(hankel > np.sqrt(EPS) * hankel[0]))  # of square roots of rounded gramians
     if count > order:
         raise ComputationError(
             f"only {order} states are controllable and observable: choose at most as many, or make it minimal first"
@@ -317,9 +315,9 @@ def balance(model: StateSpace, count: int) -> Balanced:
 def _require_damping(values: Complexes) -> None:
     upper = values[values.imag >= 0]
     upper = upper[np.argsort(np.abs(upper), kind="stable")]
-    rounding = UNDAMPED * np.abs(values).max()
+    rounding = UNDAMPED_RATIO * np.abs(values).max()
     for value in upper.tolist():
-        if value.real < -max(rounding, UNDAMPED * abs(value)):
+        if value.real < -max(rounding, UNDAMPED_RATIO * abs(value)):
             continue
         what = (
             "is a rigid translation"
@@ -344,7 +342,9 @@ def _gramian(A: Floats, values: Complexes, V: Complexes, B: Floats) -> Floats:
     b = np.linalg.solve(V, B.astype(np.complex128))
     X: Floats = (V @ (-(b @ b.conj().T) / (values[:, None] + values.conj())) @ V.conj().T).real
     push = B @ B.T
-    if np.linalg.norm(A @ X + X @ A.T + push) > CERTAIN * (np.linalg.norm(push) + 2 * np.linalg.norm(A @ X)):
+    if np.linalg.norm(A @ X + X @ A.T + push) > GRAMIAN_RESIDUAL_MAX * (
+        np.linalg.norm(push) + 2 * np.linalg.norm(A @ X)
+    ):
         raise ComputationError("two modes of this model are equal to double precision: its gramians are uncertain")
     return (X + X.T) / 2
 

@@ -41,7 +41,7 @@ from modal.scene import Scene, require, title_of
 from modal.statespace.modal_form import ModalBlock, ModalForm
 from modal.statespace.signals import Signal, is_point
 from modal.statespace.structural import is_small, whole_response
-from modal.types import Complexes, Floats, Ints
+from modal.types import NUMBERS_IN_CHUNK, Complexes, Floats, Ints
 
 GROUND, BASE, PUSH = "ground", "base", "push"
 
@@ -71,15 +71,17 @@ READ = {
 NAME = re.compile(r"(\w+?)(?:_(\d+))?(?:_(\d+))?")
 PAIRS = {JOINT: TORQUE, WIRE: TURN, DRAG: FORCE, CART: PUSH}
 """What the pair of forces of a dissipator is, by its kind."""
-TOLERANCE = 1e-12
-"""Relative error of every entry."""
-NUMBERS = 2**21
-"""Floats at once."""
-LIMIT = 2.0**-200
-"""The frequency, over that of the fastest link alone, that stands for 0."""
+TOLERANCE_OF_RESPONSE = 1e-12
+"""Limit: relative error of every entry, the default of `tolerance`."""
+STATIC_FREQUENCY = 2.0**-200
+"""Tolerance: over the frequency of the fastest link alone, what stands for 0: its fourth power is still a float."""
 Evaluate = Callable[[Arithmetic], Any]
-POINTS, LONGEST, ROWS = 2000, 20_000, 41
-"""Fewest and most times of an impulse response, and those that are printed as text."""
+FEWEST_TIMES = 2000
+"""Format: fewest times of an impulse response that is computed for a figure or a file."""
+MOST_TIMES = 20_000
+"""Format: most times of a history that is computed for a figure or a file."""
+ROWS_OF_HISTORY = 41
+"""Format: times of an impulse response that is printed as text."""
 
 
 class SignalPlace(NamedTuple):
@@ -139,9 +141,11 @@ class ExactResponse:
         self._orders = np.array(orders)[..., None]
         width = sum(block.n * block.size for block in rig.blocks) * (1 + len(inputs)) + len(inputs) * len(outputs)
         width += (sum(tip + 1 for tip in tips) + rig.leading) ** 2 if needs_structure else 0
-        self._step = max(1, NUMBERS // width // (REPLICAS + 1))
+        self._step = max(1, NUMBERS_IN_CHUNK // width // (REPLICAS + 1))
 
-    def response_at(self, omega: Floats, tolerance: float = TOLERANCE, remainder: Floats | None = None) -> Complexes:
+    def response_at(
+        self, omega: Floats, tolerance: float = TOLERANCE_OF_RESPONSE, remainder: Floats | None = None
+    ) -> Complexes:
         """G(iω) (p, m, W) at ω (W,) in rad/s, each entry to this relative error.
 
         Positive frequencies may be given as sums of two floats: `remainder` (W,) is what one leaves out, which is felt
@@ -149,13 +153,13 @@ class ExactResponse:
         At ω = 0 the limit, infinite where there is none.
         """
         is_static = omega == 0
-        at = np.where(is_static, LIMIT * self.unit, np.abs(omega))
+        at = np.where(is_static, STATIC_FREQUENCY * self.unit, np.abs(omega))
         response = self._displacements(at, tolerance, is_real=self.is_real, remainder=remainder)
         with np.errstate(all="ignore"):
             response *= np.array([1, 1j, -1, -1j])[self._orders % 4] * np.float_power(at, self._orders)
         return _limits(np.where(omega < 0, np.conj(response), response), is_static, at)
 
-    def at(self, s: Complexes, tolerance: float = TOLERANCE) -> Complexes:
+    def at(self, s: Complexes, tolerance: float = TOLERANCE_OF_RESPONSE) -> Complexes:
         """G(s) (p, m, W) at s (W,) in 1/s, each entry to this relative error."""
         response = self._displacements(-1j * s, tolerance, is_real=False)
         return np.asarray(response * np.power(s, self._orders), dtype=np.complex128)
@@ -316,7 +320,7 @@ def frequency_response(
     *,
     outputs: Sequence[int] | None = None,
     inputs: Sequence[int] | None = None,
-    tolerance: float = TOLERANCE,
+    tolerance: float = TOLERANCE_OF_RESPONSE,
     remainder: Floats | None = None,
 ) -> Complexes:
     """G(iω) (p, m, W) at the angular frequencies ω (W,) in rad/s: output's unit over input's.
@@ -407,14 +411,14 @@ def impulse_times(form: ModalForm, duration: float | None = None) -> Floats:
     """Times (T,) in s that show every mode, from 0 to `duration` (default: four periods of the slowest oscillation)."""
     swinging = [value.imag for value in form.modes.eigenvalue.tolist() if value.imag > 0] or [1.0]
     end = duration or 8 * np.pi / min(swinging)
-    return np.linspace(0.0, end, int(np.clip(40 * end * max(swinging) / (2 * np.pi), POINTS, LONGEST)))
+    return np.linspace(0.0, end, int(np.clip(40 * end * max(swinging) / (2 * np.pi), FEWEST_TIMES, MOST_TIMES)))
 
 
 def impulse_table(form: ModalForm, source: int, outputs: Sequence[int], to: str) -> str:
-    """h(t) of some outputs for one input as "text" (ROWS times), "csv" or "json" (`impulse_times`)."""
+    """h(t) of some outputs for one input as "text" (ROWS_OF_HISTORY times), "csv" or "json" (`impulse_times`)."""
     times = impulse_times(form)
     if to == "text":
-        times = np.linspace(0.0, times[-1], ROWS)
+        times = np.linspace(0.0, times[-1], ROWS_OF_HISTORY)
     h, signals, driven = impulse_response(form, times)[:, source], form.model.outputs, form.model.inputs[source]
     units = {signals[k].name: f"{signals[k].unit} per {driven.unit} s" for k in outputs}
     if to == "json":

@@ -33,8 +33,8 @@ from modal.statespace.model import StateSpace, assemble
 from modal.statespace.signals import Signal
 from modal.types import Floats
 
-SAMPLES = 201
 MOST_NUMBERS = 50_000_000
+"""Limit: numbers of a result over all its times, refused beyond as too large: 0.4 GB."""
 JUMPING = {
     "cart_velocity": "cart_acceleration",
     "support_velocity": "support_acceleration",
@@ -133,7 +133,7 @@ class VaryingModel(Displayed):
     scene: Scene
 
 
-def hoisting_times(scene: Scene, samples: int = SAMPLES) -> Floats:
+def hoisting_times(scene: Scene, samples: int = 201) -> Floats:
     """Evenly spaced times (samples,) in s from the begin of the first hoist to the end of the last.
 
     SceneError for a scene without a hoist.

@@ -45,22 +45,16 @@ from modal.scene.doors import checked, checked_index, require_type
 from modal.statespace.geometry import coordinates_of
 from modal.statespace.model import without_carrier
 from modal.structure import structure_of
-from modal.types import Booleans, Complexes, Floats
+from modal.types import EPS, NEWTON_ROUNDS, NOISE_OF_SUM, Booleans, Complexes, Floats
 
-TOLERANCE = 0.05
-"""Residual vibration up to which a shaper counts as working."""
-REACH, RUNGS = 4, 1000
-"""Largest ω of a range over its centre, and the relative step of the search for its edges."""
-NEWTON_STEPS, HUMP_STEPS, HUMP = 30, 12, 2001
-"""Steps to the times of a UM shaper and to the weight of an EI shaper; frequencies among which its hump is found."""
+TOLERANCE_OF_RESIDUAL = 0.05
+"""Limit: residual vibration up to which a shaper counts as working, the default of `tolerance`."""
+SAMPLES_OF_CURVE = 2001
+"""Tolerance: frequencies among which the hump of an EI shaper, or the edge of a range, is found, then refined."""
 Kind = Literal["zv", "zvd", "ei", "um"]
 Train = tuple[Floats, Floats]
 """Times (n,) in s and amplitudes (n,) of impulses."""
 UNSHAPED: Train = np.zeros(1), np.ones(1)
-REACHED = 2.0**-40
-"""Share of a coordinate in a mode below which it is rounding, and its force does not excite the mode."""
-ON_GRID = 1e-9
-"""Of a step: how near a multiple of it a time is taken for one."""
 Drive = Literal["cart_force", "cart_acceleration", "cart_velocity"] | str
 """What moves the cart, or the force on a coordinate of a structure by its name."""
 PUSH, HELD = "cart_force", ("cart_acceleration", "cart_velocity")
@@ -115,7 +109,9 @@ class Shaper(Displayed):
         return Shaper(*_convolve(self.train, second.train, self.step), self.step)
 
 
-def shaper(swings: Sequence[DampedSwing], kind: Kind = "zv", step: float = 0.0, tolerance: float = TOLERANCE) -> Shaper:
+def shaper(
+    swings: Sequence[DampedSwing], kind: Kind = "zv", step: float = 0.0, tolerance: float = TOLERANCE_OF_RESIDUAL
+) -> Shaper:
     """The shaper of one mode, for several the convolution of one each, on the grid of a `step` (s) if that is not 0.
 
     `tolerance` is what an EI shaper may leave about ω.  Raises ValueError for another kind, for no modes, for a
@@ -139,7 +135,7 @@ def shaper_for(
     first: int = 0,
     *,
     step: float = 0.0,
-    tolerance: float = TOLERANCE,
+    tolerance: float = TOLERANCE_OF_RESIDUAL,
 ) -> Shaper:
     """The `shaper` for `count` of the modes found by `swings_of`, from index `first` on."""
     swings = swings_of(scene, drive)
@@ -218,7 +214,7 @@ def _excited_modes(modes: Modes, coordinate: int) -> Booleans:
     np.maximum.at(
         amplitudes, shapes.row, np.abs(shapes.shapes[coordinate]) * np.sqrt(modes.matrices.M[coordinate, coordinate])
     )
-    return np.asarray(amplitudes > REACHED, dtype=np.bool_)
+    return np.asarray(amplitudes > NOISE_OF_SUM, dtype=np.bool_)
 
 
 @checked
@@ -255,7 +251,7 @@ def residual_vibration(shaper: Shaper, omega: ArrayLike, zeta: ArrayLike = 0.0) 
     return np.asarray(np.abs(remainder) * np.exp(-z * w * shaper.duration), dtype=np.float64)
 
 
-def insensitivity(shaper: Shaper, swing: DampedSwing, tolerance: float = TOLERANCE) -> tuple[float, float]:
+def insensitivity(shaper: Shaper, swing: DampedSwing, tolerance: float = TOLERANCE_OF_RESIDUAL) -> tuple[float, float]:
     """The range of ω (rad/s) about that of `swing` in which the residual vibration stays below `tolerance`.
 
     Raises ComputationError if it exceeds it at `swing` itself.
@@ -266,8 +262,8 @@ def insensitivity(shaper: Shaper, swing: DampedSwing, tolerance: float = TOLERAN
 
     if not works(np.array([swing.omega]))[0]:
         raise ComputationError(f"at ω = {swing.omega:g} rad/s the residual vibration exceeds {tolerance:.2g}")
-    steps = np.arange(1, REACH * RUNGS + 1) / RUNGS
-    return _edge(works, swing.omega * steps[RUNGS - 1 :: -1]), _edge(works, swing.omega * steps[RUNGS - 1 :])
+    down, up = np.linspace(1.0, 1e-3, SAMPLES_OF_CURVE), np.linspace(1.0, 4.0, SAMPLES_OF_CURVE)
+    return _edge(works, swing.omega * down), _edge(works, swing.omega * up)
 
 
 def _edge(works: Callable[[Floats], Booleans], ladder: Floats) -> float:
@@ -293,7 +289,7 @@ class Robustness(Displayed):
         columns |= {f"mode {k} (%)": residual for k, residual in enumerate(self.residual.T, 1)}
         return tabulated("Residual vibration with a shaper", [], columns)
 
-    def within(self, tolerance: float = TOLERANCE) -> Booleans:
+    def within(self, tolerance: float = TOLERANCE_OF_RESIDUAL) -> Booleans:
         """Where (L,) no mode retains more than `tolerance`, as a fraction."""
         return np.asarray((self.residual <= 100 * tolerance).all(1), dtype=np.bool_)
 
@@ -354,8 +350,8 @@ def _sum_of_powers(weights: Sequence[float], half: Train, step: float) -> Shaper
 
 def _tolerant(swing: DampedSwing, half: Train, step: float, tolerance: float) -> Shaper:
     """Weights (1 + v, 2(1 − v), 1 + v) with the v that makes the hump of V between its two zeros `tolerance`."""
-    v, omega = tolerance, swing.omega * np.linspace(0.5, 1.5, HUMP)
-    for _ in range(HUMP_STEPS):
+    v, omega = tolerance, swing.omega * np.linspace(0.5, 1.5, SAMPLES_OF_CURVE)
+    for _ in range(NEWTON_ROUNDS):
         shaper = _sum_of_powers((1 + v, 2 * (1 - v), 1 + v), half, step)
         residuals = residual_vibration(shaper, omega, swing.zeta)
         humps = 1 + np.flatnonzero((residuals[1:-1] >= residuals[:-2]) & (residuals[1:-1] > residuals[2:]))
@@ -370,7 +366,7 @@ def _tolerant(swing: DampedSwing, half: Train, step: float, tolerance: float) ->
 def _half_period(s: complex, step: float) -> Train:
     """Impulses with Σ a e^{st} = −1: one of K half a period later, or two at the samples around."""
     half = pi / s.imag
-    if not step or abs(half / step - round(half / step)) < ON_GRID:
+    if not step or abs(half / step - round(half / step)) < np.sqrt(EPS):
         return np.array([half]), np.array([exp(-s.real * half)])
     times = step * (floor(half / step) + np.arange(2.0))
     return times, _real_weights(np.exp(s * times), -1.0)
@@ -379,7 +375,7 @@ def _half_period(s: complex, step: float) -> Train:
 def _unity_magnitude(s: complex, step: float) -> Train:
     """Impulses 1, −1, 1 with 1 − e^{st₂} + e^{st₃} = 0, the last two between samples shared by them."""
     second, third = pi / (3 * s.imag), 2 * pi / (3 * s.imag)
-    for _ in range(NEWTON_STEPS):
+    for _ in range(NEWTON_ROUNDS):
         two, three = np.exp(s * second), np.exp(s * third)
         change = _real_weights(np.array([s * two, -s * three]), 1 - two + three)
         second, third = second + change[0], third + change[1]

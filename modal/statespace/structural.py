@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from modal.assembly import SPRING, Dissipator, Rig, loss_at, losses_of, ratio_at, rig_of, scene_squares
-from modal.eigen import Arithmetic, Digits
+from modal.eigen import REFINED_DIGITS, Arithmetic, Digits
 from modal.scene import Scene
 from modal.statespace.geometry import Geometry, geometry_of_rig
 from modal.statespace.model import without_carrier
@@ -34,9 +34,8 @@ from modal.statespace.signals import (
 )
 from modal.types import Booleans, Floats
 
-DIGITS, MOST = 80, 40
-"""Digits of D_modal, and most coordinates for which they are computed."""
-SWEEPS = 40
+MOST_IN_DIGITS = 40
+"""Limit: coordinates for which D_modal is computed in digits; beyond, a response with it is that of its modes."""
 
 
 class Given(NamedTuple):
@@ -249,7 +248,7 @@ def whole_response(
 
 def is_small(scene: Scene) -> bool:
     """Whether D_modal of this scene can be computed in decimals in seconds."""
-    return scene.n_links + rig_of(scene).leading <= MOST
+    return scene.n_links + rig_of(scene).leading <= MOST_IN_DIGITS
 
 
 # ------------------------------------------------------------------------------------------------------- D_modal
@@ -259,14 +258,14 @@ def is_small(scene: Scene) -> bool:
 def in_digits(scene: Scene) -> Any:
     """D_modal (n, n) in decimals."""
     rig = rig_of(scene)
-    with localcontext(Context(prec=DIGITS)):
-        numbers = Digits(np.ones(1), DIGITS, is_real=True)
+    with localcontext(Context(prec=REFINED_DIGITS)):
+        numbers = Digits(np.ones(1), REFINED_DIGITS, is_real=True)
         M, K, _ = scene_squares(rig, numbers.number).matrices
         free = int(rig.cart is not None and rig.cart.stiffness == 0)
         if free:
             M, K = M[1:, 1:] - M[1:, :1] * M[:1, 1:] / M[0, 0], K[1:, 1:]
         square, momentum = _modes(M, K)
-        smallest = max(square).scaleb(-DIGITS // 2)
+        smallest = max(square).scaleb(-REFINED_DIGITS // 2)
         swings = [k for k, value in enumerate(square) if value > (smallest if rig.structure else 0)]
         omega = [square[k].sqrt() for k in swings]
         ratios = ratio_at(rig)(np.array(omega, dtype=np.float64))
@@ -291,7 +290,7 @@ def _modes(M: Any, K: Any) -> tuple[list[Decimal], Any]:
     L = _cholesky(K)
     assert L is not None
     inverse, V = _jacobi(_in_factors(L, M))
-    numbers = [k for k, value in enumerate(inverse) if value > max(inverse).scaleb(-DIGITS // 2)]
+    numbers = [k for k, value in enumerate(inverse) if value > max(inverse).scaleb(-REFINED_DIGITS // 2)]
     roots = np.array([inverse[k].sqrt() for k in numbers], dtype=object)
     return [1 / inverse[k] for k in numbers], (L @ V[:, numbers]) * roots
 
@@ -302,7 +301,7 @@ def _cholesky(S: Any) -> Any:
     for k in range(len(L)):
         L[k, k + 1 :] = Decimal(0)
         square = L[k, k] - (L[k, :k] * L[k, :k]).sum()
-        if square <= abs(S[k, k]).scaleb(-DIGITS // 2):
+        if square <= abs(S[k, k]).scaleb(-REFINED_DIGITS // 2):
             return None
         L[k, k] = square.sqrt()
         L[k + 1 :, k] = (L[k + 1 :, k] - (L[k + 1 :, :k] * L[k, :k]).sum(1)) / L[k, k]
@@ -325,11 +324,12 @@ def _jacobi(S: Any) -> tuple[list[Decimal], Any]:
     """Eigenvalues and eigenvectors of a symmetric S."""
     S, size = (S + S.T) / 2, len(S)
     V: Any = np.frompyfunc(Decimal, 1, 1)(np.eye(size))
-    for _ in range(SWEEPS):
+    has_rotated = True
+    while has_rotated:  # each sweep squares what is off the diagonal
         has_rotated = False
         for i in range(size):
             for j in range(i + 1, size):
-                if abs(S[i, j]) <= (abs(S[i, i] * S[j, j])).sqrt().scaleb(3 - DIGITS):
+                if abs(S[i, j]) <= (abs(S[i, i] * S[j, j])).sqrt().scaleb(3 - REFINED_DIGITS):
                     continue
                 has_rotated = True
                 tau = (S[j, j] - S[i, i]) / (2 * S[i, j])
@@ -339,6 +339,4 @@ def _jacobi(S: Any) -> tuple[list[Decimal], Any]:
                 S[i], S[j] = c * S[i] - s * S[j], s * S[i] + c * S[j]
                 S[:, i], S[:, j] = c * S[:, i] - s * S[:, j], s * S[:, i] + c * S[:, j]
                 V[:, i], V[:, j] = c * V[:, i] - s * V[:, j], s * V[:, i] + c * V[:, j]
-        if not has_rotated:
-            break
     return [S[k, k] for k in range(size)], V

@@ -27,16 +27,14 @@ from modal.report import Displayed, Summary, brief, counted
 from modal.statespace.modal_form import ModalForm, block_diagonal
 from modal.statespace.response import ExactResponse, terms
 from modal.statespace.signals import Signal
-from modal.types import Complexes, Floats
+from modal.types import EPS, NOISE_OF_SUM, Complexes, Floats
 
 MOST_POLES = 100
-ROUNDING = 1e-14
-NOTHING = 1e-12
-"""Below this share of the largest a term is none."""
-FAR = 2.0**100
-"""Ratio of an s far above, or below, all poles to the fastest of them, or the slowest."""
-ASIDE, STEPS, MOVED, PRECISE = 1e-6, 3, 1e-3, 1e-13
-"""Newton's difference, its steps, and how far it may lead, relative to a zero; and the error that is left to digits."""
+"""Limit: poles of a transfer function, refused beyond: polynomials of such a degree say nothing."""
+STEP_TO_ZERO_MAX = 1e-3
+"""Tolerance: how far Newton's method may lead from a zero, relative to it; further away is another, or a double one."""
+ERROR_OF_ZERO = 1e-13
+"""Tolerance: relative error of a zero beyond which its last step is taken in digits."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -112,9 +110,9 @@ def _one(
     clean_terms = {c: _clean(float(N1[row, column]), float(N0[row, column]), rates[c]) for c, (N1, N0) in terms.items()}
     sizes = {c: max(abs(n1), abs(n0) / rates[c]) for c, (n1, n0) in clean_terms.items()}
     largest = max(sizes.values(), default=0.0)
-    significant_terms = {c: clean_terms[c] for c in clean_terms if sizes[c] > NOTHING * largest}
+    significant_terms = {c: clean_terms[c] for c in clean_terms if sizes[c] > NOISE_OF_SUM * largest}
     d, static = float(form.model.D[row, column]), sum(size / rates[c] for c, size in sizes.items())
-    d = d if abs(d) > NOTHING * static else 0.0
+    d = d if abs(d) > NOISE_OF_SUM * static else 0.0
     driven, output = form.model.inputs[column], form.model.outputs[row]
     if not significant_terms:
         return TransferFunction(driven, output, _ascending([]), _ascending([]), d)
@@ -123,7 +121,8 @@ def _one(
     moving = np.abs(poles[poles != 0])
     fast, slow = (float(end(moving)) if len(moving) else G.unit for end in (np.max, np.min))
     middle = np.sqrt(fast) * np.sqrt(slow) * np.exp(0.5j)
-    *ends, gain = G.at(np.array([fast * FAR, 2 * fast * FAR, slow / FAR, 2 * slow / FAR, middle]))[0, 0]
+    far = EPS**-2  # above or below all poles by so much, only the degree is felt
+    *ends, gain = G.at(np.array([fast * far, 2 * fast * far, slow / far, 2 * slow / far, middle]))[0, 0]
     if not all(ends):
         return TransferFunction(driven, output, _ascending([]), _ascending([]), 0.0)
     fall, rise = (round(float(np.log2(abs(second / first)))) for first, second in (ends[:2], ends[2:]))
@@ -148,31 +147,32 @@ def _exact(zeros: Complexes, n_static: int, G: ExactResponse) -> Complexes:
     exact[upper] = _newton(exact[upper], G)
     for k in np.flatnonzero(exact.imag < 0).tolist():
         distances = np.abs(exact[upper].conj() - exact[k])
-        if len(upper) and distances.min() <= MOVED * abs(exact[k]):
+        if len(upper) and distances.min() <= STEP_TO_ZERO_MAX * abs(exact[k]):
             exact[k] = exact[upper][distances.argmin()].conj()
     return exact
 
 
 def _newton(start: Complexes, G: ExactResponse) -> Complexes:
     """The zeros of G near these (Z,); those themselves from which Newton's method leads away, as from double ones."""
-    z, real = start, start.imag == 0
-    for step in range(STEPS if len(start) else 0):
-        pairs = np.concatenate([z, z * (1 + ASIDE)])
+    z, real, aside = start, start.imag == 0, np.cbrt(EPS)
+    for step in range(3 if len(start) else 0):
+        pairs = np.concatenate([z, z * (1 + aside)])
         values, errors = (part[0, 0] for part in G.roughly_at(pairs))
-        if step == STEPS - 1:
-            rough = np.tile(errors[: len(z)] > PRECISE * np.abs(values[len(z) :] - values[: len(z)]) / ASIDE, 2)
+        if step == 2:
+            rough = np.tile(errors[: len(z)] > ERROR_OF_ZERO * np.abs(values[len(z) :] - values[: len(z)]) / aside, 2)
             if rough.any():
-                values[rough] = G.at(pairs[rough], PRECISE)[0, 0]
+                values[rough] = G.at(pairs[rough], ERROR_OF_ZERO)[0, 0]
         value, neighbour_value = np.split(values, 2)
         with np.errstate(all="ignore"):
-            new_z = z - value * (z * ASIDE) / (neighbour_value - value)
+            new_z = z - value * (z * aside) / (neighbour_value - value)
         z = np.where(np.isfinite(new_z), np.where(real, new_z.real, new_z), z)
-    return np.where(np.abs(z - start) <= MOVED * np.abs(start), z, start)
+    return np.where(np.abs(z - start) <= STEP_TO_ZERO_MAX * np.abs(start), z, start)
 
 
 def _clean(n1: float, n0: float, rate: float) -> tuple[float, float]:
     """The same without what rounding has left of a 0."""
-    return n1 if abs(n1) * rate > ROUNDING * abs(n0) else 0.0, n0 if abs(n0) > ROUNDING * abs(n1) * rate else 0.0
+    first, last = abs(n1) * rate, abs(n0)
+    return n1 if first > NOISE_OF_SUM * last else 0.0, n0 if last > NOISE_OF_SUM * first else 0.0
 
 
 def _zeros(terms: dict[tuple[float, float, float], tuple[float, float]], d: float, degree: int) -> Complexes:

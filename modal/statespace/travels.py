@@ -22,20 +22,17 @@ from modal.errors import SceneError
 from modal.report import Displayed, Drawable, Summary, tabulated
 from modal.scene import Scene, refusals
 from modal.scene.doors import checked, checked_number
-from modal.statespace.hoisting import Travel, is_held, largest_swing, motion_history
+from modal.statespace.hoisting import SAMPLES_OF_HISTORY, Travel, is_held, largest_swing, motion_history
 from modal.statespace.shapers import UNSHAPED, Drive, Shaper, Train, drives_of, swings_of
 from modal.structure import structure_of
 from modal.types import Floats
 
-SAMPLES = 600
-"""Times of a history."""
-SWINGS = 2.5
-"""Periods of the slowest mode that a history goes on after the command."""
-BRISK = 0.1
-"""Largest acceleration of a travel whose duration is not given, over that of gravity."""
-SLOWLY = 1e-10
-"""ω² of a slow push over that of the fastest mode."""
-SHORTEST, LONGEST = 1e-6, 1e6  # m, and s
+ACCELERATION_OF_TRAVEL = 0.1
+"""Limit: acceleration of a travel whose `duration` is not given, over that of gravity."""
+SQUARE_OF_SLOW_PUSH = 1e-10
+"""Tolerance: ω² of a slow push over that of the fastest mode: what follows it, follows to ten digits."""
+LARGEST_TRAVEL = 1e6
+"""Limit: metres of a travel and seconds of its duration, refused beyond, as is less than one over it."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -86,8 +83,8 @@ def shaped_travel(
     """The travel by `distance` (m) over `duration` (s), as it is and shaped, from the begin of the hoist or 0 s on.
 
     By default it lasts as long as the hoist; without one a period of the slowest swing, or so long that its
-    acceleration is at most BRISK of gravity's.  Raises what `shaper_for` does, and SceneError for a distance that is
-    not a positive number.
+    acceleration is at most ACCELERATION_OF_TRAVEL of gravity's.  Raises what `shaper_for` does, and SceneError for a
+    distance that is not a positive number.
 
     >>> from modal import load
     >>> from modal.statespace import shaper_for
@@ -96,20 +93,20 @@ def shaped_travel(
     >>> bool(travel.residual[0] > 0.1), bool(travel.residual[1] < 1e-9)
     (True, True)
     """
-    checked_number("distance", distance, SHORTEST, LONGEST)
+    checked_number("distance", distance, 1 / LARGEST_TRAVEL, LARGEST_TRAVEL)
     if duration is not None:
-        checked_number("duration", duration, SHORTEST, LONGEST)
+        checked_number("duration", duration, 1 / LARGEST_TRAVEL, LARGEST_TRAVEL)
     if problems := refusals(scene, "a shaper"):
         raise SceneError(problems)
     hoisting = hoisting_of(scene)
     breaks = hoisting.breaks if hoisting else (0.0, 0.0)
     slowest = swings_of(scene.at(breaks[0]), drive)[0].omega
-    brisk = np.sqrt(10 / np.sqrt(3) * distance / (BRISK * scene.gravity))
+    brisk = np.sqrt(10 / np.sqrt(3) * distance / (ACCELERATION_OF_TRAVEL * scene.gravity))
     length = float(duration or (breaks[-1] - breaks[0]) or max(2 * np.pi / slowest, brisk))
     travel = Travel(distance, breaks[0], length)
     ends = travel.begin + length + np.array([0.0, shaper.duration])
     over = np.maximum(ends, breaks[-1])
-    times = np.linspace(travel.begin, over[1] + SWINGS * 2 * np.pi / slowest, SAMPLES)
+    times = np.linspace(travel.begin, over[1] + 5 * np.pi / slowest, SAMPLES_OF_HISTORY)
     is_prescribed = is_held(scene, drive)
     coordinate = 0 if is_prescribed else drives_of(scene).index(drive)
     parts = np.array([0.0, 0.0, 1.0]) if is_prescribed else _slow_push(scene, travel.begin, coordinate)
@@ -149,7 +146,9 @@ def _slow_push(scene: Scene, begin: float, coordinate: int) -> Floats:
     """(k, c, m) of the coordinate along the shape in which everything follows it slowly."""
     constant = matrices_along(scene)(begin)
     fastest = float(np.abs(scipy.linalg.eigvalsh(constant.K, constant.M)).max())
-    shape = np.linalg.solve(constant.K + SLOWLY * fastest * constant.M, np.eye(len(constant.M))[coordinate])
+    shape = np.linalg.solve(
+        constant.K + SQUARE_OF_SLOW_PUSH * fastest * constant.M, np.eye(len(constant.M))[coordinate]
+    )
     shape /= shape[coordinate]
     slow = np.array([shape @ matrix @ shape for matrix in (constant.K, constant.D, constant.M)])
-    return np.where(np.abs(slow) > SLOWLY * fastest * slow[2] * 10, slow, 0.0)
+    return np.where(np.abs(slow) > SQUARE_OF_SLOW_PUSH * fastest * slow[2] * 10, slow, 0.0)

@@ -42,12 +42,12 @@ if TYPE_CHECKING:
 SECTIONS = ("lagrangian", "equations", "matrices", "polynomial", "modes")
 ASKED_FOR = ("hamiltonian",)
 """Sections that are written where they are asked for by name, after the others."""
-CHECKED_UP_TO = 6
-CHECKED_IN_SPACE = 3
-WRITTEN_IN_ANGLES = 2
+MOST_CHECKED = 6
+"""Cost: links of which T and the equations are checked against Cartesian ones (benchmarks/symbolic.py)."""
 MOST_WRITTEN = 40
-MOST_CHAINED = 1000
+"""Limit: links of which equations are written, refused beyond: two pages."""
 GRAVITY = 9.81
+"""Physics: m/s² of the scenes that chain: and cart: stand for, as in the shipped ones."""
 LAGRANGIAN = equal(sp.Symbol("L"), sp.Symbol("T") - sp.Symbol("V"))
 _TARGET = re.compile(r"(chain|cart):(?:(\d{1,4})x)?(\d{1,4})")
 KINDS = ("bob", "rod")
@@ -78,7 +78,7 @@ def _lagrangian(system: SymbolicStructure) -> Section:
     if system.spatial and system.has_joint_forces:
         return Section("Lagrangian", [Line(NOT_IN_SPACE)])
     T, lines = (_of_pair if system.is_of_pair else _of_parts)(system)
-    if len(system.links) <= (CHECKED_IN_SPACE if system.spatial else CHECKED_UP_TO):
+    if len(system.links) <= (3 if system.spatial else MOST_CHECKED):
         _require(vanishes(system.cartesian() - T))
         words = "$T$ equals the kinetic energy from the Cartesian velocities of all masses: checked term by term"
         lines.append(Line(words))
@@ -135,7 +135,7 @@ def _equations(system: SymbolicStructure) -> Section:
         return Section(title, _spatial_equations(system))
     forms = equations(system) if system.is_of_pair else system.equations()
     lines = [Line(f"of {c.q}", equal(form, 0)) for c, form in zip(system.coordinates, forms, strict=True)]
-    if system.is_of_pair and len(system.links) <= CHECKED_UP_TO:
+    if system.is_of_pair and len(system.links) <= MOST_CHECKED:
         plain = system.without_laws
         lagrange_forms = derive_lagrangian(plain).equations
         _require(all(vanishes(a - b) for a, b in zip(lagrange_forms, equations(plain), strict=True)))
@@ -157,7 +157,7 @@ def _spatial_equations(system: SymbolicStructure) -> list[Line]:
         for u, F in vector_equations(system)
     ]
     lines.append(Line("u_i points along link i and e_z down: no angles, no singularity at equilibrium"))
-    if len(system.links) <= WRITTEN_IN_ANGLES:
+    if len(system.links) <= 2:
         energy = replace(derive_lagrangian(system), T=in_angles(system))
         for c, form in zip(energy.coordinates, energy.equations, strict=True):
             lines.append(Line(f"for comparison in $θ$ and $φ$, of {c.q}", equal(sp.expand(form), 0)))
@@ -280,8 +280,8 @@ def _template(name: str, ways: tuple[str, ...]) -> tuple[str, int, int] | None:
     support, count, links = match[1], int(match[2] or 1), int(match[3])
     if support == "chain" and match[2]:
         raise SceneError([f"{name}: a chain has a single pendulum; write chain:{links}, or cart:{count}x{links}"])
-    if links < 1 or count < 1 or links * count > MOST_CHAINED:
-        raise SceneError([f"{name}: from 1 to {MOST_CHAINED} links in all"])
+    if links < 1 or count < 1 or links * count > symbolic.MOST_LINKS:
+        raise SceneError([f"{name}: from 1 to {symbolic.MOST_LINKS} links in all"])
     if ways and (len(ways) != links or not set(ways) <= {"down", "up"}):
         raise SceneError([f"{name}: the equilibrium must be {links} of down and up, top to bottom"])
     return support, count, links

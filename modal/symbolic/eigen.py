@@ -23,23 +23,16 @@ from modal.scene import Scene
 from modal.scene.points import CarrierEnd
 from modal.symbolic.carriers import ORIGIN, STILL, Chain
 from modal.symbolic.papers import equal
-from modal.symbolic.roots import Kind, Root, of_kinds, polynomial_roots
+from modal.symbolic.roots import MOST_FACTORED, Kind, Root, of_kinds, polynomial_roots
 from modal.symbolic.structures import SymbolicStructure
 from modal.symbolic.typesetting import Conjugates, Line, Section
+from modal.types import EPS
 
-MOST_LINKS = 60
-"""Most links in numbers for a readable polynomial."""
-MOST_SYMBOLIC_LINKS = 5
-"""Most links with different masses or lengths for a readable polynomial."""
-MOST_IN_DETERMINANT = 12
-MOST_SYMBOLIC_COORDINATES = 5
-MOST_ISOLATED = 60
-MOST_SOLVED = 24
+MOST_READABLE = 60
+"""Limit: links in numbers, or degree, of a polynomial that is written and whose roots are isolated; said beyond."""
+MOST_IN_SYMBOLS = 5
+"""Limit: links or coordinates with symbols of their own of which a polynomial is written; said beyond."""
 WIDTH = Fraction(1, 10**21)
-SAME = 1e-15
-"""Relative distance up to which roots of two polynomials are one frequency."""
-CLOSED = 3
-"""The highest degree in symbols for roots in closed form."""
 
 
 class EigenPolynomial(NamedTuple):
@@ -64,7 +57,7 @@ def eigen_polynomials(system: SymbolicStructure, scene: Scene | None) -> list[Ei
     links = len(system.links)
     if n := _equal_bobs(system):
         return [EigenPolynomial("", 1 + system.spatial, equal_bobs(n, "x"))]
-    if links > (MOST_LINKS if len(_own_symbols(system)) <= 2 else MOST_SYMBOLIC_LINKS):
+    if links > (MOST_READABLE if len(_own_symbols(system)) <= 2 else MOST_IN_SYMBOLS):
         return f"{links} links: too long to write out (modal.exact has no such limit for numbers)"
     if scene is not None and not system.symbols and not scene.has_damping:
         is_single = not on_cart and len(system.chains) == 1 and not system.spatial
@@ -139,7 +132,7 @@ def _chain_of(system: SymbolicStructure, kind: Kind) -> Chain:
 def _determinant(system: SymbolicStructure) -> list[EigenPolynomial] | str:
     """Polynomials of the motion along the rail; across it, of every pendulum on a fixed support."""
     size = len(system.coordinates)
-    if size > MOST_IN_DETERMINANT or (system.symbols and size > MOST_SYMBOLIC_COORDINATES):
+    if size > MOST_FACTORED or (system.symbols and size > MOST_IN_SYMBOLS):
         of = "with springs or dampers" if system.is_of_pair else "of a structure"
         return f"{size} coordinates {of}: too long to write out"
     if not system.spatial:
@@ -246,7 +239,7 @@ def _number_modes(modes: list[ComputedMode]) -> Iterator[Line]:
     """The modes in the order of the table with its numbers: those of one frequency share one."""
     number, previous_size = 0, None
     for mode in sorted(modes, key=lambda mode: mode.size):
-        if previous_size is None or mode.size - previous_size > SAME * mode.size:
+        if previous_size is None or mode.size - previous_size > 4 * EPS * mode.size:
             number += 1
         previous_size = mode.size
         yield Line(f"mode {number}; {mode.label}{mode.words}", mode.formula)
@@ -258,7 +251,7 @@ def _mode_line(mode: ComputedMode | Line) -> Line:
 
 def _modes_of(eigen: EigenPolynomial) -> Iterator[ComputedMode | Line]:
     if isinstance(eigen.polynomial, Polynomial):
-        if eigen.polynomial.degree > MOST_ISOLATED:
+        if eigen.polynomial.degree > MOST_READABLE:
             yield Line(
                 f"{_heading_words(eigen)}degree {eigen.polynomial.degree}: see the table, or prove digits with enclose"
             )
@@ -285,7 +278,7 @@ def _in_symbols(eigen: EigenPolynomial) -> Iterator[Line]:
     for factor, count in sp.factor_list(eigen.polynomial, x)[1]:
         polynomial = sp.Poly(factor, x)
         times = f"{count} times; " if count > 1 else ""
-        if polynomial.degree() >= CLOSED:
+        if polynomial.degree() >= 3:  # whose closed forms nobody reads
             yield Line(f"{_heading_words(eigen)}degree {polynomial.degree()}: no useful closed form; use numbers")
             continue
         for square in _roots(polynomial):
@@ -314,7 +307,7 @@ def _roots(polynomial: Any) -> list[Any]:
 def _damped_roots(eigen: EigenPolynomial) -> Iterator[ComputedMode | Line]:
     """Roots s of a polynomial in numbers, one of each conjugate pair, from its simple factors."""
     s = sp.Symbol("s")
-    if sp.sympify(eigen.polynomial).free_symbols != {s} or sp.degree(eigen.polynomial, s) > MOST_SOLVED:
+    if sp.sympify(eigen.polynomial).free_symbols != {s} or sp.degree(eigen.polynomial, s) > 2 * MOST_FACTORED:
         yield Line(f"{_heading_words(eigen)}damped, in symbols: no useful closed form; use numbers")
         return
     for factor, count in sp.factor_list(eigen.polynomial, s)[1]:

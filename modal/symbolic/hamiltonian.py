@@ -44,12 +44,6 @@ from modal.symbolic.structures import SymbolicStructure, indices
 from modal.symbolic.typesetting import Line, Section
 
 TITLE = "Hamilton's equations"
-CHECKED_UP_TO = 3
-"""Most links of which they are compared with Lagrange's, term by term."""
-INVERTED_UP_TO = 2
-"""Most coordinates of which the inverse of M(q) is written out."""
-SYMBOLS_UP_TO, SYMBOLS = 4, 3
-"""Most links with more than so many symbols of which the inverse of M, b, A is written out, but for bobs."""
 WITHOUT_INVERSE = "a massless cart above bobs: M, b, A have no inverse, and momenta do not tell velocities at the rest"
 
 
@@ -89,7 +83,7 @@ def inverse(system: SymbolicStructure) -> Any | None:
     if all(map(_of_bobs, system.chains)):
         return _by_neighbours(system)
     N = numbers(system)
-    if len(N.free_symbols) > SYMBOLS and len(system.links) > SYMBOLS_UP_TO:
+    if len(N.free_symbols) > 3 and len(system.links) > 4:
         return None
     try:
         return DomainMatrix.from_Matrix(N).to_field().inv().to_Matrix().applyfunc(sp.factor)
@@ -132,7 +126,7 @@ def _in_plane(system: SymbolicStructure) -> Iterator[Line]:
     yield Line("H, the energy in q and p", whole_energy())
     yield Line("with the mass matrix", equal(sp.Symbol("M"), M))
     yield Line("and the potential energy", equal(sp.Symbol("V"), gather_cosines(V)))
-    if len(p) <= INVERTED_UP_TO:
+    if len(p) <= 2:
         yield from _written_out(M, p)
     W = inverse(system)
     if W is None:
@@ -143,7 +137,7 @@ def _in_plane(system: SymbolicStructure) -> Iterator[Line]:
     yield from _closing(system, W, p, s)
     yield from _rates(system, W, p, s)
     yield from _forces(system, p, s)
-    if len(system.links) <= CHECKED_UP_TO:
+    if len(system.links) <= 3:
         _require(system.without_laws, W, p, s)
         yield Line(
             "with p = M q' these are Lagrange's equations of the Cartesian L, and H is T + V: checked term by term"
@@ -179,7 +173,7 @@ def _squares(M: Any) -> dict[Any, Any]:
 def _no_inverse(system: SymbolicStructure) -> str:
     if rail(system) and system.carriers[0].mass == 0:
         return WITHOUT_INVERSE
-    return f"W, the inverse of M, b, A, is written for at most {SYMBOLS_UP_TO} links with a symbol each, and for bobs"
+    return "W, the inverse of M, b, A, is written for at most 4 links with a symbol each, and for bobs"
 
 
 def _constants(system: SymbolicStructure, W: Any) -> Iterator[Line]:

@@ -18,8 +18,8 @@ from sympy.polys.fields import FracField
 from modal import pair
 from modal.exact import Polynomial, Variable, eliminate_links, isolate, multiple, product, total
 
-FACTORED_UP_TO = 12
-"""Highest degree of polynomials that are searched for rational factors."""
+MOST_FACTORED = 12
+"""Limit: degree of polynomials that are searched for rational factors, or come from a determinant; not beyond."""
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,7 @@ def _collect(ascending: list[Any], g: sp.Expr, variable: Variable) -> sp.Expr:
 def _factors(polynomial: Polynomial) -> Iterator[tuple[list[int], int]]:
     """Irreducible factors over the rationals and their multiplicities, where the degree is modest."""
     c = list(polynomial.coefficients)
-    if polynomial.degree > FACTORED_UP_TO:
+    if polynomial.degree > MOST_FACTORED:
         return iter([(c, 1)])
     _, factors = sp.Poly(c, sp.Symbol("x")).factor_list()
     return ((list(map(int, factor.all_coeffs())), int(count)) for factor, count in factors)

@@ -20,6 +20,7 @@ from modal.symbolic.structures import JoinedSpring, SymbolicStructure
 
 SYMBOLIC = ("masses", "lengths", "gravity", "cart", "supports", "springs")
 MOST_LINKS = 1000
+"""Limit: links of a scene in exact numbers, refused beyond."""
 
 
 def chain(n: int, kind: str = "bob", symbolic: tuple[str, ...] = (), sigma: tuple[int, ...] = ()) -> SymbolicStructure:

@@ -1,7 +1,7 @@
 """A derivation as titled sections of formulas, printed as plain text, LaTeX or Markdown that can be pasted.
 
 Words between two dollars are mathematics in plain letters, as in "in $x = ω²$": text shows them as they are, LaTeX and
-Markdown set them, with units upright and numbers of many digits rounded to SHOWN.
+Markdown set them, with units upright and numbers of many digits rounded to DIGITS_SHOWN.
 
 A formula of SymPy's that is longer than a line is broken before a sign and, if necessary, between factors, at any depth
 of parentheses and outside of everything that LaTeX keeps together: fractions, roots, matrices.  Widths are estimated in
@@ -13,6 +13,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from sys import float_info
 from typing import Any, NamedTuple
 
 import sympy as sp
@@ -20,19 +21,20 @@ import sympy as sp
 from modal.report import LETTERS, breadth, fits, latex, markdown, visible
 
 LINE = 54.0
-"""Letters on a line of the article class, 345 pt, with a margin for the error of the estimate."""
-SHORTEST = 0.55
-"""Fraction of a line that must be filled for a break at smaller depth to be preferred."""
+"""Format: letters on a line of the article class, 345 pt, with a margin for the error of the estimate."""
+SHORTEST_LINE = 0.55
+"""Format: fraction of a line that must be filled for a break at smaller depth to be preferred."""
 _TOKEN = re.compile(r"\\(?:begin|end)\{[a-z*]+\}|\\[a-zA-Z]+|\\.|.", re.DOTALL)
 _SIGNS = {"=": 3.2, "+": 2.4, "-": 2.4, r"\cdot": 1.6, ",": 0.8, "(": 0.8, ")": 0.8, "[": 0.6, "]": 0.6, "m": 1.7}
 _NAMES = {rf"\{name}": 3.2 for name in ("sin", "cos", "cot", "tan", "log")}
 _SILENT = {r"\left", r"\right", r"\bigl", r"\bigr", r"\,", r"\displaystyle", " ", "{", "}", "&"}
 _ACCENTS = {r"\dot", r"\ddot", r"\hat", r"\bar"}
-_SCRIPT = 0.75
+WIDTH_OF_SCRIPT = 0.75
+"""Format: width of a letter in an index or exponent over that of one on the line."""
 UNPARTED = (r"\right", "}", "^", "_", " ", ",")
 """Tokens before which a line must not end."""
-FACTOR = 1.5
-"""The cost of a break between factors, in depths of parentheses."""
+COST_OF_FACTORS = 1.5
+"""Format: the cost of a break between factors, in depths of parentheses."""
 
 
 def is_short(latex: str) -> bool:
@@ -76,7 +78,7 @@ def _end(pieces: list[_Unbroken], start: int, room: float) -> int:
             break
         width += pieces[place].width
         last = place + 1
-        if last < len(pieces) and width > SHORTEST * room:
+        if last < len(pieces) and width > SHORTEST_LINE * room:
             choices.append((pieces[last].cost, -last))
     else:
         return len(pieces)
@@ -89,7 +91,7 @@ def _pieces(latex: str) -> Iterator[_Unbroken]:
     for token in _TOKEN.findall(latex):
         if depth == 0 and text.endswith(" ") and text.strip()[-1:] not in "+-=" and token not in UNPARTED:
             yield _Unbroken(text, letters(text), cost)
-            text, cost = "", parentheses + (0.0 if token in "+-=" else FACTOR)
+            text, cost = "", parentheses + (0.0 if token in "+-=" else COST_OF_FACTORS)
         if token in (r"\left", r"\right") and depth == 0:
             parentheses += 1 if token == r"\left" else -1
             text += r"\bigl" if token == r"\left" else r"\bigr"
@@ -115,7 +117,7 @@ class _Reader:
             if token == end:
                 break
             if token in "^_":
-                scripts.append(_SCRIPT * self._group())
+                scripts.append(WIDTH_OF_SCRIPT * self._group())
                 continue
             total, scripts = total + max(scripts), [0.0]
             total += self._one(token)
@@ -161,14 +163,12 @@ _NAME = re.compile(r"\b(theta|phi|pi|lambda|omega|sigma|eta|ell|[psxyzu])(ddot|d
 _CALLED = re.compile(r"(theta|phi|eta|[A-Za-z])(ddot|dot)?_(\w*[A-Za-z]\w+|\w+[A-Za-z]\w*)")
 _DOTTED = {"dot": r"\dot{%s}", "ddot": r"\ddot{%s}", None: "%s"}
 _INDEXED = re.compile(r"(?<![\w$])([A-Za-zθφλωσΔ])_(\w)\b(?!\w)")
-SHOWN = 6
-"""Digits of a computed number in LaTeX and Markdown; text has them all."""
-DOUBLE = 53
-"""Bits of a computed number; one of more is proved, and shown with all its digits."""
+DIGITS_SHOWN = 6
+"""Format: digits of a computed number in LaTeX and Markdown; text has them all."""
 UNITS = {"rad²/s²": r"\mathrm{rad^2\,s^{-2}}", "rad/s": r"\mathrm{rad\,s^{-1}}", "1/s": r"\mathrm{s^{-1}}"}
 """Units behind a number or in parentheses."""
 _UNIT = re.compile(rf"(?<=[\d.] )({'|'.join(UNITS)}|s²)$|\(({'|'.join(UNITS)}|s²)\)$")
-_NUMBER = re.compile(rf"\d+\.\d{{{SHOWN},}}(?:e[+-]?\d+)?")
+_NUMBER = re.compile(rf"\d+\.\d{{{DIGITS_SHOWN},}}(?:e[+-]?\d+)?")
 _MATHEMATICS = re.compile(r"\$([^$]*)\$")
 _SUPERSCRIPTS = dict(zip("⁰¹²³⁴⁵⁶⁷⁸⁹", "0123456789", strict=True))
 _LETTERS = {**{sign: f"\\{name}" for name, sign in GREEK.items()}, "ζ": r"\zeta", "κ": r"\kappa", "−": "-", "±": r"\pm"}
@@ -246,7 +246,7 @@ def in_latex(words: str) -> str:
     unit = _UNIT.search(words)
     if unit:
         words = words[: unit.start()].rstrip()
-    text = _NUMBER.sub(lambda number: f"{float(number[0]):.{SHOWN}g}", words)
+    text = _NUMBER.sub(lambda number: f"{float(number[0]):.{DIGITS_SHOWN}g}", words)
     text = re.sub(r"([a-z])('{1,2})", lambda m: _DOTTED["dot" if len(m[2]) == 1 else "ddot"] % m[1], text)
     text = re.sub(r"√\(([^()]*)\)", r"\\sqrt{\1}", text)
     text = re.sub("[⁰¹²³⁴⁵⁶⁷⁸⁹]+", lambda m: f"^{{{''.join(map(_SUPERSCRIPTS.__getitem__, m[0]))}}}", text)
@@ -334,7 +334,10 @@ def _with_mathematics(words: str) -> str:
 
 def _tex(formula: Any, **settings: Any) -> str:
     names = {name: name_in_latex for name in formula.free_symbols if (name_in_latex := _by_name(name.name))}
-    rounded_numbers = {number: sp.Float(number, SHOWN) for number in formula.atoms(sp.Float) if number._prec <= DOUBLE}
+    computed = (
+        number for number in formula.atoms(sp.Float) if number._prec <= float_info.mant_dig
+    )  # others are proved
+    rounded_numbers = {number: sp.Float(number, DIGITS_SHOWN) for number in computed}
     settings = {"symbol_names": names, "mat_str": "bmatrix", "mat_delim": "", "inv_trig_style": "full", **settings}
     return _with_commas(str(sp.latex(formula.xreplace(rounded_numbers), **settings)))
 

@@ -36,20 +36,20 @@ from modal.errors import ComputationError, SceneError
 from modal.report import Displayed, Summary, brief, counted
 from modal.scene import Scene
 from modal.scene.doors import checked
-from modal.types import Floats
+from modal.types import EPS, NEWTON_ROUNDS, Floats
 from modal.vibration.curves import Collision, Curve, curves_of, seeds_of
 from modal.vibration.hill import KINDS, hill_systems
 
-LONGEST, SHORTEST = 1 / 50, 1e-7
-"""Steps along a curve, the sides of the window being 1."""
-TURN = 0.25
-"""Most radians that the tangent turns in a step."""
-NEWTON, SETTLED, ENOUGH = 12, 1e-8, 1e-10
-"""Newton's steps; the length of one, in sides of the window, after which the next is below rounding; the longest of a
-slow approach to a double root."""
-NEAR_TIP = 1e-3
-"""Amplitude, in sides of the window, below which two curves that meet at amplitude 0 are extrapolated to it."""
+STEP_MAX = 1 / 50
+"""Tolerance: longest step along a curve, the sides of the window being 1."""
+TURN_MAX = 0.25
+"""Tolerance: radians that the tangent turns in a step at most; a third of it lets steps grow."""
+SLOW_STEP_MAX = 1e-10
+"""Tolerance: last step, in sides of the window, of a slow approach to a double root; what is as near is one point."""
+AMPLITUDE_OF_TIP = 1e-3
+"""Tolerance: amplitude, in sides of the window, below which two curves that meet at 0 are extrapolated to it."""
 MOST_POINTS = 1000
+"""Limit: points of a boundary, which ends there, twenty times the steps across the window."""
 GROWING = "grows "
 
 
@@ -154,7 +154,7 @@ def tongues(scene: Scene, amplitude: ArrayLike, frequency_hz: ArrayLike) -> Tong
     names = ("amplitude", "frequency_hz")
     problems = [
         f"{name}: a grid of tongues needs ascending numbers {words}"
-        for name, values, lowest, words in zip(names, grid, (0.0, SHORTEST), ("from 0", "above 0"), strict=True)
+        for name, values, lowest, words in zip(names, grid, (0.0, EPS**0.5), ("from 0", "above 0"), strict=True)
         if not len(values) or not np.all(np.diff(values) > 0) or not np.isfinite(values).all() or values[0] < lowest
     ]
     if not problems and len(grid[0]) == len(grid[1]) == 1:
@@ -194,11 +194,11 @@ class Window:
 
     def inside(self, point: Floats) -> bool:
         """Whether a point is in the window."""
-        return bool(np.all(point >= -ENOUGH) and np.all(point <= 1 + ENOUGH))
+        return bool(np.all(point >= -SLOW_STEP_MAX) and np.all(point <= 1 + SLOW_STEP_MAX))
 
     def settle(self, point: Floats, frame: Any, direction: Floats | None = None) -> CurvePlace | None:
         """The point of the curve nearest to one, or in a direction; None where Newton's method finds none."""
-        for _ in range(NEWTON if direction is None else 4 * NEWTON):
+        for _ in range(NEWTON_ROUNDS if direction is None else 4 * NEWTON_ROUNDS):
             try:
                 value, gradient, frame = self.curve.at(self.low + self.extent * point, frame)
             except np.linalg.LinAlgError:
@@ -209,22 +209,22 @@ class Window:
             if way is None or not (rise := float(slope @ way)) or not np.isfinite(value / rise):
                 return None
             step = value / rise
-            if abs(step) > LONGEST:
+            if abs(step) > STEP_MAX:
                 return None
             point = point - step * way
-            if abs(step) < (SETTLED if direction is None else ENOUGH):
+            if abs(step) < (EPS**0.5 if direction is None else SLOW_STEP_MAX):
                 return CurvePlace(point, slope / size, frame)
         return None
 
     def follow(self, start: CurvePlace, sense: float) -> tuple[list[CurvePlace], bool]:
         """Places from a start to the window's edge, and whether the curve closes before it."""
-        places, step = [start], LONGEST / 4
-        while len(places) < MOST_POINTS and step > SHORTEST:
+        places, step = [start], STEP_MAX / 4
+        while len(places) < MOST_POINTS and step > EPS**0.5:
             place = places[-1]
             next_place = self.settle(place.point + sense * step * place.tangent, place.frame)
             if (
                 next_place is None
-                or place.normal @ next_place.normal < cos(TURN)
+                or place.normal @ next_place.normal < cos(TURN_MAX)
                 or hypot(*(next_place.point - place.point)) > 2 * step
             ):
                 step /= 2
@@ -236,18 +236,18 @@ class Window:
             onward = sense * (back @ next_place.tangent) > 0 and next_place.normal @ start.normal > 0.5
             if len(places) > 3 and hypot(*back) < step and onward:
                 return [*places, start], True
-            if place.normal @ next_place.normal > cos(TURN / 3):
-                step = min(LONGEST, 1.5 * step)
+            if place.normal @ next_place.normal > cos(TURN_MAX / 3):
+                step = min(STEP_MAX, 1.5 * step)
         return places, False
 
     def tip(self, places: list[CurvePlace]) -> list[CurvePlace]:
         """Places up to one where two collisions meet at amplitude 0, by the polynomial of those before: it is flat."""
-        last, earlier_places = places[-1], [place for place in places if place.point[0] > NEAR_TIP]
-        flat = isinstance(self.curve, Collision) and not self.low[0] and last.point[0] < NEAR_TIP
+        last, earlier_places = places[-1], [place for place in places if place.point[0] > AMPLITUDE_OF_TIP]
+        flat = isinstance(self.curve, Collision) and not self.low[0] and last.point[0] < AMPLITUDE_OF_TIP
         if not flat or len(earlier_places) < 4:
             return places
         last_points = [place.point for place in earlier_places[-4:]]
-        for amplitude in NEAR_TIP * np.arange(1.0, 5.0):
+        for amplitude in AMPLITUDE_OF_TIP * np.arange(1.0, 5.0):
             start = np.array([amplitude, _cubic(last_points, amplitude)])
             place = self.settle(start, earlier_places[-1].frame, np.eye(2)[1])
             if place is None:
@@ -322,10 +322,10 @@ def _holds(places: Sequence[CurvePlace], place: CurvePlace) -> bool:
     """Whether a place is on a curve: beside it with what grows on the same side, which of its neighbours is not so."""
     points = np.array([place_on.point for place_on in places])
     if len(points) == 1:
-        return hypot(*(points[0] - place.point)) < ENOUGH
+        return hypot(*(points[0] - place.point)) < SLOW_STEP_MAX
     start, step = points[:-1], np.diff(points, axis=0)
     square = np.maximum(np.einsum("ij,ij->i", step, step), 1e-300)
     share = np.clip(np.einsum("ij,ij->i", place.point - start, step) / square, 0.0, 1.0)
     distances = np.linalg.norm(start + share[:, None] * step - place.point, axis=1)
-    is_near = distances < TURN / 4 * np.sqrt(square) + ENOUGH
+    is_near = distances < TURN_MAX / 4 * np.sqrt(square) + SLOW_STEP_MAX
     return bool(np.any(is_near & (step @ place.tangent > 0)))

@@ -11,15 +11,11 @@ from typing import Any
 import numpy as np
 import scipy
 
-from modal.types import Floats
+from modal.types import EPS, NEWTON_ROUNDS, Floats
 from modal.vibration.hill import HillSystem, quarters
 
-STEP = 1e-30
-"""Of a parameter into the complex plane."""
-HALVINGS = 24
-"""Of an edge of the grid before Newton's method takes over."""
-ON_CIRCLE = 1e-3
-"""Distance from the unit circle of a seed that belongs to a crossing of it."""
+DISTANCE_FROM_CIRCLE = 1e-3
+"""Tolerance: distance of a multiplier from the circle, or a half-trace from the real axis, at a point near it."""
 Point = Floats
 """Amplitude (m) and frequency (Hz)."""
 
@@ -95,7 +91,7 @@ class Circle(Curve):
         values = self.system.multipliers(*(point[:, None] * [[1], [tau]]))[0]
         values = values[values.imag > 0]
         nearest = min(values, key=lambda value: abs(abs(value) - 1), default=inf)
-        return nearest if abs(abs(nearest) - 1) < ON_CIRCLE else None
+        return nearest if abs(abs(nearest) - 1) < DISTANCE_FROM_CIRCLE else None
 
     def at(self, point: Point, frame: Any) -> tuple[float, Floats, Any]:
         """Of the multiplier nearest to that of the frame."""
@@ -125,7 +121,7 @@ class Collision(Curve):
         distances = np.abs(values[:, None] - values) + np.where(np.eye(len(values)), inf, 0.0)
         i, j = np.unravel_index(np.argmin(distances), distances.shape)
         mean = (values[i] + values[j]) / 2
-        return mean.real if abs(mean.imag) < ON_CIRCLE and abs(mean.real) < 1 else None
+        return mean.real if abs(mean.imag) < DISTANCE_FROM_CIRCLE and abs(mean.real) < 1 else None
 
     def at(self, point: Point, frame: Any) -> tuple[float, Floats, Any]:
         """Of the two nearest to the mean of the frame, by their invariant subspaces."""
@@ -152,9 +148,10 @@ def _subspace(X: Floats, middle: float, room: float) -> tuple[Floats, int]:
 
 def _slopes(matrix: Any, point: Point) -> tuple[Floats, Floats]:
     """A matrix at a point, and its derivatives by amplitude and frequency (2, s, s)."""
-    amplitude, hertz = point[:, None] + 1j * STEP * np.eye(2)
+    step = EPS**2  # imaginary, so that nothing is subtracted
+    amplitude, hertz = point[:, None] + 1j * step * np.eye(2)
     values = matrix(amplitude, hertz)
-    return np.asarray(values[0].real), np.asarray(values.imag / STEP)
+    return np.asarray(values[0].real), np.asarray(values.imag / step)
 
 
 def curves_of(system: HillSystem) -> Iterator[Curve]:
@@ -182,7 +179,7 @@ def seeds_of(curve: Curve, amplitude: Floats, hertz: Floats) -> Floats:
         ends.append(_between(curve, amplitude, hertz))
     low, high = np.concatenate(ends, axis=1)
     reference = curve.side(*low.T)
-    for _ in range(HALVINGS if len(low) else 0):
+    for _ in range(NEWTON_ROUNDS if len(low) else 0):
         middle = (low + high) / 2
         is_on_side = (curve.side(*middle.T) == reference)[:, None]
         low, high = np.where(is_on_side, middle, low), np.where(is_on_side, high, middle)
@@ -199,7 +196,7 @@ def _between(curve: Singular, amplitude: Floats, hertz: Floats) -> Floats:
         return np.zeros((2, 0, 2))
     a, lower_hertz, upper_hertz = amplitude[rows], hertz[columns], hertz[columns + 2]
     low, high, share = lower_hertz, upper_hertz, (5**0.5 - 1) / 2
-    for _ in range(2 * HALVINGS):
+    for _ in range(2 * NEWTON_ROUNDS):
         first, second = high - share * (high - low), low + share * (high - low)
         down = curve.determinant(a, first) < curve.determinant(a, second)
         low, high = np.where(down, low, first), np.where(down, second, high)

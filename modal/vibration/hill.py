@@ -40,22 +40,20 @@ from modal.report import Displayed, Summary, brief
 from modal.scene import Scene, SineMotion, require, validate_scene, validate_scenes
 from modal.statespace.geometry import geometry_of
 from modal.structure import BALANCED, hung_masses, structure_of, weights
-from modal.types import Booleans, Complexes, Floats
+from modal.types import NOISE_OF_SUM, NUMBERS_IN_CHUNK, Booleans, Complexes, Floats
 
-ORDER, REACH, FEWEST = 28, 2.5, 4
-"""Terms of a series, the most radians of the fastest oscillation in a step, the fewest steps of half a period: the
-remainder, REACH^ORDER/ORDER! = 5e-19, is below rounding."""
-APART = 1e-13
-"""Coupling of two modes, relative to the largest entry, below which it is rounding."""
-MOST_NUMBERS = 1 << 20
-"""Numbers of the series of one batch."""
+ORDER = 28
+"""Tolerance: terms of a series; the remainder of a step, REACH^ORDER/ORDER! = 5e-19, is below rounding."""
+REACH = 2.5
+"""Tolerance: most radians of the fastest oscillation in a step of the series."""
 Numbers = NDArray[Any]
 """Real ones, or complex ones with derivatives in their imaginary parts."""
 
 
-CERTAIN, COUPLED = 1e-9, 1e-7
-"""Distance from 1 above which |μ| counts as larger or smaller; of modes that couple without losses, whose multipliers
-have half of all digits where two are equal."""
+CERTAIN_DISTANCE = 1e-9
+"""Tolerance: distance from 1 above which |μ| counts as larger or smaller."""
+COUPLED_DISTANCE = 1e-7
+"""Tolerance: the same of modes that couple without losses, whose multipliers have half of all digits where two meet."""
 KINDS = {
     -1: "decays",
     0: "neutral",
@@ -107,7 +105,7 @@ class HillSystem:
         matrices = np.empty((amplitude.size, size, size), dtype=np.result_type(amplitude, omega, np.float64))
         steps = self._steps(np.abs(amplitude), np.abs(omega))
         for count in np.unique(steps):
-            alike, room = np.flatnonzero(steps == count), max(1, MOST_NUMBERS // (ORDER * size**2 * count))
+            alike, room = np.flatnonzero(steps == count), max(1, NUMBERS_IN_CHUNK // (ORDER * size**2 * count))
             for part in np.split(alike, range(room, len(alike), room)):
                 matrices[part] = self._half_period_matrix(amplitude[part], omega[part], sign, int(count))
         return matrices
@@ -117,12 +115,12 @@ class HillSystem:
         size = {name: _norm(getattr(self, name)) for name in "PSQE"}
         square = np.abs(self.square).max() / omega**2 + amplitude * (size["P"] + size["S"] / omega)
         rate = np.sqrt(square + amplitude**2 * size["Q"]) + _norm(self.D) / omega + amplitude * size["E"]
-        bounds = np.maximum(FEWEST, rate * pi / REACH)
+        bounds = np.maximum(4, rate * pi / REACH)
         return np.array([ceil(2 ** (ceil(2 * log2(limit)) / 2)) for limit in bounds], dtype=np.int64)
 
     def _half_period_matrix(self, amplitude: Numbers, omega: Numbers, sign: int, count: int) -> Numbers:
         """The product of the matrices of all steps, of which many are computed at once."""
-        room = max(1, MOST_NUMBERS // (ORDER * 4 * self.size**2 * amplitude.size))
+        room = max(1, NUMBERS_IN_CHUNK // (ORDER * 4 * self.size**2 * amplitude.size))
         portions = np.split(np.arange(count), range(room, count, room))
         steps = (self._steps_at(portion * pi / count, pi / count, amplitude, omega, sign) for portion in portions)
         return np.asarray(
@@ -295,7 +293,7 @@ def _coupled_sets(parts: tuple[Floats, ...]) -> list[Booleans]:
     """The sets of coordinates that these matrices couple."""
     is_linked = np.eye(len(parts[0]), dtype=bool)
     for part in parts:
-        is_linked |= np.abs(part) > APART * np.abs(part).max()
+        is_linked |= np.abs(part) > NOISE_OF_SUM * np.abs(part).max()
     for _ in range(ceil(log2(max(2, len(is_linked))))):
         is_linked = is_linked.astype(np.float64) @ is_linked > 0
     return list(np.unique(is_linked, axis=0)) if len(is_linked) else []
@@ -307,7 +305,7 @@ class ParametricStability(Displayed):
 
     multipliers: Complexes
     period: float
-    certain: float = CERTAIN
+    certain: float = CERTAIN_DISTANCE
 
     @property
     def largest(self) -> float:
@@ -402,7 +400,7 @@ def _multipliers(systems: Sequence[HillSystem], amplitude: Floats, omega: Floats
     for system in systems:
         of_system = system.multipliers(amplitude, omega)
         values.append(np.tile(of_system, (1, system.count)))
-        room = COUPLED if system.is_reversible and system.size > 1 else CERTAIN
+        room = COUPLED_DISTANCE if system.is_reversible and system.size > 1 else CERTAIN_DISTANCE
         certain.append(np.full(values[-1].shape, room))
     values_of_all, rooms = np.concatenate(values, axis=1), np.concatenate(certain, axis=1)
     order = np.argsort(-np.abs(values_of_all), axis=1, kind="stable")

@@ -39,23 +39,25 @@ from modal.scene import (
 )
 from modal.scene.length_laws import monotone_slopes, splined_stretches, unsplined_intervals, unsplined_words
 from modal.scene.records import Spectrum
-from modal.types import Booleans, Floats
+from modal.types import NUMBERS_IN_CHUNK, Booleans, Floats
 from modal.vibration.courses import Constant, PiecewiseMotion, Polynomials, PrescribedMotion, Sine, SweptSine
 
 POWERS = {"acceleration": 0, "velocity": 2, "displacement": 4}
 """Powers of ω that make the PSD of an acceleration of each quantity's."""
 
 
-DEGREE = 5
+SPLINE_DEGREE = 5
+"""Format: degree of the spline through a record of more samples than that: its acceleration is a cubic."""
 ORDERS = {"displacement": 0, "velocity": 1, "acceleration": 2}
-WITHIN = 0.01
-"""Relative error of the support's acceleration up to the band's end."""
+BAND_ERROR = 0.01
+"""Physics: relative error of the support's acceleration at the end of the band that is told of a record."""
 IMAGES = np.arange(1, 200)[:, None] * [1, -1]
-DRIFTING = 1e-3  # velocity at the end, over the largest in the record, from which the record drifts
-BLOCK = 4_000_000  # sines times instants at once
-SPACING, TERMS = 0.2, 11
-"""Phase (rad) of the fastest sine between two instants of a table, and terms of the Taylor series about each: the
-remainder, (SPACING/2)¹¹/11! = 2.5e-19 of the sum of all amplitudes, is below rounding."""
+DRIFT_MIN = 1e-3
+"""Tolerance: velocity at the end, over the largest in the record, from which on the record is said to drift."""
+PHASE_OF_PIECE = 0.2
+"""Tolerance: phase (rad) of the fastest sine between two instants about which a sum of sines is expanded."""
+TAYLOR_TERMS = 11
+"""Tolerance: terms about each: the remainder, (PHASE_OF_PIECE/2)¹¹/11! = 2.5e-19, is below rounding."""
 
 
 def psd_at(frequencies: Floats, psd: Floats, f: Floats) -> Floats:
@@ -77,7 +79,7 @@ class Record(PiecewiseMotion):
         of, values = motion.samples if isinstance(motion, RecordMotion) else ("acceleration", motion.samples)
         times = np.array(motion.time_s)
         self.first, self.last, self.of = float(times[0]), float(times[-1]), ORDERS[of]
-        self.degree = DEGREE if len(times) > DEGREE and motion.interpolation != "cubic" else 3
+        self.degree = SPLINE_DEGREE if len(times) > SPLINE_DEGREE and motion.interpolation != "cubic" else 3
         curve, is_straight = _join_samples(times, np.array(values), self.degree, self.of, motion.interpolation)
         splines = {self.of: curve}
         for order in range(self.of + 1, 3):
@@ -105,12 +107,12 @@ class Record(PiecewiseMotion):
 
     @property
     def _band_words(self) -> str:
-        spline = f"the spline through the record is within {WITHIN:.0%} of a sine up to {self.band_hz:.4g} Hz"
+        spline = f"the spline through the record is within {BAND_ERROR:.0%} of a sine up to {self.band_hz:.4g} Hz"
         return "; ".join(filter(None, ("" if isnan(self.band_hz) else spline, self._joined_words)))
 
     def _words(self, times: Floats) -> str:
         band_words = self._band_words
-        if abs(self.left) <= DRIFTING * float(np.abs(self.velocity(times)).max()):
+        if abs(self.left) <= DRIFT_MIN * float(np.abs(self.velocity(times)).max()):
             return band_words
         drift = f"the record ends at {self.left:.4g} m/s, and the support moves on at that velocity"
         return f'{band_words}; {drift} (baseline = "velocity" takes such a drift out)'
@@ -226,7 +228,7 @@ class RandomProcess(PiecewiseMotion):
         if times.size == 1:
             angles = self.omega * times.item()
             return np.full(times.shape, lines.real @ np.cos(angles) - lines.imag @ np.sin(angles))
-        rows = max(1, BLOCK // len(lines))
+        rows = max(1, NUMBERS_IN_CHUNK // len(lines))
         flat = times.ravel()
         parts = [self._sum_lines(lines, flat[at : at + rows]) for at in range(0, len(flat), rows)]
         return np.concatenate(parts).reshape(times.shape)
@@ -244,14 +246,14 @@ class RandomProcess(PiecewiseMotion):
     @cached_property
     def _places(self) -> tuple[Floats, Floats]:
         """Where pieces end, and the instants (s) about which they are expanded."""
-        count = 2 * ceil(self.duration * self.omega[-1] / SPACING / 2)
+        count = 2 * ceil(self.duration * self.omega[-1] / PHASE_OF_PIECE / 2)
         places = np.arange(count + 1) * (self.duration / count)
         return (places[:-1] + places[1:]) / 2, places
 
     def _taylor_pieces(self, order: int) -> Polynomials:
         numbers, count = np.rint(self.omega * self.duration / tau).astype(np.int64), len(self._places[0])
-        coefficients = np.empty((count + 1, TERMS))
-        for term in range(TERMS):
+        coefficients = np.empty((count + 1, TAYLOR_TERMS))
+        for term in range(TAYLOR_TERMS):
             bins = np.zeros(count // 2 + 1, dtype=complex)
             bins[numbers] = self.lines * (1j * self.omega) ** (order + term) * (count / 2 / factorial(term))
             coefficients[:-1, term] = np.fft.irfft(bins, count)
@@ -279,7 +281,7 @@ def prescribed_motion(motion: SupportMotion | Force) -> PrescribedMotion:
 
 
 def band(degree: int, derivatives: int) -> float:
-    """Up to which frequency, in samples, a spline gives that derivative of a sine within WITHIN, images included.
+    """Up to which frequency, in samples, a spline gives that derivative of a sine within BAND_ERROR, images included.
 
     The spline of degree n through evenly spaced samples of e^{2πift} consists of e^{2πi(f−k)t} for all whole k, with
     the weights (f−k)^{−n−1} / Σ_k (f−k)^{−n−1} [Schoenberg1973, lecture 4].
@@ -289,6 +291,6 @@ def band(degree: int, derivatives: int) -> float:
         weights = (f / (f - IMAGES)) ** (degree + 1)
         main = 1 / (1 + weights.sum())
         images = main * weights * ((f - IMAGES) / f) ** derivatives
-        return float(np.sqrt((main - 1) ** 2 + np.sum(images**2))) - WITHIN
+        return float(np.sqrt((main - 1) ** 2 + np.sum(images**2))) - BAND_ERROR
 
     return float(scipy.optimize.brentq(excess, 1e-3, 0.49))

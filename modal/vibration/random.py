@@ -27,7 +27,7 @@ import numpy as np
 
 from modal.assembly import scene_squares
 from modal.errors import ComputationError, SceneError
-from modal.modes import Modes, mode_losses, natural_modes
+from modal.modes import MOST_LISTED, Modes, mode_losses, natural_modes
 from modal.report import TextResult
 from modal.scene import Scene, require
 from modal.scene.doors import checked
@@ -37,21 +37,20 @@ from modal.statespace.gains import without_noise
 from modal.statespace.geometry import geometry_of
 from modal.statespace.response import Term, terms
 from modal.statespace.signals import EXAMPLES, Signal, is_point, own_inputs, push_of
-from modal.types import Booleans, Complexes, Floats
+from modal.types import EPS, Booleans, Complexes, Floats
 from modal.vibration.prescribed import acceleration_psd, psd_at
 
 USUAL = ("angles", "tip_accelerations")
 INPUT = "support_acceleration"
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(16)
-GROWTH = 4.0
-"""Ratio of the distances of an interval's ends from a resonance: Gauss's error is then below 3⁻³²."""
-BLOCK = 4096  # frequencies at once
-PRECISE = 1e-10  # relative error of H under an integral, at 1e-11 five times slower
-FROM = 1e-9  # first interval, over the highest frequency, where a PSD begins at 0
-NAMED = 6  # most modes named in a sentence
-STEEP = -0.99  # power of ω from which on an integral down to 0 is infinite
-MOST = 5e6
-"""Most modes, squared, times outputs."""
+FREQUENCIES_AT_ONCE = 4096
+"""Cost: nodes of an integral that are computed at once."""
+ERROR_UNDER_INTEGRAL = 1e-10
+"""Tolerance: relative error of H under an integral, which an RMS has too; 1e-11 takes five times as long."""
+POWER_OF_DRIFT = -0.99
+"""Tolerance: power of ω up to which an integral down to 0 is infinite: −1, as two low frequencies tell it."""
+MOST_TERMS = 5e6
+"""Limit: modes, squared, times outputs, refused beyond."""
 DIVERGES = "undamped and within reach of the noise: the RMS grows without bound"
 DRIFTS = "grows without bound: the PSD reaches down to 0 Hz, where this output drifts without limit"
 
@@ -149,8 +148,8 @@ class RandomResponse(ModalResponse):
         words = []
         for k in np.flatnonzero(np.isinf(self.rms)).tolist():
             numbers = np.flatnonzero(endless[:, k]) + 1
-            mode_list = ", ".join(map(str, numbers[:NAMED].tolist()))
-            mode_list += f" and {len(numbers) - NAMED} more" if len(numbers) > NAMED else ""
+            mode_list = ", ".join(map(str, numbers[:MOST_LISTED].tolist()))
+            mode_list += f" and {len(numbers) - MOST_LISTED} more" if len(numbers) > MOST_LISTED else ""
             which = f"mode {mode_list} is {DIVERGES}" if len(numbers) == 1 else f"modes {mode_list} are {DIVERGES}"
             words.append(f"{self.outputs[k].name}: {which if len(numbers) else DRIFTS}")
         return tuple(words)
@@ -172,7 +171,7 @@ class RandomResponse(ModalResponse):
                 for mode, response in self._responses(omega, remainder):
                     if mode is not None:
                         mode_squares[mode] += (np.abs(response) ** 2) @ S
-                H = frequency_response(self.form, omega, tolerance=PRECISE, remainder=remainder)[:, 0]
+                H = frequency_response(self.form, omega, tolerance=ERROR_UNDER_INTEGRAL, remainder=remainder)[:, 0]
                 total += np.where(np.isfinite(H), np.abs(H) ** 2, 0.0) @ S
         output_rms, parts = np.sqrt(total), np.sqrt(mode_squares)
         parts[endless] = np.inf
@@ -194,7 +193,7 @@ class RandomResponse(ModalResponse):
         size = self.psd(low_frequencies)
         with np.errstate(all="ignore"):
             power = np.log10(size[:, 1] / size[:, 0])
-        return np.asarray((size[:, 0] > 0) & (power <= STEEP))
+        return np.asarray((size[:, 0] > 0) & (power <= POWER_OF_DRIFT))
 
     def _responses(self, omega: Floats, remainder: Floats) -> Iterator[tuple[int | None, Complexes]]:
         """What each mode adds to H at omega + remainder, (p, W); None for the support itself."""
@@ -265,17 +264,18 @@ def nodes(low: float, high: float, poles: list[complex]) -> Iterator[tuple[Float
     edges = {(low, 0.0), (high, 0.0)}
     for pole in {*poles, 0j}:
         middle, width = pole.imag, abs(pole.real)
-        width = max(width, low - middle, middle - high) / 2 or FROM * high
+        width = max(width, low - middle, middle - high) / 2 or EPS**0.5 * high
         while width < high:
             edges |= {edge for edge in (_sum(middle, -width), _sum(middle, width)) if low < edge[0] < high}
-            width *= GROWTH
+            width *= 4  # an end this much further from a resonance than the other: Gauss errs by 3⁻³²
     ends, remainders = np.array(sorted(edges)).T
     half = (np.diff(ends) + np.diff(remainders)) / 2
     omega, remainder = _sum(ends[:-1, None], half[:, None] * (1 + NODES))
     remainder = (remainder + remainders[:-1, None]).ravel()
     omega, weight = omega.ravel(), np.outer(half, WEIGHTS).ravel()
-    for at in range(0, len(omega), BLOCK):
-        yield omega[at : at + BLOCK], remainder[at : at + BLOCK], weight[at : at + BLOCK]
+    for at in range(0, len(omega), FREQUENCIES_AT_ONCE):
+        part = slice(at, at + FREQUENCIES_AT_ONCE)
+        yield omega[part], remainder[part], weight[part]
 
 
 def _sum(a: Any, b: Any) -> tuple[Any, Any]:
@@ -313,9 +313,9 @@ def random_response(
     if growing := [number for number, value in enumerate(modes.eigenvalue.tolist(), 1) if value.real > 0]:
         raise ComputationError(f"mode {growing[0]} grows by itself: there is no stationary random vibration")
     model = state_space(scene, (source,), tuple(outputs))
-    if len(modes) ** 2 * len(model.outputs) > MOST:
+    if len(modes) ** 2 * len(model.outputs) > MOST_TERMS:
         sizes = f"{len(modes)} modes and {len(model.outputs)} outputs"
         raise ComputationError(
-            f"{sizes}: modes² times outputs may be at most {MOST:g}; choose fewer outputs with `outputs`"
+            f"{sizes}: modes² times outputs may be at most {MOST_TERMS:g}; choose fewer outputs with `outputs`"
         )
     return RandomResponse(to_modal_form(modes, model), spectrum)

@@ -14,22 +14,23 @@ from modal.modes import Modes
 from modal.report import NOTHING, Form, as_csv, as_json, csv_rows, finite, grid, titled
 from modal.scene import title_of
 from modal.scene.doors import checked
+from modal.statespace.response import MOST_TIMES
 from modal.types import Floats
 from modal.vibration.random import INPUT, RandomResponse, poles_of
 from modal.vibration.shock import ShockResponse
 from modal.vibration.thermal import ThermalNoise
 
-POINTS = 400
+POINTS_OF_BAND = 400
+"""Format: frequencies of a PSD in a file or a figure, beside those around resonances."""
 PER_RESONANCE = (-10.0, -3.0, -1.0, -0.3, 0.0, 0.3, 1.0, 3.0, 10.0)
 """Distances from a resonance, in half-widths, at which a PSD is printed besides its grid."""
-MOST_SAMPLES = 20_000
 INFINITE = "∞"
 
 
-BELOW, ABOVE = 0.1, 100.0
-"""Ends of the band of a thermal noise alone, over the frequencies of the slowest and of the fastest mode."""
-MOST_SHOWN = 6
-"""Most frequencies in a text."""
+WIDTH_OF_BAND = 100.0
+"""Format: end of the band of a thermal noise alone over the frequency of the fastest mode, above 0.1 of the slowest."""
+MOST_COLUMNS = 6
+"""Format: most frequencies in a text, as many columns as fit a line."""
 STEPS = (1.0, 2.0, 5.0)
 
 
@@ -41,7 +42,7 @@ def response_frequencies(response: RandomResponse) -> Floats:
     close_frequencies = [
         abs(v.imag) + step * max(abs(v.real), 1e-4 * abs(v.imag)) for v in values.tolist() for step in PER_RESONANCE
     ]
-    frequencies = np.concatenate([table, np.geomspace(low, high, POINTS), np.array(close_frequencies) / tau])
+    frequencies = np.concatenate([table, np.geomspace(low, high, POINTS_OF_BAND), np.array(close_frequencies) / tau])
     return np.unique(frequencies[(frequencies >= low) & (frequencies <= high)])
 
 
@@ -169,8 +170,8 @@ def shock_report(response: ShockResponse, form: Form = "text") -> str:
 
 
 def _rows(response: ShockResponse) -> Any:
-    """At most MOST_SAMPLES samples of a history, evenly spread."""
-    return slice(None, None, -(-len(response.times) // MOST_SAMPLES))
+    """At most MOST_TIMES samples of a history, evenly spread."""
+    return slice(None, None, -(-len(response.times) // MOST_TIMES))
 
 
 def _masses(response: ShockResponse) -> list[tuple[int, float, float, float]]:
@@ -258,11 +259,11 @@ def thermal_frequencies(noise: ThermalNoise, beside: RandomResponse | None = Non
         return np.unique(np.concatenate([response_frequencies(beside), at]))
     poles = [pole for pole in poles_of(noise.form) if pole.imag > 0]
     rates = [pole.imag / tau for pole in poles] or [1.0]
-    low, high = min([BELOW * min(rates), *at]), max([ABOVE * max(rates), *at])
+    low, high = min([min(rates) / WIDTH_OF_BAND**0.5, *at]), max([WIDTH_OF_BAND * max(rates), *at])
     close_frequencies = [
         pole.imag + step * max(abs(pole.real), 1e-4 * pole.imag) for pole in poles for step in PER_RESONANCE
     ]
-    frequencies = np.concatenate([np.geomspace(low, high, POINTS), np.array(close_frequencies) / tau, at])
+    frequencies = np.concatenate([np.geomspace(low, high, POINTS_OF_BAND), np.array(close_frequencies) / tau, at])
     return np.unique(frequencies[(frequencies >= low) & (frequencies <= high)])
 
 
@@ -352,6 +353,6 @@ def _round(low: float, high: float) -> list[float]:
     decades = range(floor(log10(low)), ceil(log10(high)) + 1)
     for steps in (STEPS, (1.0,)):
         steps_in_band = [step * 10.0**k for k in decades for step in steps if low <= step * 10.0**k <= high]
-        if len(steps_in_band) <= MOST_SHOWN:
+        if len(steps_in_band) <= MOST_COLUMNS:
             break
-    return steps_in_band[:: -(-len(steps_in_band) // MOST_SHOWN)] or [low, high]
+    return steps_in_band[:: -(-len(steps_in_band) // MOST_COLUMNS)] or [low, high]

@@ -32,28 +32,29 @@ from modal.scene import RecordMotion, Scene, require
 from modal.scene.doors import checked
 from modal.statespace import ModalForm, state_space, to_modal_form
 from modal.statespace.response import Term
+from modal.statespace.sampling import MOST_NUMBERS
 from modal.types import Booleans, Complexes, Floats, Ints
 from modal.vibration.prescribed import Record, prescribed_motion
 from modal.vibration.random import INPUT, USUAL, ModalResponse, exact_terms
 
-PER_PERIOD, BETWEEN = 100, 4  # steps in a period, and at least between two samples of the record
+STEPS_OF_PERIOD = 100
+"""Tolerance: steps in the fastest period, between which polynomials find peaks; as many of a decay."""
 MOST_STEPS = 1_000_000
-JUMP = 1e-9  # of the acceleration, over its largest value: beyond the rounding of a piece's end
-SERIES, NEAR = 18, 1.0  # terms of the series of φ, and |z| up to which it is used
+"""Limit: steps of a record, refused beyond."""
+ROUNDING_OF_HISTORY = 1e-9
+"""Tolerance: share of the largest value, of an acceleration or a history, up to which a difference is rounding."""
+TERMS_OF_PHI = 18
+"""Tolerance: terms of the series of φ where |z| < 1: the next is a rounding."""
 
 
-NEARLY = 0.8
-"""Share of the largest sample from which on a sample may be next to the largest value."""
-FINE = 33
-"""Points between two neighbours of a sample, from the best of which one step of Newton leads to the top."""
+SHARE_OF_PEAK_MIN = 0.8
+"""Tolerance: share of the largest sample from which on a sample may be next to the largest value."""
+POINTS_OF_TOP = 33
+"""Tolerance: points between two neighbours of a sample, from the best of which one step of Newton leads to the top."""
 THROUGH_FIVE = np.linalg.inv(np.vander(np.arange(-2.0, 3.0), increasing=True))
 """From five values at −2, …, 2 to the coefficients of their polynomial."""
-ENOUGH = 0.9
-"""Share of the mass that the modes considered must have."""
-AFTER = 2.0  # slowest periods by which a history exceeds the record
-DECAYS = 100
-DIRECT = 1e-9
-MOST = 5e7  # numbers of all histories
+MASS_SHARE_ENOUGH = 0.9
+"""Physics: share of the mass that the modes considered must have, as codes of earthquake engineering ask."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,18 +75,18 @@ class Grid:
 def fine_times(record: Record, period: float, until: float) -> Grid:
     """The grid from the record's beginning to `until` (s), a time after its end.
 
-    A step is at most one part in PER_PERIOD of `period` (s) and in BETWEEN of the interval between two knots.
+    A step is at most one part in STEPS_OF_PERIOD of `period` (s) and in four of the interval between two knots.
     ComputationError where there would be too many.
     """
     knots, derivatives = record.pieces
     powers = np.array([factorial(k) for k in range(len(derivatives))])[:, None]
     ends_of_pieces = np.sum(derivatives * np.diff(knots) ** np.arange(len(powers))[:, None] / powers, axis=0)
-    jumps = np.abs(derivatives[0, 1:] - ends_of_pieces[:-1]) > JUMP * np.abs(derivatives[0]).max()
+    jumps = np.abs(derivatives[0, 1:] - ends_of_pieces[:-1]) > ROUNDING_OF_HISTORY * np.abs(derivatives[0]).max()
     begins, ends = knots.copy(), np.append(knots[1:], until)
     derivatives = np.hstack([derivatives, np.zeros((len(derivatives), 1))])
     is_jump = np.append(jumps, True)  # the acceleration drops to zero at the end
     begins[1:][is_jump] = np.nextafter(begins[1:][is_jump], np.inf)
-    counts = np.maximum(np.ceil((ends - begins) * PER_PERIOD / period), BETWEEN)
+    counts = np.maximum(np.ceil((ends - begins) * STEPS_OF_PERIOD / period), 4)
     if counts.sum() > MOST_STEPS:
         raise ComputationError(
             f"the record takes {counts.sum():.3g} steps of a hundredth of the fastest period, {period:.3g} s: at most "
@@ -110,9 +111,9 @@ def fine_times(record: Record, period: float, until: float) -> Grid:
 
 def phi(z: Complexes, highest: int) -> list[Complexes]:
     """φ_1 … φ_most."""
-    small = np.abs(z) < NEAR
+    small = np.abs(z) < 1
     small_z = np.where(small, z, 0.0)
-    series = [sum(small_z**j / factorial(j + k) for j in range(SERIES)) for k in range(1, highest + 1)]
+    series = [sum(small_z**j / factorial(j + k) for j in range(TERMS_OF_PHI)) for k in range(1, highest + 1)]
     large_z = np.where(small, 1.0, z)
     values, last = [], np.exp(large_z)
     for k in range(1, highest + 1):
@@ -161,7 +162,7 @@ def peak(grid: Grid, values: Floats) -> tuple[float, float]:
     if not largest:
         return 0.0, float(grid.times[0])
     highest = largest, float(grid.times[sizes.argmax()])
-    large_samples = np.flatnonzero(sizes >= NEARLY * largest)
+    large_samples = np.flatnonzero(sizes >= SHARE_OF_PEAK_MIN * largest)
     first_piece, last_piece = (
         np.searchsorted(grid.first, large_samples, side="right") - 1,
         np.searchsorted(grid.last, large_samples),
@@ -179,7 +180,7 @@ def peak(grid: Grid, values: Floats) -> tuple[float, float]:
     start = np.clip(centre - 2, grid.first[piece], grid.last[piece] - 4)
     window = values[start[:, None] + np.arange(5)] * np.sign(values[centre])[:, None]
     coefficients = window @ THROUGH_FIVE.T
-    places = np.linspace(left_neighbour - start - 2.0, right_neighbour - start - 2.0, FINE, axis=1)
+    places = np.linspace(left_neighbour - start - 2.0, right_neighbour - start - 2.0, POINTS_OF_TOP, axis=1)
     heights = _polynomial(coefficients, places)
     best = heights.argmax(1)[:, None]
     place = np.take_along_axis(places, best, 1)
@@ -271,7 +272,7 @@ class ShockResponse(ModalResponse):
         """Which outputs contain the support's own motion besides that of the modes, (p,)."""
         total = self.by_mode.sum(0)
         rest = np.abs(self.history - total).max(1)
-        return np.asarray(rest > DIRECT * np.abs(self.history).max(1))
+        return np.asarray(rest > ROUNDING_OF_HISTORY * np.abs(self.history).max(1))
 
     @cached_property
     def srss(self) -> Floats:
@@ -298,7 +299,7 @@ class ShockResponse(ModalResponse):
     @property
     def enough(self) -> int | None:
         """The number of lowest modes that hold 90 % of the mass; None where that is unknown."""
-        numbers = np.flatnonzero(np.cumsum(self.mass_shares) >= ENOUGH)
+        numbers = np.flatnonzero(np.cumsum(self.mass_shares) >= MASS_SHARE_ENOUGH)
         return int(numbers[0]) + 1 if len(numbers) else None
 
 
@@ -316,10 +317,10 @@ def shock_response(scene: Scene, motion: RecordMotion, outputs: tuple[str, ...] 
     form = to_modal_form(modes, state_space(scene, (INPUT,), tuple(outputs)))
     grid = fine_times(record, *_steps(modes.eigenvalue, record))
     size = len(modes) * len(form.model.outputs) * len(grid.times)
-    if size > MOST:
+    if size > MOST_NUMBERS:
         raise ComputationError(
             f"{len(modes)} modes, {len(form.model.outputs)} outputs and {len(grid.times)} times: their product may be "
-            f"at most {MOST:g}; choose fewer outputs with `outputs`"
+            f"at most {MOST_NUMBERS:g}; choose fewer outputs with `outputs`"
         )
     by_mode = np.zeros((len(modes), len(form.model.outputs), len(grid.times)))
     history = form.model.D[:, :1] * grid.derivatives[0] + _carried_along(form, record, grid.times)
@@ -342,13 +343,13 @@ def _carried_along(form: ModalForm, record: Record, times: Floats) -> Floats:
 def _steps(eigenvalues: Complexes, record: Record) -> tuple[float, float]:
     """The period (s) to be resolved, and until when (s).
 
-    That of the fastest oscillation; of faster decays, too, as far as they cost no more than DECAYS periods.
+    That of the fastest oscillation; of faster decays, too, as far as they cost no more than STEPS_OF_PERIOD periods.
     """
     rates = eigenvalues.imag[eigenvalues.imag > 0]
     if not len(rates):
         rates = np.array([2 * pi / (record.last - record.first)])
-    until = record.last + AFTER * 2 * pi / float(rates.min())
-    decay = min(float(np.abs(eigenvalues).max()), DECAYS * 2 * pi / (until - record.first))
+    until = record.last + 4 * pi / float(rates.min())
+    decay = min(float(np.abs(eigenvalues).max()), STEPS_OF_PERIOD * 2 * pi / (until - record.first))
     return 2 * pi / max(float(rates.max()), decay), until
 
 

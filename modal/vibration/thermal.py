@@ -27,18 +27,17 @@ from modal.scene import Scene, require
 from modal.scene.doors import checked
 from modal.statespace import state_space, to_modal_form
 from modal.statespace.response import ExactResponse
-from modal.statespace.structural import MOST, is_small
+from modal.statespace.structural import MOST_IN_DIGITS, is_small
 from modal.types import Complexes, Floats
-from modal.vibration.random import PRECISE, ModalResponse, nodes, poles_of
+from modal.vibration.random import ERROR_UNDER_INTEGRAL, ModalResponse, nodes, poles_of
 
 BOLTZMANN = 1.380649e-23
-"""k_B in J/K, exact in the SI."""
+"""Physics: k_B in J/K, exact in the SI (BIPM, The International System of Units, 9th edition, §2.2)."""
 USUAL = ("tip_positions",)
-TOLERANCE = 2e-14
-"""Relative error of every response, of which a PSD has twice that."""
 MOST_PAIRS = 20_000
-"""Most dissipators times outputs."""
-HOTTEST = 1e6
+"""Limit: dissipators times outputs, refused beyond."""
+HIGHEST_TEMPERATURE = 1e6
+"""Limit: kelvins, refused beyond: a number in another unit."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -59,7 +58,7 @@ class ThermalNoise(ModalResponse):
     def _elimination(self) -> ExactResponse:
         return ExactResponse(self.scene, self.dissipators, self.outputs)
 
-    def budget(self, f: ArrayLike, tolerance: float = TOLERANCE) -> Floats:
+    def budget(self, f: ArrayLike, tolerance: float = 2e-14) -> Floats:
         """The PSD of every output from each of the `places`, (places, p, W) in its unit squared per hertz.
 
         At f = 0 that of dampers; infinite there with loss angles.  `tolerance` is the relative error of each response.
@@ -92,7 +91,7 @@ class ThermalNoise(ModalResponse):
         """The RMS (p,) of every output from the noise between two frequencies (Hz)."""
         total = np.zeros(len(self.outputs))
         for omega, remainder, weight in nodes(tau * low, tau * high, poles_of(self.form)):
-            total += self._budget(omega, PRECISE, remainder).sum(0) @ weight / tau
+            total += self._budget(omega, ERROR_UNDER_INTEGRAL, remainder).sum(0) @ weight / tau
         return np.sqrt(total)
 
 
@@ -111,8 +110,8 @@ def thermal_noise(scene: Scene, temperature: float, outputs: tuple[str, ...] = U
     ['2.5963e-18', '8.1765e-21']
     """
     problems = []
-    if not (isfinite(temperature) and 0 < temperature <= HOTTEST):
-        problems.append(f"temperature {temperature:g}: must be above 0 K and at most {HOTTEST:g} K")
+    if not (isfinite(temperature) and 0 < temperature <= HIGHEST_TEMPERATURE):
+        problems.append(f"temperature {temperature:g}: must be above 0 K and at most {HIGHEST_TEMPERATURE:g} K")
     if "pivot_forces" in outputs or any(name.startswith("spring_force") for name in outputs):
         problems.append(
             "outputs: thermal noise is that of positions, angles, their rates and accelerations, not of forces"
@@ -123,7 +122,9 @@ def thermal_noise(scene: Scene, temperature: float, outputs: tuple[str, ...] = U
     if not (scene.has_damping or scene.has_losses):
         raise SceneError(["thermal noise: nothing dissipates in this scene: give it dampers, drag, loss or wire_loss"])
     if scene.has_modal_damping and not is_small(scene):
-        raise ComputationError(f"thermal noise: damping ratios of more than {MOST} coordinates: give dampers instead")
+        raise ComputationError(
+            f"thermal noise: damping ratios of more than {MOST_IN_DIGITS} coordinates: give dampers instead"
+        )
     modes = natural_modes(scene)
     if growing := [number for number, value in enumerate(modes.eigenvalue.tolist(), 1) if value.real > 0]:
         raise ComputationError(f"mode {growing[0]} grows by itself: there is no thermal equilibrium")

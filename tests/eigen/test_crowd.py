@@ -139,7 +139,7 @@ def terms_summed(size: int, monkeypatch: pytest.MonkeyPatch) -> int:
 
     def counted(run: secular._Run, anchor: np.ndarray, offset: np.ndarray) -> np.ndarray:
         nonlocal seen
-        seen += len(anchor) * (run.far - run.near)
+        seen += len(anchor) * (run.pole_stop - run.pole_start)
         return original(run, anchor, offset)
 
     with monkeypatch.context() as patch:

@@ -242,7 +242,7 @@ def test_shapes_of_a_crowd_piece_by_piece(monkeypatch: pytest.MonkeyPatch) -> No
     block = rig_of(scene(rods(5), rods(5, length=1.5), rods(5, length=0.7))).natural()[0].blocks[0]
     square = chains.fixed_squares(block).x
     whole = crowd._own_modes(block, square)
-    monkeypatch.setattr(crowd, "CHUNK", 20)
+    monkeypatch.setattr(crowd, "NUMBERS_IN_CHUNK", 20)
     pieces = crowd._own_modes(block, square)
     for name in ("momentum", "modal_mass", "turn"):
         np.testing.assert_array_equal(getattr(whole, name), getattr(pieces, name))

@@ -59,7 +59,6 @@ def test_what_cancels_keeps_its_digits_on_structures(scene: Scene) -> None:
 
 
 def test_what_cancels_and_is_not_refined_has_no_derivative(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(squares, "FEW", 0)
     monkeypatch.setattr(squares, "MOST_REFINED", 0)
     modes = natural_modes(BOARD)
     assert [bool(of_mode(modes, row)) for row in modes] == [True, False]

@@ -9,7 +9,7 @@ from control_scenes import DRIVES, SCENES, crane, mixed, rank
 
 from modal import Bob, Cart, Pendulum, Scene, load, matrices, natural_modes
 from modal.statespace import Signal, modal_gains, state_space, unreached, unseen
-from modal.statespace.gains import BARELY, Side
+from modal.statespace.gains import RELATIVE_GAIN_MIN, Side
 
 
 def test_two_loads_are_reached_and_two_equal_ones_are_not() -> None:
@@ -33,7 +33,7 @@ def test_nearly_equal_loads_are_barely_reached() -> None:
     _, phi = scipy.linalg.eigh(model.K, model.M)
     assert gains.inputs.gain[1, 0] == pytest.approx(1.77e-5, rel=2e-3)
     assert gains.inputs.gain[1:, 0] == pytest.approx(np.abs(phi[0, 1:]), rel=1e-9)
-    assert gains.inputs.relative[1, 0] < BARELY
+    assert gains.inputs.relative[1, 0] < RELATIVE_GAIN_MIN
     assert gains.inputs.words[1] == ["barely (gain 2e-05)"]
     assert gains.inputs.copies.tolist() == [1, 1, 1]
     assert unreached(gains) == (1,)

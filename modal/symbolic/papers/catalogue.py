@@ -10,9 +10,6 @@ from modal.errors import SceneError
 from modal.symbolic import Line, Section
 from modal.symbolic.papers import Equation, cart, cart_dae, planar, spatial, spatial_azimuth
 
-LINKS, THREE = 2, 3
-"""Spatial equations are written out for two links, those of an inner link for three."""
-
 
 def paper(number: str, show: tuple[str, ...] = ()) -> tuple[str, list[Section]]:
     """Title and sections of paper 000, 001 or 002, of all its equations or of those that `show` numbers.
@@ -75,11 +72,12 @@ def _planar() -> list[Equation]:
 
 
 def _spatial() -> list[Equation]:
-    kinematics = [*spatial.velocity(LINKS), spatial.square_term(1), spatial.cross_term(1, 2)]
-    kinematics.append(spatial.squared_speed(LINKS))
-    energies = [spatial.kinetic_energy(LINKS), spatial.potential_energy(LINKS), spatial.lagrangian(LINKS)]
+    """Written out for two links, those of an inner link for three."""
+    kinematics = [*spatial.velocity(2), spatial.square_term(1), spatial.cross_term(1, 2)]
+    kinematics.append(spatial.squared_speed(2))
+    energies = [spatial.kinetic_energy(2), spatial.potential_energy(2), spatial.lagrangian(2)]
     azimuths = [
-        make(1, LINKS)
+        make(1, 2)
         for make in (
             spatial_azimuth.momentum,
             spatial_azimuth.momentum_rate,
@@ -87,8 +85,8 @@ def _spatial() -> list[Equation]:
             spatial_azimuth.conservation,
         )
     ]
-    azimuths += [spatial_azimuth.azimuth_acceleration(1, LINKS)]
-    azimuths += [spatial_azimuth.azimuth_acceleration(i, THREE) for i in (2, 3)]
+    azimuths += [spatial_azimuth.azimuth_acceleration(1, 2)]
+    azimuths += [spatial_azimuth.azimuth_acceleration(i, 3) for i in (2, 3)]
     return [*kinematics, *energies, *azimuths]
 
 
