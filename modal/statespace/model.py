@@ -63,7 +63,7 @@ if TYPE_CHECKING:
     pass
 
 LARGEST_STATE = 4000
-"""Limit: states of a model, refused beyond: 0.4 GB of matrices."""
+"""Limit: states of a model, refused beyond."""
 TRANSLATING = {"fixed", "cart", "swing", "platform"}
 """The kinds of carriers whose own mass, if they have any, can move along the rail and do nothing else."""
 NO_SHARE = (
