@@ -41,10 +41,16 @@ if TYPE_CHECKING:
     from modal.eigen.recursion import Suspension, at_infinity
     from modal.eigen.secular import Poles, solve
     from modal.eigen.short import short_squares
-    from modal.eigen.sources import UNCERTAIN, Details, largest_angle, noun_count, structured_error
+    from modal.eigen.sources import (
+        MOST_COORDINATES,
+        UNCERTAIN,
+        Details,
+        largest_angle,
+        noun_count,
+        structured_error,
+    )
     from modal.eigen.spectrum import ModalSpectrum, SpectrumPart, find_spectrum, notes
     from modal.eigen.squares import CLOSE, EVERYTHING, Limits, smallest_where, squares_of
-    from modal.eigen.structured import MOST_COORDINATES
 
 __all__ = [
     "CLOSE",

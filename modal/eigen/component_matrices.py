@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from modal.eigen.trees import HungChains, Tree
 
 LARGEST_WIDE = 200
-"""Cost: coordinates up to which triangular factors are computed in the widest floats of the machine, 0.4 s of them."""
+"""Cost: coordinates up to which triangular factors are computed in the widest floats of the machine."""
 BEYOND = "the ratios in this scene are beyond double precision on its product form"
 Numbers = NDArray[Any]
 

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 LIGHTEST = 1e-290
 """Tolerance: least weight of a pole: a lighter one changes no digit of any root, and its products underflow."""
 MOST_LINKS_TOGETHER = 600
-"""Cost: links on a cart up to which counts find modes, the secular equation those of more, in a tenth of the time."""
+"""Cost: links on a cart up to which counts find modes, the secular equation those of more (benchmarks/modes.py)."""
 TOLERANCE = 16 * EPS
 """Tolerance: squares this close are taken as equal: the largest difference of equal ones by rounding."""
 

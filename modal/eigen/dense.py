@@ -34,9 +34,9 @@ from modal.errors import ComputationError
 from modal.types import EPS, Complexes, Floats, Ints
 
 LARGEST_DAMPED = 500
-"""Limit: coordinates with dampers, refused beyond as `refuse_beyond` says: a minute."""
+"""Limit: coordinates with dampers, refused beyond as `refuse_beyond` says."""
 LARGEST_UNDAMPED = 2000
-"""Limit: coordinates without dampers, refused beyond as `refuse_beyond` says: a minute."""
+"""Limit: coordinates without dampers, refused beyond as `refuse_beyond` says."""
 SINGULAR = (
     "the mass matrix is singular to double precision (as with a massless cart over bobs): with dampers or "
     "inverted links this scene has no state-space form; give the cart or the links some inertia"

@@ -174,7 +174,7 @@ PRECISIONS = (40, 80, 160, 320, 640)
 
 
 REFINED_DIGITS = 80
-"""Cost: decimal digits in which a mode is refined, of which half may cancel; twice as many give the same floats."""
+"""Cost: decimal digits in which a mode is refined: half of them may cancel."""
 
 
 class Arithmetic(Protocol):

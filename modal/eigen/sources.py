@@ -26,6 +26,8 @@ from modal.eigen.seeds import seed_matrices
 from modal.eigen.squares import EVERYTHING, Limits, Squares
 from modal.types import EPS, Complexes, Floats, Ints
 
+MOST_COORDINATES = 1200
+"""Limit: coordinates of a structure up to which shapes are computed, refused beyond as `dense.refuse_beyond` says."""
 UNCERTAIN = 0.1
 """Tolerance: relative error from which on no digit is certain: bounds are of first order, and larger ones none."""
 

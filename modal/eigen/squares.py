@@ -29,9 +29,9 @@ PLACES_OF_GUESS = 4
 TRIALS_OF_COUNT = 800
 """Cost: number of trial values that cost hardly more than one (benchmarks/modes.py)."""
 LINKS_OF_LONG_CHAIN = 100
-"""Cost: links above which seeds of all modes cost more than those of a few (benchmarks/few_modes.py)."""
+"""Cost: links above which seeds of all modes cost more than those of a few (benchmarks/modes.py)."""
 LINKS_PER_MODE = 20
-"""Cost: links above those for each mode that is sought, where these are a few (benchmarks/few_modes.py)."""
+"""Cost: links above those for each mode that is sought, where these are a few (benchmarks/modes.py)."""
 CLOSE = 1e-8
 """Tolerance: relative gap of squares below which shapes need their differences, or are orthogonal by construction."""
 

@@ -26,6 +26,7 @@ from modal.eigen.component_matrices import (
 from modal.eigen.coupled import MOST_LINKS_TOGETHER
 from modal.eigen.free_motions import details_of, significant_product
 from modal.eigen.sources import (
+    MOST_COORDINATES,
     Details,
     ProblemSize,
     largest_angle,
@@ -38,10 +39,8 @@ from modal.errors import ComputationError
 from modal.report import deferred
 from modal.types import EPS, Complexes, Floats, Ints
 
-MOST_COORDINATES = 1200
-"""Limit: coordinates of a structure up to which shapes are computed, refused beyond as `dense.refuse_beyond` says."""
 ERROR_OF_NARROW = 64.0
-"""Tolerance: factor on the error where triangular factors are in floats no wider than the results, as measured."""
+"""Tolerance: factor on the error where triangular factors are in floats no wider than the results."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -34,11 +34,11 @@ DISTANCE_OF_RESONANCE = 0.02
 PROMISED_ERROR = 0.03
 """Tolerance: relative error of an angle of 1 % without a star, as docs and tables say; a star stands beyond."""
 ERROR_UNSEEN = 0.002
-"""Tolerance: how far the estimate of that error may be too small, as in 400 modes of random scenes."""
+"""Tolerance: how far the estimate of that error may be too small."""
 DISTANCE_OF_DOUBT = 0.1
 """Tolerance: distance from a ratio within which a response may be wrong by all of itself."""
 DOUBT_ELSEWHERE = 0.05
-"""Tolerance: share by which a response further from a ratio may be wrong, as in 400 modes of random scenes."""
+"""Tolerance: share by which a response further from a ratio may be wrong."""
 RATIOS = (("1:1", 1.0), ("1:3", 3.0), ("3:1", 1 / 3))
 DRIVEN = (1, 3)
 """The harmonics in which a mode drives other modes."""

@@ -43,9 +43,9 @@ if TYPE_CHECKING:
 __all__ = ["GUIDE", "matrices_table", "table"]
 
 MOST_SHAPE_NUMBERS = 5_000_000
-"""Limit: angles of the shapes of one document, refused beyond as too many: 100 MB of JSON."""
+"""Limit: angles of the shapes of one document, refused beyond as too many."""
 MOST_SENSITIVITIES = 200_000
-"""Limit: sensitivities of one table, refused beyond as too many: 10 MB of text."""
+"""Limit: sensitivities of one table, refused beyond as too many."""
 GUIDE = "the 1 % angle is approximate"
 SENSITIVITIES = "Sensitivities (p/ω) ∂ω/∂p: the percentage by which a frequency changes where a number p grows by 1 %."
 NO_DERIVATIVE = "growing, damped by a damping_ratio, or shared by several modes"

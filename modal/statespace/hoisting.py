@@ -41,11 +41,11 @@ SAMPLES_OF_HISTORY = 600
 MOST_LINKS = 100
 """Limit: links of a scene whose swing is integrated along a hoist, refused beyond."""
 MOST_SWINGS = 1e5
-"""Limit: swings of the fastest mode during one law of length, refused beyond: a minute."""
+"""Limit: swings of the fastest mode during one law of length, refused beyond."""
 POWERS_OF_QUINTIC = 6
 """Format: coefficients of a quintic, of which a travel's law consists."""
 TOLERANCE_OF_HOIST = 1e-10
-"""Tolerance: relative error of a step along a hoist, a thousandth of it near rest: residual swing to seven digits."""
+"""Tolerance: relative error of a step along a hoist, a thousandth of it near rest."""
 Command = Callable[[Floats], Floats]
 SWING = "swing: the largest angle of each mode over that at the beginning, if E/ω is conserved (a slow hoist)"
 NO_MODE = "with the cart free no mode oscillates: a massless cart stays above its load"

@@ -64,7 +64,7 @@ if TYPE_CHECKING:
     pass
 
 LARGEST_STATE = 4000
-"""Limit: states of a model, refused beyond: 0.4 GB of matrices."""
+"""Limit: states of a model, refused beyond."""
 NO_SHARE = (
     "a modal support does not say how the ground's motion drives its coordinates: give it as forces on these, or "
     "write the structure as carts"

@@ -24,7 +24,7 @@ MOST_SLOW_MODES = 12
 MOST_OUTPUTS = 24
 """Limit: outputs whose peaks are printed, refused beyond."""
 HALF_WIDTHS_OF_PEAK = 10.0
-"""Tolerance: half-widths of a mode within which its peak is looked for: no further from it are two modes told apart."""
+"""Tolerance: half-widths of a mode within which its peak is looked for."""
 POINTS_OF_PEAK = 24
 """Cost: frequencies at once, of which the three beside the highest bound the next, closer ones."""
 
