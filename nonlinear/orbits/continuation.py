@@ -19,7 +19,7 @@ from modal.errors import ComputationError
 from modal.report import Displayed
 from modal.scene.parameters import Variation
 from modal.types import Floats
-from nonlinear.integration.method import SAFETY
+from nonlinear.integration.method import STEP_SAFETY
 from nonlinear.orbits.orbit import Orbit
 
 CORRECTION_MIN = 1e-7
@@ -149,10 +149,10 @@ def follow(
             step /= 2
             continue
         if (gap := distance(current, following)) > 1:
-            step *= max(0.25, SAFETY / gap)
+            step *= max(0.25, STEP_SAFETY / gap)
             continue
         turn = float(np.arccos(np.clip(following.tangent @ current.tangent, -1, 1)))
-        grown = min(float(np.clip(TANGENT_TURN_MAX / 3 / max(turn, 1e-9), 0.5, 1.5)), SAFETY / max(gap, 1e-9))
+        grown = min(float(np.clip(TANGENT_TURN_MAX / 3 / max(turn, 1e-9), 0.5, 1.5)), STEP_SAFETY / max(gap, 1e-9))
         step = min(step * grown, longest)
         current = following
         yield current
