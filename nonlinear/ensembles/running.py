@@ -452,7 +452,12 @@ def _chunks(
             yield number, chunk
         return
     lose(forgone, seconds_of(question, len(left)) / count)
-    tasks = (ChunkTask(number, _lean(question), question.part(number)) for number in left)
+    # with one member's worth of what may be many
+    members = question.members
+    lists = {path: numbers[:1] for path, numbers in (members.lists or {}).items()}
+    states = None if members.states is None else members.states.at(slice(0, 1))
+    small = replace(question, members=Members(members.scene, members.axes, lists, states))
+    tasks = (ChunkTask(number, small, question.part(number)) for number in left)
     yield from computed(work, tasks, crew, count, _died)
 
 
@@ -474,12 +479,3 @@ def _died(task: ChunkTask) -> Numbered:
     """A chunk at which its process died."""
     first, size = task.part.first, task.part.size
     return task.number, Chunk(first, size, {}, dict.fromkeys(range(first, first + size), DIED), {})
-
-
-def _lean(question: EnsembleRequest) -> EnsembleRequest:
-    """The question with one member's worth of what may be many."""
-    members = question.members
-    lists = {path: numbers[:1] for path, numbers in (members.lists or {}).items()}
-    states = None if members.states is None else members.states.at(slice(0, 1))
-    small = Members(members.scene, members.axes, lists, states)
-    return replace(question, members=small)

@@ -48,9 +48,9 @@ def test_a_change_is_located_as_accurately_as_orbits_are_known(at: float) -> Non
 def test_a_crossing_leaves_what_its_equations_do_not_tell() -> None:
     guess = np.array([0.0, 0.1])
     for stiffness, is_told in ((3e-5, True), (3e-6, False)):
-        found = correct(Line(stiffness=stiffness), guess, ALONG, CROSSING_SINGULAR_RATIO)
-        assert found is not None
-        assert bool(abs(found[0][1]) < 1e-9) is is_told
+        solution = correct(Line(stiffness=stiffness), guess, ALONG, CROSSING_SINGULAR_RATIO)
+        assert solution is not None
+        assert bool(abs(solution[0][1]) < 1e-9) is is_told
 
 
 def cycle(multipliers: list[float], omega: float = 1.0) -> Any:
