@@ -24,7 +24,8 @@ from modal.types import Booleans, Complexes, Floats, Ints
 from nonlinear.averaging.equations import DIFFERENCE_STEP, AveragedEquations
 from nonlinear.averaging.slow_flow import DEAD_AMPLITUDE_RATIO, LOCKED, settle_apart
 from nonlinear.averaging.symmetry import (
-    PENDULUM_DIFFERENCE_MIN,
+    AMPLITUDE_DIFFERENCE_MIN,
+    IMAGES_MAX,
     count_copies,
     exchange,
     kinds,
@@ -33,8 +34,6 @@ from nonlinear.averaging.symmetry import (
     spread_evenly,
 )
 
-BAND_AMPLITUDE_MIN = 1e-3
-"""Tolerance: of the largest amplitude, below which a band is at rest: noise of a start decays that far at least."""
 NEWTON_LEAP_MAX = 0.1
 """Cost: Newton's step over the largest amplitude: nearly neutral families would cause long ones;
 benchmarks/sync/survivors.py."""
@@ -44,8 +43,6 @@ RATE_RESIDUAL_MAX = 1e-10
 """Tolerance: of ω|z|, the rates that are left of a state: rounding leaves 1e-14, a slow growth rate is 1e-5."""
 NEUTRAL_RATE_RATIO = 1e-4
 """Tolerance: of the recovery rate, below which an eigenvalue is 0: central differences know it to 1e-9."""
-COPIES_MAX = 48
-"""Cost: starts that are copies of states found already; benchmarks/sync/exchange.py."""
 START_SEED = 5
 """Format: of the random starts, which are the same in every run."""
 START_ANGLE = 0.1
@@ -156,9 +153,9 @@ def relative_equilibria(
 
     starts = list(_starts(equations))
     copies = (start for equilibrium in equilibria for start in _nearly_copies(equilibrium))
-    for count, start in enumerate(chain(starts, islice(copies, COPIES_MAX)), start=1):
+    for count, start in enumerate(chain(starts, islice(copies, 2 * IMAGES_MAX)), start=1):
         add(start)
-        report(count / (len(starts) + COPIES_MAX))
+        report(count / (len(starts) + 2 * IMAGES_MAX))
     report(1.0)
     return tuple(sorted(equilibria, key=lambda equilibrium: (equilibrium.row, equilibrium.omega)))
 
@@ -242,7 +239,7 @@ def _patterns(equations: AveragedEquations) -> Iterator[tuple[Complexes, Boolean
 
 def swinging(equations: AveragedEquations, z: Complexes) -> Ints:
     """The bands that oscillate."""
-    return np.flatnonzero(_sizes(equations, z) > BAND_AMPLITUDE_MIN * np.abs(z).max())
+    return np.flatnonzero(_sizes(equations, z) > AMPLITUDE_DIFFERENCE_MIN * np.abs(z).max())
 
 
 def _sizes(equations: AveragedEquations, z: Complexes) -> Floats:
@@ -299,7 +296,7 @@ def _rates(
 
 
 def is_same_motion(
-    equilibrium: RelativeEquilibrium, second: RelativeEquilibrium, within: float = PENDULUM_DIFFERENCE_MIN
+    equilibrium: RelativeEquilibrium, second: RelativeEquilibrium, within: float = AMPLITUDE_DIFFERENCE_MIN
 ) -> bool:
     """Whether two are the same motion within this relative tolerance, but for phases and equal pendula exchanged.
 

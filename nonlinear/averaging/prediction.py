@@ -30,10 +30,8 @@ WINNER_ENERGY_MIN = 0.9
 """Limit: least fraction of the energy in a survivor: with less "no mode wins"."""
 RESONANCE_WIDTH = 0.1
 """Limit: largest sum of frequencies over the lowest that is "in resonance"; three times as wide for times."""
-RATE_MARGIN_MIN = 2.0
-"""Limit: least decay rate of other modes over its error, below which a state attracts "only weakly"."""
 TIMED_RATE_MARGIN_MIN = 5.0
-"""Limit: the same for times, below which "the last rate is a small difference of large ones"."""
+"""Limit: least decay rate of other modes over its error, else "the last rate is a small difference of large ones"."""
 TIMED_SWINGS_MIN = 10
 """Limit: shortest locking time in periods; "it comes within 10 swings"."""
 TIME_DIFFERENCE_MAX = 0.2
@@ -42,8 +40,8 @@ ASIDE = 0.05
 """Limit: relative distance of neighbouring starts; "starts 5 % away from this one end elsewhere"."""
 NEIGHBOUR_SEED = 11
 """Format: of the neighbouring starts, which are the same in every run."""
-LEAVING_TIMES = 10
-"""Tolerance: relaxation times allowed for leaving an unstable state: a rounding error grows to 1e-12 in them."""
+E_FOLDING_TIMES = 10.0
+"""Limit: of a slowest rate, that a transient lasts: what began at 5e-5 has grown or decayed to order 1 then."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -140,7 +138,7 @@ class Prediction(Displayed):
             yield f"nothing has settled after {self.motion.times[-1]:.3g} s", True
         elif not self.is_won:
             yield self.indecision, True
-        if self.ending is None or self.ending.hold < RATE_MARGIN_MIN * self._error:
+        if self.ending is None or self.ending.hold < 2 * self._error:
             yield "the final state attracts its neighbours only weakly", False
         if min(flow.reach for flow in (self.motion, *self.neighbours)) < KICK_REACH_MIN:
             yield "a clock starts or passes below the angle of its escapement, or near it, and may miss kicks", True
@@ -191,7 +189,7 @@ def predict(scene: Scene, start: State | None = None) -> Prediction:
     if runs_away(equations, motions[0].z):
         raise ComputationError("drives are too strong for averaged equations: their amplitudes exceed half a turn")
     if (ending := _ending(motions[0])) and ending.is_stable is False:
-        motions = settle(equations, starts, shortest=LEAVING_TIMES * ending.relaxation)
+        motions = settle(equations, starts, shortest=E_FOLDING_TIMES * ending.relaxation)
         if (ending := _ending(motions[0])) and ending.is_stable is False:
             state, unstable, motions = _aside(equations, state), ending, motions[1:]
             ending = _ending(motions[0])

@@ -28,8 +28,9 @@ from nonlinear.system import burdens
 
 IMAGES_MAX = 24
 """Cost: pendula tried as the image of the widest; benchmarks/sync/exchange.py."""
-PENDULUM_DIFFERENCE_MIN = 1e-3
-"""Tolerance: over the widest amplitude, from which on two pendula do not do the same: settling leaves 1e-4."""
+AMPLITUDE_DIFFERENCE_MIN = 1e-3
+"""Tolerance: over the widest amplitude, from which on two pendula do not do the same, and a band is not at rest:
+settling leaves 1e-4."""
 
 
 @lru_cache(maxsize=16)
@@ -97,7 +98,7 @@ def count_copies(equations: AveragedEquations, z: Complexes) -> int:
     set_sizes = map(sum, set(map(tuple, alike.tolist())))
     distinct: list[Complexes] = []
     for turn in _turns(links, links, kind, max_images=len(kind)):
-        if all(np.abs(turn - neighbour).max() > PENDULUM_DIFFERENCE_MIN for neighbour in distinct):
+        if all(np.abs(turn - neighbour).max() > AMPLITUDE_DIFFERENCE_MIN for neighbour in distinct):
             matches = _alike(links, links * turn, kind)
             if np.array_equal(np.sort(matches.sum(axis=0)), np.sort(alike.sum(axis=0))) and matches.any(axis=0).all():
                 distinct.append(turn)
@@ -120,7 +121,7 @@ def _turns(links: Complexes, others: Complexes, kind: Ints, max_images: int = IM
 def _alike(links: Complexes, others: Complexes, kind: Ints) -> Booleans:
     """Which pendula of one kind do the same in two motions, (N, N)."""
     distance = np.abs(links[:, None] - others[None]).max(axis=(2, 3))
-    return np.asarray((distance <= PENDULUM_DIFFERENCE_MIN * np.abs(links).max()) & (kind[:, None] == kind))
+    return np.asarray((distance <= AMPLITUDE_DIFFERENCE_MIN * np.abs(links).max()) & (kind[:, None] == kind))
 
 
 def _places(equations: AveragedEquations) -> list[Ints]:

@@ -41,9 +41,11 @@ TRANSIENT = 0.5
 SPREAD_MAX = 10.0
 """Limit: largest `spread` (rad), "must be a finite number from 0 to 10"."""
 STARTS_TOGETHER = 256
-"""Cost: starts that a crew computes together: side by side 64 take hardly longer than 4; benchmarks/ensembles.py."""
+"""Cost: starts that a crew computes together: side by side 64 take hardly longer than 4; twice as many of a sweep at
+energies, four times as many motions of one over numbers; benchmarks/ensembles.py."""
 GROWTH_SAMPLES_MAX = 50_000_000
-"""Limit: numbers of the growth that are kept: "must be at most … s for … starts of this scene"."""
+"""Limit: numbers of the growth that are kept, half of those of an ensemble's samples: "must be at most … s for … starts
+of this scene"."""
 DURATION_TIMES = 200.0
 """Limit: default of `duration` in sqrt(l/g) of the longest link."""
 DURATION_TIMES_MIN = 20.0

@@ -53,19 +53,15 @@ def compute(question: EnsembleRequest, part: MemberPart) -> Chunk:
     """A chunk of a question."""
     if question.engine == PLAIN:
         return _one_by_one(question, part)
-    layout = _layout(question)
+    differing = {place: np.ones(1) for place in question.members.part(0, 1).places if "start" not in place}
+    layout = Lanes(numbers_of(question.scene, differing, question.system)).layout
+    # work is counted where any member might do any
+    layout = replace(layout, works=layout.works or any(place[0] == RATIO for place in differing))
     block = part.block(layout)
     results = engine_of(question.engine)(block.numbers, block.y, question.wanted)
     context = Context(question.scene, question.system, block.numbers, layout, block.y, question.wanted)
     drift = Accounts(block.numbers, layout).drift(block.y, results.y, question.duration, results.rubbed)
     return _chunk(question, part, block, context, results, drift)
-
-
-def _layout(question: EnsembleRequest) -> Layout:
-    """The parts of y; work is counted where any member might do any."""
-    differing = {place: np.ones(1) for place in question.members.part(0, 1).places if "start" not in place}
-    layout = Lanes(numbers_of(question.scene, differing, question.system)).layout
-    return replace(layout, works=layout.works or any(place[0] == RATIO for place in differing))
 
 
 def _chunk(
@@ -89,7 +85,11 @@ def _chunk(
     for values in columns.values():
         values[failed] = np.nan
     reasons = block.reasons | {int(block.places[k]): reason for k, reason in failures.items()}
-    whole = {name: _placed(values, block, part.size) for name, values in columns.items()}
+    whole = columns
+    if len(block.places) < part.size:  # those members that can be, among all
+        whole = {name: np.full((part.size, *values.shape[1:]), np.nan) for name, values in columns.items()}
+        for name, values in columns.items():
+            whole[name][block.places] = values
     if results.crossed is not None:
         whole |= _crossings(context.layout, part, block, results, failed)
     numbered = {part.first + place: reason for place, reason in sorted(reasons.items())}
@@ -112,15 +112,6 @@ def states(layout: Layout, rows: Floats) -> Columns:
     motion = layout.read(rows.reshape(-1, rows.shape[-1]))
     parts = {column: getattr(motion, part) for part, column in state_columns(layout.is_structured).items()}
     return {name: values.reshape(*rows.shape[:-1], *values.shape[1:]).copy() for name, values in parts.items()}
-
-
-def _placed(values: Floats, block: MemberBlock, size: int) -> Floats:
-    """A column of those members that can be among all."""
-    if len(block.places) == size:
-        return values
-    whole = np.full((size, *values.shape[1:]), np.nan)
-    whole[block.places] = values
-    return whole
 
 
 def _crossings(
@@ -186,7 +177,11 @@ def _one_by_one(question: EnsembleRequest, part: MemberPart) -> Chunk:
     for place in range(part.size):
         try:
             member = plain.columns(question, part.scene_of(place), part.state_of(place))
-            crossings.append(_of_member(part.first + place, member))
+            crossed = {name: member.pop(name) for name in [*member] if name.startswith("crossing_")}
+            if crossed:
+                number = np.full(len(crossed["crossing_time_s"]), float(part.first + place))
+                crossed = {"crossing_member": number, **crossed}
+            crossings.append(crossed)
             rows.append(member)
         except MultipendulaError as error:
             reasons[part.first + place] = " ".join(str(error).split())
@@ -199,11 +194,3 @@ def _one_by_one(question: EnsembleRequest, part: MemberPart) -> Chunk:
     if crossings and crossings[0]:
         columns |= {name: np.concatenate([member[name] for member in crossings]) for name in crossings[0]}
     return Chunk(part.first, part.size, columns, reasons, {})
-
-
-def _of_member(number: int, columns: Columns) -> Columns:
-    """The crossings of a run by itself, taken out of its columns."""
-    crossings = {name: columns.pop(name) for name in [*columns] if name.startswith("crossing_")}
-    if crossings:
-        crossings = {"crossing_member": np.full(len(crossings["crossing_time_s"]), float(number)), **crossings}
-    return crossings

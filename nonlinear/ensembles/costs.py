@@ -41,7 +41,8 @@ TANGENT = "lyapunov"
 NUMBA_SECONDS = 0.02
 """Cost: that numba's loop takes for a few members as well; benchmarks/ensembles.py."""
 CALLING = 1.5e-4, 6e-5
-"""Seconds that a step of lanes in NumPy takes for a few members as well: for each link, and for its square."""
+"""Cost: seconds that a step of lanes in NumPy takes for a few members as well: for each link, and for its square;
+benchmarks/ensembles.py."""
 RECORDED = CAPABILITIES["engine numba"].unless["moved_support"]
 """What of the functions of time numba takes."""
 

@@ -24,6 +24,7 @@ from modal.report import Displayed, Drawable, Result, Summary, counted, deferred
 from modal.scene import Scene, name_of, require, title_of
 from modal.scene.parameters import Vary
 from modal.types import Floats, Ints
+from nonlinear.chaos.lyapunov import GROWTH_SAMPLES_MAX
 from nonlinear.ensembles.computing import DISAGREES, Chunk, compute, engine_of
 from nonlinear.ensembles.costs import Decision, choose_engine, seconds_of
 from nonlinear.ensembles.executors import DIED, PROCESS_SECONDS, Crew, computed, cores, pool_of
@@ -46,8 +47,6 @@ from nonlinear.integration.readiness import Forgone, lose, rent
 from nonlinear.system import Motion, System, system_of
 
 END = "end"
-SAMPLES_MAX = 100_000_000
-"""Limit: numbers of all members at all samples, which are kept in memory."""
 Output = str | int | Sequence[float] | Floats | None
 Report = Callable[[float], object]
 Numbered = tuple[int, Chunk]
@@ -384,7 +383,7 @@ def _question(
     checked = () if chosen == PLAIN else sample_of(members.size, check)
     question = EnsembleRequest(members, duration, tolerance, chosen, wanted, times, keeps_end, checked)
     fitting = chunk or chunk_of(scene, duration, tolerance, len(question.wanted.times), chosen)
-    if (numbers := members.size * len(times) * 2 * scene.n_links) > SAMPLES_MAX:
+    if (numbers := members.size * len(times) * 2 * scene.n_links) > 2 * GROWTH_SAMPLES_MAX:
         raise SceneError([f"output: {numbers:.3g} numbers are too many to keep: use fewer samples, or measures"])
     return replace(question, chunk=fitting), decision
 
@@ -453,7 +452,12 @@ def _chunks(
             yield number, chunk
         return
     lose(forgone, seconds_of(question, len(left)) / count)
-    tasks = (ChunkTask(number, _lean(question), question.part(number)) for number in left)
+    # with one member's worth of what may be many
+    members = question.members
+    lists = {path: numbers[:1] for path, numbers in (members.lists or {}).items()}
+    states = None if members.states is None else members.states.at(slice(0, 1))
+    small = replace(question, members=Members(members.scene, members.axes, lists, states))
+    tasks = (ChunkTask(number, small, question.part(number)) for number in left)
     yield from computed(work, tasks, crew, count, _died)
 
 
@@ -475,12 +479,3 @@ def _died(task: ChunkTask) -> Numbered:
     """A chunk at which its process died."""
     first, size = task.part.first, task.part.size
     return task.number, Chunk(first, size, {}, dict.fromkeys(range(first, first + size), DIED), {})
-
-
-def _lean(question: EnsembleRequest) -> EnsembleRequest:
-    """The question with one member's worth of what may be many."""
-    members = question.members
-    lists = {path: numbers[:1] for path, numbers in (members.lists or {}).items()}
-    states = None if members.states is None else members.states.at(slice(0, 1))
-    small = Members(members.scene, members.axes, lists, states)
-    return replace(question, members=small)

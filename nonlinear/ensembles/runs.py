@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from modal.errors import ComputationError, MultipendulaError
-from modal.scene import AnyLink, ModalSupport, Scene, one_by_one, refusals, validate_scenes
+from modal.scene import ModalSupport, Scene, one_by_one, refusals, validate_scenes
 from modal.types import Floats
 from nonlinear import chaos
 from nonlinear.dynamics import Lanes
@@ -41,7 +41,14 @@ def form_of(scene: Scene) -> Hashable:
     if one_by_one(scene) or refusals(scene, "an ensemble"):
         return None
     pendula = tuple(
-        (part.count, part.ways, tuple((link.count, link.drive is not None, _law(link)) for link in part.links))
+        (
+            part.count,
+            part.ways,
+            tuple(
+                (link.count, link.drive is not None, (link.hoist, link.length) if link.hoist else None)
+                for link in part.links
+            ),
+        )
         for part in scene.pendulum
     )
     return tuple(part.kind for part in scene.supports), _moved(scene), scene.has_modal_damping, pendula, _carried(scene)
@@ -54,11 +61,6 @@ def _carried(scene: Scene) -> Hashable:
     modal = tuple((part.M, part.K, part.D, part.points) for part in scene.supports if isinstance(part, ModalSupport))
     springs = tuple((part.between, part.kind) for part in scene.spring)
     return tuple(part.on for part in scene.pendulum), springs, modal, system_of(scene).slack
-
-
-def _law(link: AnyLink) -> Hashable:
-    """What differs between laws of length."""
-    return (link.hoist, link.length) if link.hoist else None
 
 
 def _moved(scene: Scene) -> Hashable:

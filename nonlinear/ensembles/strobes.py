@@ -23,11 +23,13 @@ from modal.scene import Scene, drive_period, require, validate_scene
 from modal.scene.doors import checked, formerly
 from modal.scene.parameters import texts_of
 from modal.types import Floats, Ints
+from nonlinear.averaging.prediction import E_FOLDING_TIMES
 from nonlinear.chaos.lyapunov import nearby
 from nonlinear.ensembles.measures import places
 from nonlinear.ensembles.running import Ensemble, EnsembleResult, ensemble
 from nonlinear.integration import validate, validate_whole
 from nonlinear.reduction import usual_start
+from nonlinear.synchronization.study import USUAL_PERIODS
 from nonlinear.system import System, system_of, translations
 
 JUDGED_STROBES = 50
@@ -39,10 +41,6 @@ REPEAT_GAP_MAX = 1e-4
 APPROACH_RATIO_MAX = 0.9
 """Tolerance: of its distance from a shorter period, which a motion keeps: one that still approaches it loses more in
 50 periods."""
-SETTLING_TIMES = 10.0
-"""Limit: default of `settle` in e-folds of the slowest decay."""
-SETTLING_PERIODS_MIN = 200
-"""Limit: the least default of `settle`, and that of `duration` after it, in periods."""
 
 
 # ------------------------------------------------------------------------------------------------------- in time
@@ -65,7 +63,7 @@ def settling_time(scene: Scene, period: float) -> float:
         decay = [-float(value.real) for value in natural_modes(scene).eigenvalue if value.real < 0]
     except MultipendulaError:
         decay = []
-    return max(SETTLING_TIMES / min(decay) if decay else 0.0, SETTLING_PERIODS_MIN * period)
+    return max(E_FOLDING_TIMES / min(decay) if decay else 0.0, USUAL_PERIODS * period)
 
 
 # ------------------------------------------------------------------------------------------------------- repetition
@@ -253,7 +251,7 @@ def find_strobes(
     )
     period, system = drive_period(scene).seconds, system_of(scene)
     shown = links_named(of, system)
-    until = settle + SETTLING_PERIODS_MIN * period if duration is None else duration
+    until = settle + USUAL_PERIODS * period if duration is None else duration
     times = strobe_times(period, phase_deg, settle=settle, count=max(int((until - settle) / period) + 1, 1))
     times = times[times <= until * (1 + 1e-12)]
     if not len(times):

@@ -25,12 +25,8 @@ POLYNOMIAL_NODES = 6
 """Tolerance: orbits through which the finer polynomial passes, the coarser through two fewer: their difference is what
 judges both."""
 INTERVAL_PLACES = 24
-"""Cost: places between two orbits at which the polynomials are evaluated, and in turn about the lowest of them;
-benchmarks/orbits.py."""
-ORBITS_BETWEEN_MAX = 12
-"""Cost: orbits computed between two of a branch; benchmarks/orbits.py."""
-EQUAL_PAIRS_GAP = 1e-10
-"""Tolerance: squared distance below which two pairs are those of equal pendula: the root is lost at a double one."""
+"""Cost: places between two orbits at which the polynomials are evaluated, and in turn about the lowest of them, and
+twice as many as orbits that are computed there; benchmarks/orbits.py."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +69,7 @@ def _arc(start: OrbitPoint, end: OrbitPoint) -> float:
 
 def _search(problem: OrbitProblem, nodes: list[Node], first: Node, last: Node) -> None:
     """Add to the nodes, in order, those between two of them that the search computes."""
-    budget = ORBITS_BETWEEN_MAX
+    budget = INTERVAL_PLACES // 2
     waiting = [(first, last)]
     while waiting and budget:
         start, end = waiting.pop()
@@ -102,7 +98,8 @@ def _search(problem: OrbitProblem, nodes: list[Node], first: Node, last: Node) -
 
 def _lowest(nodes: Sequence[Node], start: Node, end: Node) -> float | None:
     """The part of the way to an orbit at which a margin, of one sign at both ends, may have the other; else None."""
-    is_equal_pair = np.maximum(np.abs(start.map.margins), np.abs(end.map.margins)) < EQUAL_PAIRS_GAP
+    # those of equal pendula stay one along the branch
+    is_equal_pair = np.maximum(np.abs(start.map.margins), np.abs(end.map.margins)) < start.map.doubt
     is_equal_pair[:2] = False
     agree = (start.map.is_within == end.map.is_within) & ~is_equal_pair
     sign = np.where(start.map.is_within, 1.0, -1.0)

@@ -20,20 +20,18 @@ from modal.report import Displayed
 from modal.scene.parameters import Variation
 from modal.types import Floats
 from nonlinear.integration.method import STEP_SAFETY
-from nonlinear.orbits.orbit import Orbit
+from nonlinear.orbits.orbit import ORBIT_RESIDUAL_MAX, Orbit
 
 CORRECTION_MIN = 1e-7
-"""Tolerance: a correction below it is the last, as its square is left; a step below it does not leave its point."""
-ORBIT_RESIDUAL_MAX = 1e-9
-"""Tolerance: how far an orbit may miss its start, in natural units: integration leaves 1e-11, a wrong solution 1."""
+"""Cost: a correction below it is the last, as its square is left; a step below it does not leave its point;
+benchmarks/orbits.py."""
 STEP_MAX = 0.1
-"""Cost: the default of `longest`, in natural units and parts of a range; benchmarks/orbits.py."""
+"""Cost: the default of `longest`, in natural units and parts of a range, and how far the phases (rad) of neighbours of
+a forced branch may differ; benchmarks/orbits.py."""
 TANGENT_TURN_MAX = 0.3
 """Cost: largest angle (rad) between neighbouring tangents; benchmarks/orbits.py."""
 NEIGHBOUR_GROWTH_MAX = 0.02
 """Cost: how far neighbours of a forced branch may differ in amplitude, relative; benchmarks/orbits.py."""
-NEIGHBOUR_TURN_MAX = 0.1
-"""Cost: the same in phase (rad); benchmarks/orbits.py."""
 MEASURED_ANGLE_MIN = radians(0.1)
 """Cost: amplitudes below it differ by parts of it; benchmarks/orbits.py."""
 CROSSING_SINGULAR_RATIO = 1e-5
@@ -128,7 +126,7 @@ def relative_distance(current: OrbitPoint, following: OrbitPoint) -> float:
     first, second = current.orbit, following.orbit
     size, link = max(first.amplitude, MEASURED_ANGLE_MIN), first.amplitudes.argmax()
     grown = abs(second.amplitude - first.amplitude) / size / NEIGHBOUR_GROWTH_MAX
-    turn = float(np.abs(np.angle(np.exp(1j * (second.phases[link] - first.phases[link]))))) / NEIGHBOUR_TURN_MAX
+    turn = float(np.abs(np.angle(np.exp(1j * (second.phases[link] - first.phases[link]))))) / STEP_MAX
     return max(grown, min(first.amplitude / MEASURED_ANGLE_MIN, 1.0) * turn) if isfinite(turn) else grown
 
 

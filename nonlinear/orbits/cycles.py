@@ -21,7 +21,6 @@ from nonlinear.orbits.between import refined_points
 from nonlinear.orbits.branch import Branch, Report
 from nonlinear.orbits.continuation import (
     BRANCH_ORBITS_MAX,
-    ORBIT_RESIDUAL_MAX,
     STEP_MAX,
     OrbitPoint,
     at_edge,
@@ -32,8 +31,8 @@ from nonlinear.orbits.continuation import (
     with_values,
 )
 from nonlinear.orbits.flow import ORBIT_TOLERANCE
-from nonlinear.orbits.orbit import Orbit
-from nonlinear.orbits.shooting import LEAST_ASKED, TOLERANCE_MAX, TOLERANCE_MIN, Clock, Shooting, shooting, spread
+from nonlinear.orbits.orbit import ORBIT_RESIDUAL_MAX, Orbit
+from nonlinear.orbits.shooting import TOLERANCE_MAX, TOLERANCE_MIN, Clock, Shooting, shooting, spread
 from nonlinear.orbits.special import Special, along_cycles
 from nonlinear.system import Motion, State, system_of, translations, validate_state
 
@@ -45,8 +44,6 @@ DRIFT_RATE_ERROR = 1e-2
 """Tolerance: how close to c/M the rate of the cart's drift is: pendula that swing with it change that rate."""
 DYING_AMPLITUDE_RATIO = 1e-2
 """Limit: of the first amplitude, below which a branch ends, not `complete`."""
-CRITICAL_ORBITS_MAX = 40
-"""Limit: orbits across a critical value, after which it is not found."""
 
 
 @checked
@@ -67,7 +64,7 @@ def periodic_orbit(
     """
     checked_number("tolerance", tolerance, TOLERANCE_MIN, TOLERANCE_MAX)
     checked_index("segments", segments, 1, SEGMENTS_MAX)
-    checked_number("period", period, LEAST_ASKED)
+    checked_number("period", period, ORBIT_TOLERANCE)
     validate_state(start, system_of(scene))
     probe = shooting(scene, tolerance=tolerance, segments=segments, force=force)
     y = probe.first.equations.begin(start)
@@ -360,7 +357,7 @@ def first_special_point(
     towards = np.append(np.zeros(len(u) - 1), np.sign(distance))
     previous = OrbitPoint(u, tangent_of(problem.equations(u)[1], towards), problem.orbit(u))
     steps = follow(problem, previous, step=abs(distance) / 2, longest=max(2 * abs(distance), 0.05))
-    for current in islice(steps, 1, CRITICAL_ORBITS_MAX):
+    for current in islice(steps, 1, BRANCH_ORBITS_MAX):
         if special := next(along_cycles(problem, [previous, current]), None):
             return special
         if (current.u[-1] - u[-1]) / distance > 4:

@@ -21,9 +21,9 @@ from nonlinear.orbits.forced import forced_orbit, linear_response
 from nonlinear.orbits.orbit import Orbit
 
 BAND_FREQUENCIES = 33
-"""Tolerance: frequencies over the band, and three times as close beside the highest: a peak is wider than their gap."""
+"""Format: `frequencies` over the band; beside the highest they are five times as close."""
 SWING_ANGLE_ERROR = 2e-3
-"""Tolerance: relative, of the largest angle, with which the size of the force goes over into the peak."""
+"""Limit: relative error of the largest angle, above which "no force was found"."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)

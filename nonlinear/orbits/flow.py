@@ -42,11 +42,13 @@ from nonlinear.integration.switched import Switched
 from nonlinear.system import System
 
 ORBIT_TOLERANCE = 1e-12
-"""Tolerance: default of a step's error: orbits close to 1e-11 then, and their multipliers are known to 1e-7."""
+"""Limit: default of `tolerance`: orbits close to 1e-11 then, and their multipliers are known to 1e-7; smaller angles,
+energies and periods than it cannot be asked for."""
 FLOW_STEPS_MAX = 20_000
 """Limit: steps, beyond which "the motion takes too many steps to be followed over a period"."""
 STILL_STEP_WAY = 1e-3
-"""Tolerance: way of y in natural units, in a step in which it hardly moves, so that its error says nothing of V."""
+"""Cost: way of y in natural units, in a step in which it hardly moves, so that its error says nothing of V;
+benchmarks/orbits.py."""
 STILL_STEP_ERROR = 100
 """Tolerance: step tolerances by which such a step may err in V: V itself is wanted less accurate than y."""
 STEP_DIVISIONS_MAX = 7

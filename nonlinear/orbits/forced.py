@@ -23,10 +23,10 @@ from modal.scene.parameters import Variation, validate_variations, variation_of,
 from modal.types import Floats
 from nonlinear.averaging.equilibria import NEWTON_ROUNDS_MAX
 from nonlinear.orbits.branch import Branch, Report
-from nonlinear.orbits.continuation import DENSE_BRANCH_ORBITS_MAX, ORBIT_RESIDUAL_MAX, STEP_MAX, relative_distance
+from nonlinear.orbits.continuation import DENSE_BRANCH_ORBITS_MAX, STEP_MAX, relative_distance
 from nonlinear.orbits.cycles import Beginning, BranchWalk, solution
 from nonlinear.orbits.flow import ORBIT_TOLERANCE, Flow
-from nonlinear.orbits.orbit import CYCLE_SAMPLES, Orbit
+from nonlinear.orbits.orbit import CYCLE_SAMPLES, ORBIT_RESIDUAL_MAX, Orbit
 from nonlinear.orbits.shooting import Shooting, shooting
 from nonlinear.system import State, system_of
 

@@ -34,7 +34,7 @@ from nonlinear.orbits.continuation import (
     with_values,
 )
 from nonlinear.orbits.flow import ORBIT_TOLERANCE
-from nonlinear.orbits.modes import COARSE_STEP_MAX, nonlinear_mode, oscillating
+from nonlinear.orbits.modes import nonlinear_mode, oscillating
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.orbits.special import Special, collisions, passing
 from nonlinear.orbits.symmetric import Quarter, quarter_of
@@ -119,7 +119,7 @@ def mode_along(
 
     problem = Held(quarter_at, variation, largest_angle)
     first_scene = variable.at({variation.path: variation.values[0]})
-    begin = nonlinear_mode(first_scene, mode, largest_angle, longest=COARSE_STEP_MAX, locate=False)
+    begin = nonlinear_mode(first_scene, mode, largest_angle, longest=2 * STEP_MAX, locate=False)
     if not begin.complete:
         raise ComputationError(f"the orbits of mode {mode} do not reach {degrees(largest_angle):.4g} deg")
     u = np.append(begin.points[-1].u, 0.0)

@@ -25,14 +25,12 @@ from nonlinear.orbits.continuation import (
 )
 from nonlinear.orbits.flow import ORBIT_TOLERANCE
 from nonlinear.orbits.orbit import Orbit
-from nonlinear.orbits.shooting import LEAST_ASKED, TOLERANCE_MAX, TOLERANCE_MIN
+from nonlinear.orbits.shooting import TOLERANCE_MAX, TOLERANCE_MIN
 from nonlinear.orbits.special import along_backbone
 from nonlinear.orbits.symmetric import Quarter, quarter_of
 
 FIRST_ANGLE = radians(0.5)
 """Cost: default of the first orbit's largest angle; benchmarks/orbits.py."""
-COARSE_STEP_MAX = 2 * STEP_MAX
-"""Cost: longest step where only the end of a branch is wanted; benchmarks/orbits.py."""
 SEARCH_ANGLE_MAX = radians(170)
 """Limit: where no frequency is off by that much up to here, none is."""
 ANGLE_MAX = 20.0
@@ -62,11 +60,11 @@ def nonlinear_mode(
     and is then not `complete`.  Raises SceneError for a mode that the scene does not have or that is no oscillation
     along the rail, ComputationError where no orbit is found beside the linear mode.
     """
-    checked_number("largest_angle", largest_angle, LEAST_ASKED, ANGLE_MAX)
-    checked_number("first", first, LEAST_ASKED, ANGLE_MAX)
+    checked_number("largest_angle", largest_angle, ORBIT_TOLERANCE, ANGLE_MAX)
+    checked_number("first", first, ORBIT_TOLERANCE, ANGLE_MAX)
     checked_number("tolerance", tolerance, TOLERANCE_MIN, TOLERANCE_MAX)
     if energy is not None:
-        checked_number("energy", energy, LEAST_ASKED)
+        checked_number("energy", energy, ORBIT_TOLERANCE)
     modes, row = oscillating(scene, mode)
     problem = quarter_of(modes.scene, tolerance)
     first = min(first, largest_angle / 2)
@@ -110,7 +108,7 @@ def mode_orbit(scene: Scene, number: int, amplitude: float) -> Orbit:
 
     Raises what `nonlinear_mode` does, and ComputationError where the branch does not reach this angle.
     """
-    branch = nonlinear_mode(scene, number, amplitude, longest=COARSE_STEP_MAX, locate=False)
+    branch = nonlinear_mode(scene, number, amplitude, longest=2 * STEP_MAX, locate=False)
     if not branch.complete:
         raise ComputationError(f"the orbits of mode {number} do not reach {degrees(amplitude):.4g} deg")
     return branch.orbits[-1]
@@ -128,7 +126,7 @@ def orbit_where_off(scene: Scene, number: int, share: float = 0.01) -> Orbit | N
     def off(current: OrbitPoint) -> float:
         return abs(current.orbit.omega / linear - 1) - share
 
-    steps = follow(problem, beginning(problem, modes, row, FIRST_ANGLE), step=FIRST_ANGLE, longest=COARSE_STEP_MAX)
+    steps = follow(problem, beginning(problem, modes, row, FIRST_ANGLE), step=FIRST_ANGLE, longest=2 * STEP_MAX)
     inside = takewhile(lambda current: current.orbit.amplitude < SEARCH_ANGLE_MAX, steps)
     points, has_reached = _until(problem, inside, off, DENSE_BRANCH_ORBITS_MAX)
     return points[-1].orbit if has_reached else None

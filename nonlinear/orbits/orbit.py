@@ -17,15 +17,16 @@ from nonlinear.orbits.flow import Flow, Path
 from nonlinear.system import Motion, State
 
 CYCLE_SAMPLES = 128
-"""Tolerance: samples of a cycle of the drives, whose mean has the harmonics up to the 64th."""
+"""Cost: samples of a cycle of the drives, whose means converge faster than any power of it; benchmarks/orbits.py."""
 STEP_SAMPLES = 8
 """Cost: points in every step among which the largest angle is searched; benchmarks/orbits.py."""
 PEAK_RATIO = 0.99
 """Tolerance: of the largest sample, from which on a step may hold the largest angle: samples miss less than 1 %."""
 FUNDAMENTAL_RATIO_MIN = 1e-2
 """Tolerance: of the largest angle, below which a fundamental is taken for none, so that its phase says nothing."""
-ORBIT_ANGLE_ERROR = 1e-9
-"""Tolerance: a largest angle (rad) within the accuracy of an orbit."""
+ORBIT_RESIDUAL_MAX = 1e-9
+"""Tolerance: how far an orbit may miss its start, in natural units, and a largest angle (rad) that is none:
+integration leaves 1e-11, a wrong solution 1."""
 MIRROR_GAP_MAX = 1e-4
 """Tolerance: of the largest angle, by which a symmetric motion may miss its mirror image: by interpolation in steps."""
 
@@ -100,7 +101,7 @@ class Orbit(Displayed):
         if any(self.turns):
             angles = angles - 2 * np.pi * np.outer(times / self.period, self.turns)
         c = np.exp(-2j * np.pi * drive.frequency_hz * times) @ angles
-        heard = 2 * np.abs(c) / len(times) > np.maximum(FUNDAMENTAL_RATIO_MIN * self.amplitudes, ORBIT_ANGLE_ERROR)
+        heard = 2 * np.abs(c) / len(times) > np.maximum(FUNDAMENTAL_RATIO_MIN * self.amplitudes, ORBIT_RESIDUAL_MAX)
         return np.where(heard, np.angle(1j * c * np.exp(-1j * np.radians(drive.phase_deg))), np.nan)
 
     @property

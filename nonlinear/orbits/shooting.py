@@ -32,8 +32,6 @@ from nonlinear.orbits.flow import ORBIT_TOLERANCE, Arrival, Flow, NumberChange, 
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.system import system_of, translations
 
-LEAST_ASKED = 1e-12
-"""Limit: least angle (rad), energy (J) and period (s) of an orbit, "must be a finite number from 1e-12"."""
 TOLERANCE_MIN = 1e-15
 """Limit: least `tolerance`, "must be a finite number from 1e-15 to 0.01"."""
 TOLERANCE_MAX = 1e-2

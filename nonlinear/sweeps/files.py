@@ -33,7 +33,11 @@ def save(sweep: Sweep, path: str | os.PathLike[str]) -> None:
     if (kind := kind_of(path, KINDS)) == "csv":
         write_csv(path, _header(sweep), _rows(sweep))
         return
-    content = _npz(sweep) if kind == "npz" else _json(sweep)
+    if kind == "npz":
+        axes = {variation.column: np.array(variation.values) for variation in sweep.study.variations}
+        content = as_npz(_header(sweep), axes | {name: sweep.values(name) for name in sweep.columns})
+    else:
+        content = _json(sweep)
     with whole_file(path) as stream:
         stream.write(content)
 
@@ -89,11 +93,6 @@ def _kept(header: dict[str, Any]) -> _Kept:
 
 
 # ---------------------------------------------------------------------------------------------------------- NPZ
-
-
-def _npz(sweep: Sweep) -> bytes:
-    axes = {variation.column: np.array(variation.values) for variation in sweep.study.variations}
-    return as_npz(_header(sweep), axes | {name: sweep.values(name) for name in sweep.columns})
 
 
 def _read_npz(name: str) -> Sweep:

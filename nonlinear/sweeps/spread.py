@@ -364,7 +364,12 @@ def find_spread(
     values = {tolerance.path: tolerance.drawn(_value(scene, tolerance.path), members, rng) for tolerance in parsed}
     values |= estimate.drawn(members, rng) if estimate is not None else {}
     points = [dict(zip(values, row, strict=True)) for row in np.column_stack([*values.values()]).tolist()]
-    scenes, failures = _scenes(scene, points)
+    variable, scenes, failures = Variable(scene, points[0]), dict[int, Scene](), dict[int, str]()
+    for k, point in enumerate(points):
+        try:
+            scenes[k] = variable.at(point)
+        except SceneError as error:
+            failures[k] = " ".join(str(error).split())
     if not scenes:
         raise ComputationError(f"no member can be: {next(iter(failures.values()))}")
     frequencies = natural_frequencies([scene, *scenes.values()])
@@ -398,16 +403,6 @@ def _measured(
             if row.reason:
                 reasons[row.index] = row.reason
     return columns, reasons
-
-
-def _scenes(scene: Scene, points: Sequence[dict[str, float]]) -> tuple[dict[int, Scene], dict[int, str]]:
-    variable, scenes, failures = Variable(scene, points[0]), {}, {}
-    for k, point in enumerate(points):
-        try:
-            scenes[k] = variable.at(point)
-        except SceneError as error:
-            failures[k] = " ".join(str(error).split())
-    return scenes, failures
 
 
 @checked

@@ -27,6 +27,7 @@ from modal.scene import Scene, describe, require, scene_from
 from modal.scene.parameters import Variable, Variation, validate_variations
 from modal.types import Floats
 from nonlinear import chaos
+from nonlinear.chaos.lyapunov import STARTS_TOGETHER
 from nonlinear.ensembles import ensemble, starts_at, validate_measures
 from nonlinear.ensembles.costs import engine_of_many
 from nonlinear.ensembles.question import CHUNK_MEMBERS_MIN, CHUNK_SECONDS, ENSEMBLE_TOLERANCE, seconds_each
@@ -40,10 +41,6 @@ POINTS_MAX = 1_000_000
 """Limit: "the sweep has … points: at most 1000000"."""
 SWEEP_VERSION = 1
 """Format: of the definition of a sweep in its files."""
-STARTS_TOGETHER_MIN = 512
-"""Cost: starts drawn at energies that are measured together; benchmarks/ensembles.py."""
-MOTIONS_TOGETHER_MAX = 1024
-"""Cost: points whose motions are measured together; benchmarks/ensembles.py."""
 MODES_TOGETHER_MAX = 256
 """Cost: points whose modes are measured together; benchmarks/modes.py."""
 MODES_CHUNKS_MIN = 16
@@ -138,7 +135,7 @@ class Study(Displayed):
     def chunk(self) -> int:
         """How many points are measured together: by the study alone, as their last digits depend on it."""
         if self.by_energy:
-            return max(1, STARTS_TOGETHER_MIN // self.members)
+            return max(1, 2 * STARTS_TOGETHER // self.members)
         if all(request.measure.reads == SCENE_ITSELF for request in self.measures):
             fitting = MODES_SQUARES_MAX / self.scene.n_links**2
             return int(max(min(self.size // MODES_CHUNKS_MIN, fitting, MODES_TOGETHER_MAX), 1))
@@ -147,7 +144,7 @@ class Study(Displayed):
         longest = max(request.number or chaos.usual_duration(self.scene) for request in self.measures)
         fitting = CHUNK_SECONDS / seconds_each(self.scene, longest, ENSEMBLE_TOLERANCE)
         wanted = max(self.size // 4, 4 * CHUNK_MEMBERS_MIN)  # four chunks, unless they are small
-        return int(max(min(wanted, fitting, MOTIONS_TOGETHER_MAX), CHUNK_MEMBERS_MIN))
+        return int(max(min(wanted, fitting, 4 * STARTS_TOGETHER), CHUNK_MEMBERS_MIN))
 
     @property
     def fingerprint(self) -> str:

@@ -24,7 +24,8 @@ CERTIFIED_LINKS_MAX = 24
 AVERAGED_FREQUENCY_ERROR = 0.1
 """Physics: largest relative difference of an orbit's frequency from the averaged one, of first order; of its amplitude,
 which is of second order in the frequency, three times as much."""
-MARGINS = (0.01, 0.05, 0.2)  # of the range: how far from a critical value orbits begin
+MARGINS = (0.01, 0.05, 0.2)
+"""Cost: of the range: how far from a critical value orbits begin, in turn; benchmarks/sync/survivors.py."""
 
 
 def certified_orbit(scene: Scene, equilibrium: RelativeEquilibrium) -> Orbit | None:

@@ -25,14 +25,13 @@ from modal.errors import ComputationError
 from modal.report import Displayed, Summary, counted, first_line
 from modal.scene.doors import require_type
 from modal.types import Complexes, Floats
+from nonlinear.averaging.equations import ARRAY_ENTRIES
 from nonlinear.integration import Trajectory
 from nonlinear.postprocessing import last
 from nonlinear.system import Group, System
 
 ENDING = 0.1
 """Format: final fraction of a run that "at the end" and "the last tenth" mean."""
-GROUP_ENTRIES_MAX = 4_000_000
-"""Limit: entries in the matrices of one group, beyond which its pendula "are too many for their fixed-base modes"."""
 
 
 class OwnShapes(NamedTuple):
@@ -194,7 +193,7 @@ def own_shapes(group: Group, gravity: float, count: int) -> OwnShapes:
     With K = LLᵀ the largest eigenvalues of L⁻¹AL⁻ᵀ are the smallest ω⁻².  Raises ComputationError where K is not
     positive definite, or the matrices do not fit.
     """
-    if group.n * group.index.size > GROUP_ENTRIES_MAX:
+    if group.n * group.index.size > 2 * ARRAY_ENTRIES:
         raise ComputationError(
             f"{group.index.shape[1]} pendula of {group.n} links are too many for their fixed-base modes"
         )

@@ -62,8 +62,6 @@ LOCATED = (
 NUMBERED = "Modes have their numbers in the table; frequencies here are those without dampers."
 LISTED_FREQUENCIES_MAX = 6
 """Format: frequencies of pendula in a sentence."""
-UNSTABLE_ROWS_MAX = 8
-"""Format: unstable configurations in a table of too many."""
 
 
 def sync_text(study: SynchronizationStudy, *, words: bool = False, elsewhere: str = "") -> str:
@@ -229,7 +227,7 @@ def _table(theory: Theory) -> str:
     # of many those that may last, and the first of the others
     lasting = [orbit.is_stable if orbit else state.is_stable for state, orbit in motions]
     unstable = [k for k, lasts in enumerate(lasting) if lasts is False]
-    omissions = set(unstable[UNSTABLE_ROWS_MAX:]) if len(lasting) > TABLE_ROWS_MAX else set()
+    omissions = set(unstable[TABLE_ROWS_MAX // 2 :]) if len(lasting) > TABLE_ROWS_MAX else set()
     rows_shown = [k for k in range(len(lasting)) if k not in omissions]
     rows = ReportTable.of(STEADY, [motions[k] for k in rows_shown]).written()
     notes = [f"Averaged alone: {theory.certificate_refusal}."] * bool(theory.certificate_refusal)

@@ -15,6 +15,7 @@ from modal.report import Displayed, TextResult, silent
 from modal.scene import Scene, refusals, require, validate_scene
 from modal.scene.doors import checked
 from nonlinear.averaging import Prediction, RelativeEquilibrium, is_same_motion, predict, relative_equilibria
+from nonlinear.averaging.prediction import E_FOLDING_TIMES
 from nonlinear.integration import Trajectory, estimate_timescales
 from nonlinear.orbits import Orbit
 from nonlinear.orbits.cycles import is_same_orbit
@@ -31,13 +32,11 @@ LOCKING_TIMES = 1.5
 PERIODS_AFTER_LOCKING = 30
 """Limit: periods of the slowest mode that are added to it."""
 USUAL_PERIODS = 200
-"""Limit: default of `duration` in periods where nothing predicts it."""
+"""Limit: default of `duration` in periods where nothing predicts it, and the least transient before strobes."""
 PERIODS_MAX = 5000
 """Limit: the longest default of `duration` in periods."""
 SEARCHED_PENDULA_MAX = 8
 """Limit: "among … pendula on a structure steady motions are not searched for one by one"."""
-POPULATION_GROWTH_TIMES = 10.0
-"""Limit: e-folding times that a run of populations lasts by default."""
 POPULATION_PERIODS_MAX = 2000
 """Limit: the longest default of it in periods."""
 POPULATION_TOLERANCE = 1e-7
@@ -163,9 +162,7 @@ def usual_duration(scene: Scene, theory: Theory | None, motions: Sequence[Symmet
         period = max(motion.orbit.period for motion in orbits)
         longest = POPULATION_PERIODS_MAX * period
         slowest = min(abs(rate) for motion in orbits for rate in motion.growth)
-        return float(
-            np.clip(longest if not slowest else POPULATION_GROWTH_TIMES / slowest, USUAL_PERIODS * period, longest)
-        )
+        return float(np.clip(longest if not slowest else E_FOLDING_TIMES / slowest, USUAL_PERIODS * period, longest))
     if theory is None:
         return USUAL_PERIODS * 2 * pi / (estimate_timescales(scene).swing or 1.0)
     period = 2 * pi / float(theory.prediction.averaged.omega.min())
