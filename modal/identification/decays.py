@@ -31,6 +31,8 @@ from modal.identification.covariance import autocorrelation, covariance, influen
 from modal.identification.realization import modal_assurance
 from modal.types import Booleans, Complexes, Floats, Ints
 
+EVALUATIONS_MAX = 60
+"""Cost: evaluations of a fit; what does not fit by then is given up."""
 TURNING_POINTS_MIN = 6
 """Limit: turning points of a decrement, or of a loss of amplitude: "… turning points are too few"."""
 DECREMENT_STD_MAX = 0.3
@@ -318,7 +320,14 @@ def _fit_model(series: Sequence[Series], model: DecayModel, weights: Floats) -> 
     high[:R] = np.minimum(high[:R], np.maximum(start[:R] + 1e-9, 3 / longest / scale[:R]))
     last_digits = 64 * np.finfo(float).eps
     solution: Any = scipy.optimize.least_squares(
-        residuals, start, jacobian, bounds=(low, high), ftol=last_digits, xtol=last_digits, gtol=last_digits
+        residuals,
+        start,
+        jacobian,
+        bounds=(low, high),
+        ftol=last_digits,
+        xtol=last_digits,
+        gtol=last_digits,
+        max_nfev=EVALUATIONS_MAX,
     )
     return _with_covariance(series, model_of(solution.x), weights)
 
