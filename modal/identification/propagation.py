@@ -110,13 +110,13 @@ def response_slopes(model: StateSpace, estimate: Estimate, omega: Floats) -> tup
     return G, np.stack([change for _, change in responses], axis=2)
 
 
-def _groups(geometry: Geometry, signals: Iterable[Signal], known: Mapping[str, Any]) -> tuple[str, ...]:
+def _groups(geometry: Geometry, signals: Iterable[Signal], known_groups: Mapping[str, Any]) -> tuple[str, ...]:
     """The names of the groups that signals belong to, in their order; of a signal of a structure alone its own."""
-    names = [name for name in known if geometry.on_cart or name not in OF_A_CART]
+    names = [name for name in known_groups if geometry.on_cart or name not in OF_A_CART]
     present = {signal.name for signal in signals}
     owner: dict[str, str] = {}
     for name in names:
-        members = [signal.name for signal in known[name](geometry).signals]
+        members = [signal.name for signal in known_groups[name](geometry).signals]
         owner |= {signal_name: name if present.issuperset(members) else signal_name for signal_name in members}
     owner |= {signal.name: signal.name for signal in signals if is_point(signal.name)}
     return tuple(dict.fromkeys(owner[signal.name] for signal in signals if signal.name in owner))
@@ -213,19 +213,19 @@ def shaped_modes(shaper: Shaper, estimate: Estimate, drive: Drive, count: int) -
     """What the `count` slowest modes retain of a shaped command over the band of the fitted numbers."""
     modes, rows = swing_rows(estimate.scene, drive)
     omega_p, zeta_p = mode_slopes(modes, estimate, rows[:count])
-    shaped = []
+    modes_of_shaper = []
     for mode, by_omega, by_zeta in zip(modes.rows(rows[:count]), omega_p, zeta_p, strict=True):
         omega, zeta = mode.omega, mode.damping_ratio
         spread, wider = float(estimate.std(by_omega)), float(estimate.std(by_zeta))
         if np.isnan(spread + wider):
-            shaped.append(ShapedMode(omega, nan, zeta, nan, nan, nan))
+            modes_of_shaper.append(ShapedMode(omega, nan, zeta, nan, nan, nan))
             continue
         rms = _rms(shaper, omega, zeta, np.stack((by_omega, by_zeta)), estimate)
         grid = np.linspace(-2, 2, NODES)
         band = np.maximum(omega + spread * grid, 0.0)[:, None], np.clip(zeta + wider * grid, 0.0, 1 - 1e-9)
         worst = float(residual_vibration(shaper, *band).max())
-        shaped.append(ShapedMode(omega, spread, zeta, wider, rms, worst))
-    return shaped
+        modes_of_shaper.append(ShapedMode(omega, spread, zeta, wider, rms, worst))
+    return modes_of_shaper
 
 
 def _rms(shaper: Shaper, omega: float, zeta: float, slopes: Floats, estimate: Estimate) -> float:
@@ -233,7 +233,7 @@ def _rms(shaper: Shaper, omega: float, zeta: float, slopes: Floats, estimate: Es
     strength, axes = np.linalg.eigh(slopes @ estimate.covariance @ slopes.T / np.outer([omega, 1.0], [omega, 1.0]))
     nodes, weights = np.polynomial.hermite_e.hermegauss(NODES)
     steps = np.stack(np.meshgrid(nodes, nodes)).reshape(2, -1) * np.sqrt(np.maximum(strength, 0.0))[:, None]
-    moved = axes @ steps
+    changes = axes @ steps
     weight = np.outer(weights, weights).ravel() / weights.sum() ** 2
-    square = residual_vibration(shaper, omega * (1 + moved[0]), np.clip(zeta + moved[1], 0.0, 1 - 1e-9)) ** 2
+    square = residual_vibration(shaper, omega * (1 + changes[0]), np.clip(zeta + changes[1], 0.0, 1 - 1e-9)) ** 2
     return float(np.sqrt(weight @ square))
