@@ -173,10 +173,10 @@ def _pairs(measured: MeasuredModes, rows: tuple[Mode, ...], mac: Floats) -> list
             for measured_mode in measured.modes
         ]
     )
-    left, right = scipy.optimize.linear_sum_assignment(-mac if has_shapes else cost)
+    measured_rows, computed_rows = scipy.optimize.linear_sum_assignment(-mac if has_shapes else cost)
     return [
         ModePair(measured.modes[r], rows[s], None if np.isnan(mac[r, s]) else float(mac[r, s]))
-        for r, s in zip(left.tolist(), right.tolist(), strict=True)
+        for r, s in zip(measured_rows.tolist(), computed_rows.tolist(), strict=True)
     ]
 
 

@@ -57,16 +57,18 @@ def covariance(G: Floats, blocks: Sequence[tuple[slice, float, Floats]]) -> Floa
         weights = rho * (1 - np.arange(len(rho)) / len(rho))
         weights[0] = 1.0
         two_sided = np.concatenate((weights[:0:-1], weights))
-        smoothed = part if len(rho) == 1 else scipy.signal.fftconvolve(part, two_sided[:, None], mode="same", axes=0)
-        total += variance * part.T @ smoothed
+        smoothed_part = (
+            part if len(rho) == 1 else scipy.signal.fftconvolve(part, two_sided[:, None], mode="same", axes=0)
+        )
+        total += variance * part.T @ smoothed_part
     return (total + total.T) / 2
 
 
 def resampled(series: Sequence[Floats], blocks: int, rng: np.random.Generator) -> list[Floats]:
     """Series like these, each put together from that many blocks of itself [Kunsch1989]."""
-    drawn = []
+    samples = []
     for values in series:
         length = max(1, -(-len(values) // blocks))
         begins = rng.integers(0, len(values) - length + 1, -(-len(values) // length))
-        drawn.append(np.concatenate([values[at : at + length] for at in begins])[: len(values)])
-    return drawn
+        samples.append(np.concatenate([values[at : at + length] for at in begins])[: len(values)])
+    return samples

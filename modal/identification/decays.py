@@ -31,6 +31,8 @@ from modal.identification.covariance import autocorrelation, covariance, influen
 from modal.identification.realization import modal_assurance
 from modal.types import Booleans, Complexes, Floats, Ints
 
+EVALUATIONS_MAX = 60
+"""Cost: evaluations of a fit; what does not fit by then is given up."""
 TURNING_POINTS_MIN = 6
 """Limit: turning points of a decrement, or of a loss of amplitude: "… turning points are too few"."""
 DECREMENT_STD_MAX = 0.3
@@ -81,14 +83,14 @@ class DecayModel:
         """Exponents (K, R) of series k at times (K,) and their derivatives by Re λ (K, R) and by Re β (K, B)."""
         exponents = np.outer(times, self.poles)
         by_real = np.repeat(times[:, None] + 0j, len(self.poles), axis=1)
-        g, by_rate = _accumulated(times, -self.poles.real[self.bent])
+        g, by_rate = _accumulate(times, -self.poles.real[self.bent])
         by_shift = 1j * g * self.squares[k, self.bent]
         exponents[:, self.bent] += by_shift * self.shifts
         by_real[:, self.bent] -= 1j * by_rate * self.squares[k, self.bent] * self.shifts
         return exponents, by_real, by_shift
 
 
-def _accumulated(times: Floats, rates: Floats) -> tuple[Floats, Floats]:
+def _accumulate(times: Floats, rates: Floats) -> tuple[Floats, Floats]:
     """The integral of e^{−2σt}, (1 − e^{−2σt})/(2σ), (K, B), of rates σ (B,), and its derivative by σ."""
     t = times[:, None]
     x = 2 * t * rates
@@ -151,10 +153,10 @@ def one_mode(series: Sequence[Series], decays: Decays, faint: float = 0.0, *, re
     weights, beatless = _weights(series, decays), suspects(series, decays)
     distances = np.abs(decays.poles[:, None] / decays.poles - 1)
     for r, s in sorted(np.argwhere(_alike(series, decays)).tolist(), key=lambda pair: float(distances[*pair])):
-        merged = _fit_model(series, _merge(series, decays, r, s), weights)
+        merged_decays = _fit_model(series, _merge(series, decays, r, s), weights)
         largest = BEATLESS_RESIDUAL_RATIO if (r, s) in beatless and not resolved else RESIDUAL_RATIO
-        if np.sqrt(np.mean((merged.rms * weights) ** 2)) < largest:
-            return _significant(series, merged.model, faint)
+        if np.sqrt(np.mean((merged_decays.rms * weights) ** 2)) < largest:
+            return _significant(series, merged_decays.model, faint)
     return None
 
 
@@ -183,8 +185,8 @@ def bent(series: Sequence[Series], decays: Decays, faint: float = 0.0) -> Decays
         model = replace(decays.model, bent=np.append(decays.model.bent, r), shifts=np.append(decays.model.shifts, 0j))
         trial_decays = _fit_model(series, model, weights)
         trials.append((float(np.sqrt(np.mean((trial_decays.rms * weights) ** 2))), trial_decays))
-    least, best = min(trials, key=lambda trial: trial[0], default=(1.0, decays))
-    return _significant(series, best.model, faint) if least * RESIDUAL_RATIO < 1 else None
+    smallest, best = min(trials, key=lambda trial: trial[0], default=(1.0, decays))
+    return _significant(series, best.model, faint) if smallest * RESIDUAL_RATIO < 1 else None
 
 
 def suspects(series: Sequence[Series], decays: Decays) -> list[tuple[int, int]]:
@@ -318,7 +320,14 @@ def _fit_model(series: Sequence[Series], model: DecayModel, weights: Floats) -> 
     high[:R] = np.minimum(high[:R], np.maximum(start[:R] + 1e-9, 3 / longest / scale[:R]))
     last_digits = 64 * np.finfo(float).eps
     solution: Any = scipy.optimize.least_squares(
-        residuals, start, jacobian, bounds=(low, high), ftol=last_digits, xtol=last_digits, gtol=last_digits
+        residuals,
+        start,
+        jacobian,
+        bounds=(low, high),
+        ftol=last_digits,
+        xtol=last_digits,
+        gtol=last_digits,
+        max_nfev=EVALUATIONS_MAX,
     )
     return _with_covariance(series, model_of(solution.x), weights)
 
@@ -412,9 +421,9 @@ def log_decrement(times: Floats, values: Floats) -> Decrement:
     return Decrement(complex(slope, imag), slope_std, imag * half_std / half, len(at))
 
 
-def _vertex(times: Floats, values: Floats, k: int, around: int) -> tuple[float, float]:
+def _vertex(times: Floats, values: Floats, k: int, reach: int) -> tuple[float, float]:
     """Time and value of the extreme of a parabola through the samples around one."""
-    samples = slice(max(0, k - around), k + around + 1)
+    samples = slice(max(0, k - reach), k + reach + 1)
     curve = np.polynomial.Polynomial.fit(times[samples], values[samples], 2)
     root = curve.deriv().roots()
     is_inside = len(root) > 0 and times[samples][0] <= root[0].real <= times[samples][-1]

@@ -174,6 +174,6 @@ def _faults(matrix: Floats) -> Iterator[str]:
         j, k = sorted(divmod(int(np.argmax(asymmetry)), len(asymmetry)))
         yield f"covariance[{j}][{k}] = {matrix[j, k]:.6g}, [{k}][{j}] = {matrix[k, j]:.6g}: must be symmetric"
         return
-    least = float(np.linalg.eigvalsh(correlation)[0])
-    if least < -REPORT_ROUNDING * len(matrix):
-        yield f"covariance: must be positive semidefinite, and its correlations have the eigenvalue {least:.3g}"
+    smallest = float(np.linalg.eigvalsh(correlation)[0])
+    if smallest < -REPORT_ROUNDING * len(matrix):
+        yield f"covariance: must be positive semidefinite, and its correlations have the eigenvalue {smallest:.3g}"

@@ -45,9 +45,9 @@ class Undetermined(Displayed):
         """The direction in a sentence."""
         if not self.changes:
             return f"{self.held} has hardly any effect on these data"
-        together = [self.held, *self.changes]
+        paths = [self.held, *self.changes]
         if all(abs(change - 1) < CHANGE_MIN for change in self.changes.values()):
-            return f"only ratios of {_all(together)} are determined: a common factor changes nothing"
+            return f"only ratios of {_all(paths)} are determined: a common factor changes nothing"
         others = _all([f"{path} by {change:+.2g} %" for path, change in self.changes.items()])
         return f"{self.held} cannot be told from others: changing it by 1 % and {others} leaves the motion as it is"
 
@@ -78,7 +78,7 @@ def find_determined(
     """
     count = len(parameters)
     kept = np.setdiff1d(np.arange(count), np.array(held, dtype=np.int64))
-    lost: list[int] = [*held]
+    held_columns: list[int] = [*held]
     R: Floats = np.asarray(np.linalg.qr(J, mode="r")) if len(J) > count else J
     while len(kept):
         singular, V = _singular(R[:, kept])
@@ -87,9 +87,9 @@ def find_determined(
             break
         pivots = scipy.linalg.qr(V[null], mode="economic", pivoting=True)[2]
         worst = kept[np.sort(pivots[: int(null.sum())])]
-        lost += worst.tolist()
+        held_columns += worst.tolist()
         kept = np.setdiff1d(kept, worst)
-    stay = np.array(sorted(lost), dtype=np.int64)
+    stay = np.array(sorted(held_columns), dtype=np.int64)
     singular = _singular(R[:, kept])[0] if len(kept) else np.ones(1)
     condition = float(singular[0] / singular[-1])
     return Determined(kept, stay, tuple(_directions(R, kept, stay, parameters, values)), condition)
@@ -97,8 +97,8 @@ def find_determined(
 
 def _singular(J: Floats) -> tuple[Floats, Floats]:
     """All singular values, also those that are zero for want of rows, and the right vectors."""
-    padded = np.vstack((J, np.zeros((max(0, J.shape[1] - len(J)), J.shape[1]))))
-    _, singular, V = np.linalg.svd(padded, full_matrices=False)
+    padded_rows = np.vstack((J, np.zeros((max(0, J.shape[1] - len(J)), J.shape[1]))))
+    _, singular, V = np.linalg.svd(padded_rows, full_matrices=False)
     return singular, V
 
 
@@ -113,17 +113,19 @@ def _directions(
         for parameter, z in zip(parameters, values, strict=True)
     ]
     for k, number in enumerate(held):
-        left = np.linalg.norm(R[:, number] + R[:, kept] @ answer[:, k]) if len(kept) else np.linalg.norm(R[:, number])
-        alone = np.linalg.norm(R[:, number])
+        remainder = (
+            np.linalg.norm(R[:, number] + R[:, kept] @ answer[:, k]) if len(kept) else np.linalg.norm(R[:, number])
+        )
+        size = np.linalg.norm(R[:, number])
         changes = {}
-        if np.isfinite(relative[number]) and left < alone / 2:
+        if np.isfinite(relative[number]) and remainder < size / 2:
             raw = {
                 int(j): answer[i, k] * relative[j] / relative[number]
                 for i, j in enumerate(kept)
                 if np.isfinite(relative[j])
             }
-            most = max([1.0, *map(abs, raw.values())])
-            changes = {parameters[j].path: float(c) for j, c in raw.items() if abs(c) > CHANGE_MIN * most}
+            largest = max([1.0, *map(abs, raw.values())])
+            changes = {parameters[j].path: float(c) for j, c in raw.items() if abs(c) > CHANGE_MIN * largest}
         directions.append(Undetermined(parameters[number].path, changes))
     return directions
 

@@ -109,7 +109,7 @@ def read_modes(scene: Scene, path: str | os.PathLike[str]) -> MeasuredModes:
 def parse_modes(scene: Scene, name: str, text: str) -> MeasuredModes:
     """The measured modes in the text of such a file, called `name`; SceneError lists mistakes."""
     with _mistakes_of(name):
-        return _parsed(scene, name, text)
+        return _parse_table(scene, name, text)
 
 
 @contextmanager
@@ -121,7 +121,7 @@ def _mistakes_of(name: str) -> Iterator[None]:
         raise SceneError([f"{name}: {problem}" for problem in error.problems]) from None
 
 
-def _parsed(scene: Scene, name: str, text: str) -> MeasuredModes:
+def _parse_table(scene: Scene, name: str, text: str) -> MeasuredModes:
     try:
         reader = csv.reader(line for line in io.StringIO(text, newline="") if not line.startswith("#"))
         rows = [(reader.line_num, [cell.strip() for cell in row]) for row in reader if any(map(str.strip, row))]
@@ -154,9 +154,9 @@ def _parsed(scene: Scene, name: str, text: str) -> MeasuredModes:
 
 
 def _component(column: str, coordinates: Sequence[str]) -> tuple[int, int]:
-    matched = COMPONENT.fullmatch(column)
-    if matched and matched[1]:
-        return int(matched[1]), int(matched[2])
+    match = COMPONENT.fullmatch(column)
+    if match and match[1]:
+        return int(match[1]), int(match[2])
     return 0, coordinates.index(column) if column in coordinates else 0
 
 
@@ -178,15 +178,16 @@ def _header_problems(scene: Scene, header: Sequence[str]) -> Iterator[str]:
         if COMPONENT.fullmatch(column):
             pendulum, link = _component(column, coordinates)
             if not pendulum and column not in coordinates:
-                there = f": its coordinates are {', '.join(coordinates)}" if coordinates else ""
-                yield f"column {column}: the scene has no cart{there}"
+                words = f": its coordinates are {', '.join(coordinates)}" if coordinates else ""
+                yield f"column {column}: the scene has no cart{words}"
             elif pendulum > len(sizes):
                 yield f"column {column}: the scene has {counted(len(sizes), 'pendulum', 'pendula')}"
             elif pendulum and link > sizes[pendulum - 1]:
                 yield f"column {column}: the pendulum has {counted(sizes[pendulum - 1], 'link', 'links')}"
         elif column not in (*NEEDED, *OPTIONAL, *coordinates) and NEAR.match(column):
-            known = (*NEEDED, *OPTIONAL, *(name for name in coordinates if name != CART))
-            yield f"column {column}: must be one of {', '.join(known)}, theta_P_L or cart{spelling_hint(column, known)}"
+            known_columns = (*NEEDED, *OPTIONAL, *(name for name in coordinates if name != CART))
+            hint = spelling_hint(column, known_columns)
+            yield f"column {column}: must be one of {', '.join(known_columns)}, theta_P_L or cart{hint}"
 
 
 def _mode(line: int, row: dict[str, str], components: Sequence[str]) -> MeasuredMode:
@@ -206,14 +207,14 @@ def _mode(line: int, row: dict[str, str], components: Sequence[str]) -> Measured
             problems.append(f"line {line}, {column} = {word:.40}: {SIZES_READ}")
             return None
         if not isfinite(value) or value < least or (strict and value == least):
-            bound = f"above {least:g}" if strict else f"of at least {least:g}" if isfinite(least) else "that is finite"
-            problems.append(f"line {line}, {column} = {word:.40}: must be a number {bound}")
+            limit = f"above {least:g}" if strict else f"of at least {least:g}" if isfinite(least) else "that is finite"
+            problems.append(f"line {line}, {column} = {word:.40}: must be a number {limit}")
             return None
         return value
 
-    whole = row[MODE]
-    if not (whole.isascii() and whole.isdigit() and int(whole[:9]) >= 1 and len(whole) < 9):
-        problems.append(f"line {line}, {MODE} = {whole:.40}: must be a whole number from 1")
+    number_cell = row[MODE]
+    if not (number_cell.isascii() and number_cell.isdigit() and int(number_cell[:9]) >= 1 and len(number_cell) < 9):
+        problems.append(f"line {line}, {MODE} = {number_cell:.40}: must be a whole number from 1")
     frequency, std = number(FREQUENCY, 0.0, True, True), number(STD, 0.0, True, True)
     ratio, ratio_std = number(RATIO, -1.0, True, False), number(RATIO_STD, 0.0, True, False)
     if ratio is not None and not ratio < 1:
@@ -223,15 +224,15 @@ def _mode(line: int, row: dict[str, str], components: Sequence[str]) -> Measured
     shape_std = number(SHAPE_STD, 0.0, True, False)
     cells = [number(column, -np.inf, False, False) for column in components]
     shape = np.array([nan if cell is None else cell for cell in cells]) if components else np.zeros(0)
-    there = np.isfinite(shape)
-    if there.any() and not np.any(shape[there]):
+    is_present = np.isfinite(shape)
+    if is_present.any() and not np.any(shape[is_present]):
         problems.append(f"line {line}: its shape is zero")
     if problems:
         raise SceneError(problems)
     assert frequency is not None
     assert std is not None
-    read = shape if np.count_nonzero(there) > 1 else None
-    return MeasuredMode(int(whole), frequency, std, ratio, ratio_std, read, shape_std)
+    shape_read = shape if np.count_nonzero(is_present) > 1 else None
+    return MeasuredMode(int(number_cell), frequency, std, ratio, ratio_std, shape_read, shape_std)
 
 
 # ------------------------------------------------------------------------------------------- computed components

@@ -46,6 +46,10 @@ ROUNDS = 4
 """Cost: rounds of fitting and estimating the noise of shapes, and of Gauss-Newton's method beside a direction."""
 CONFIDENCE = 0.95
 """Physics: of the region about the best fit in which other minima are solutions, and of an interval of 1.96 σ."""
+ROUGH_EVALUATIONS = 12
+"""Cost: evaluations of a search from another start before it is seen whether it leads anywhere."""
+CHI_SQUARE_LEFT = 1e3
+"""Cost: chi-square that such a search may still have to lose: Gauss-Newton's method is near its end there."""
 GENERIC_STEP = 0.03
 """Tolerance: by which numbers are moved to see what is determined: at equal lengths derivatives vanish."""
 LOSSES = ("linear", "soft_l1", "huber", "cauchy")
@@ -266,8 +270,10 @@ def _minima(problem: _ModeFitProblem, z: Floats, loss: str) -> list[tuple[float,
     minima = []
     for start in _starts(problem, z):
         try:
-            minimum = _solve(problem, start, loss)
-            minima.append((_square(problem, minimum), minimum))
+            minimum = _solve(problem, start, loss, ROUGH_EVALUATIONS)
+            if _square(problem, minimum) < CHI_SQUARE_LEFT + _square(problem, z):
+                minimum = _solve(problem, minimum, loss)
+                minima.append((_square(problem, minimum), minimum))
         except (ComputationError, SceneError):
             continue
     return sorted(minima, key=lambda pair: pair[0])
@@ -308,8 +314,8 @@ def _shape_noise(problem: _ModeFitProblem, z: Floats) -> float:
     return max(NOISE_MIN, float(np.sqrt(square / max(count, 1))))
 
 
-def _solve(problem: _ModeFitProblem, z: Floats, loss: str) -> Floats:
-    """The minimum that a search from z leads into."""
+def _solve(problem: _ModeFitProblem, z: Floats, loss: str, evaluations: int | None = None) -> Floats:
+    """The minimum that a search from z leads into, or so many evaluations."""
     columns = np.flatnonzero(problem.is_fitted)
     if not len(columns):
         return z
@@ -338,6 +344,7 @@ def _solve(problem: _ModeFitProblem, z: Floats, loss: str) -> Floats:
         bounds=(low, np.inf),
         x_scale=np.array([parameter.step for parameter in problem.parameters])[columns],
         loss=loss,
+        max_nfev=evaluations,
         ftol=last_digits,
         xtol=last_digits,
         gtol=last_digits,
@@ -512,8 +519,8 @@ def _verdict(problem: _ModeFitProblem, result: ModeFit, loss: str) -> list[str]:
     for other in result.others:
         numbers = _solution_words(other, result.fitted)
         words.append(
-            f"another solution fits as well, with chi-square {short(other.chi_square)}: {numbers}; a measured shape or a "
-            "prior can tell which is right"
+            f"another solution fits as well, with chi-square {short(other.chi_square)}: {numbers}; a measured shape or "
+            "a prior can tell which is right"
         )
     worst = max(result.modes, key=lambda mode: abs(mode.deviation))
     if abs(worst.deviation) > 3:

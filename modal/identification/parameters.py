@@ -113,12 +113,12 @@ def find_parameters(scene: Scene, paths: Iterable[str], priors: Sequence[str] = 
     words = [path for path in paths if path != NONE]
     for path in words:
         try:
-            named = find_places(scene, path)
+            places_of_path = find_places(scene, path)
         except SceneError as error:
             problems += error.problems
             continue
-        problems += [f"{with_numbers(place)}: is freed twice" for place in named if place in places]
-        places |= dict.fromkeys(named)
+        problems += [f"{with_numbers(place)}: is freed twice" for place in places_of_path if place in places]
+        places |= dict.fromkeys(places_of_path)
     beliefs: dict[Place, tuple[float, float]] = {}
     for text in priors:
         try:
@@ -255,10 +255,10 @@ class FittedNumbers(Drawable, Result):
 
     def table_of_numbers(self: Any, more: Mapping[str, Floats]) -> ReportTable:
         """Every number beside the scene's, with its standard deviation and `more` of them, (p,) by their headings."""
-        held = set(self.held.tolist())
+        held_rows = set(self.held.tolist())
 
         def spread(stds: Floats, k: int) -> str:
-            return "held" if k in held else f"{stds[k]:.2g}" if np.isfinite(stds[k]) else NOTHING
+            return "held" if k in held_rows else f"{stds[k]:.2g}" if np.isfinite(stds[k]) else NOTHING
 
         spreads = {"std": self.stds, **more}
         rows = [
@@ -275,8 +275,8 @@ class FittedNumbers(Drawable, Result):
 
     def determination(self: Any) -> Iterator[str]:
         """What is determined of numbers that are not, and what is left open."""
-        each = self.combinations if self.fits else ()
-        yield "\n".join(f"Determined: {c.words} = {with_error(c.value, c.std)} ± {c.std:.2g}" for c in each)
+        combinations = self.combinations if self.fits else ()
+        yield "\n".join(f"Determined: {c.words} = {with_error(c.value, c.std)} ± {c.std:.2g}" for c in combinations)
         yield "\n".join(f"Not determined: {direction.words}." for direction in self.undetermined)
 
     def footnotes(self: Any) -> Iterator[str]:

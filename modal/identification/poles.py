@@ -245,14 +245,14 @@ def identify(
     if excitation == "random" and method == "decrement":
         raise SceneError(["method decrement: takes free decays, not a random excitation"])
     notes: list[str] = []
-    even, step = _interpolate_evenly(segments, notes)
+    even_values, step = _interpolate_evenly(segments, notes)
     if method == "decrement":
-        return _by_decrement(even, step, names, notes)
-    lines = _lines(even, step)
+        return _by_decrement(even_values, step, names, notes)
+    lines = _lines(even_values, step)
     if excitation == "random":
-        return _random(even, step, names, order, lines, notes)
-    stride = _stride(lines, step, even)
-    realization = realize([values - values.mean(axis=0) for values in even], step, stride)
+        return _random(even_values, step, names, order, lines, notes)
+    stride = _stride(lines, step, even_values)
+    realization = realize([values - values.mean(axis=0) for values in even_values], step, stride)
     chosen = min(order or min(realization.rank, ORDER_MAX), len(realization.singular))
     diagram = stabilization(realization, max(ORDER_MAX // 2, min(chosen + 10, ORDER_MAX)))
     poles, _ = realization.poles(chosen)
@@ -294,12 +294,12 @@ def _interpolate_evenly(segments: Sequence[tuple[Floats, Floats]], notes: list[s
     if counts:
         raise SceneError([f"a segment has {counts[0]} samples: at least {SAMPLES_MIN} are needed"])
     step = float(np.median(np.concatenate([np.diff(times) for times, _ in segments])))
-    even, is_interpolated = [], False
+    even_values, is_interpolated = [], False
     for times, values in segments:
         grid = times[0] + step * np.arange(round((times[-1] - times[0]) / step) + 1)
         is_even = len(grid) == len(times) and float(np.abs(times - grid).max()) < STEP_UNEVENNESS * step
         if is_even and np.all(np.isfinite(values)):
-            even.append(values)
+            even_values.append(values)
             continue
         is_interpolated = True
         columns = []
@@ -309,22 +309,22 @@ def _interpolate_evenly(segments: Sequence[tuple[Floats, Floats]], notes: list[s
             if count < SAMPLES_MIN:
                 raise SceneError([f"a sensor has {count} values in a segment: {SAMPLES_MIN} are needed"])
             columns.append(np.interp(grid, times[is_present], column[is_present]))
-        even.append(np.array(columns).T)
+        even_values.append(np.array(columns).T)
     if is_interpolated:
         notes.append("samples are uneven or missing: interpolated for starting values")
-    return even, step
+    return even_values, step
 
 
-def _lines(even: Sequence[Floats], step: float) -> tuple[float, float]:
+def _lines(even_values: Sequence[Floats], step: float) -> tuple[float, float]:
     """The slowest and fastest line in Hz."""
-    count = int(2 ** np.ceil(np.log2(4 * max(map(len, even)))))
+    count = int(2 ** np.ceil(np.log2(4 * max(map(len, even_values)))))
     power = np.zeros(count // 2 + 1)
-    for values in even:
+    for values in even_values:
         deviations = (values - values.mean(axis=0)) / np.maximum(values.std(axis=0), 1e-300)
         spectrum = np.fft.rfft(deviations * np.hanning(len(values))[:, None], count, axis=0)
         power += np.sum(np.abs(spectrum) ** 2, axis=1)
     frequency = np.fft.rfftfreq(count, step)
-    power[frequency < 1.5 / (max(map(len, even)) * step)] = 0.0  # drifts, which last longer than the record
+    power[frequency < 1.5 / (max(map(len, even_values)) * step)] = 0.0  # drifts, which last longer than the record
     if not power.max() > 0:
         raise ComputationError("the records contain no oscillation")
     slow = np.flatnonzero(power > 0.05 * power.max())
@@ -332,12 +332,12 @@ def _lines(even: Sequence[Floats], step: float) -> tuple[float, float]:
     return float(frequency[slow[0]]), float(frequency[fast[-1]])
 
 
-def _stride(lines: tuple[float, float], step: float, even: Sequence[Floats]) -> int:
+def _stride(lines: tuple[float, float], step: float, even_values: Sequence[Floats]) -> int:
     """So many samples apart that the rows span the slowest line, and the fastest one is still sampled well."""
     slow, fast = lines
-    rows = max(2, HANKEL_ROWS // even[0].shape[1])
+    rows = max(2, HANKEL_ROWS // even_values[0].shape[1])
     spanning = int(np.ceil(1.5 / slow / (rows * step)))
-    return max(1, min(spanning, int(1 / (PERIOD_SAMPLES_MIN * fast * step)), min(map(len, even)) // 8))
+    return max(1, min(spanning, int(1 / (PERIOD_SAMPLES_MIN * fast * step)), min(map(len, even_values)) // 8))
 
 
 # ------------------------------------------------------------------------------------------------ stabilization
@@ -428,11 +428,11 @@ def _mode_of_pole(pole: complex, cov: Floats, shape: Complexes, shape_std: float
     )
 
 
-def _by_decrement(even: Sequence[Floats], step: float, names: Sequence[str], notes: list[str]) -> Identified:
+def _by_decrement(even_values: Sequence[Floats], step: float, names: Sequence[str], notes: list[str]) -> Identified:
     """By the sensor with the largest swing; segments are averaged by their weights."""
-    swings = [values - values.mean(axis=0) for values in even]
+    swings = [values - values.mean(axis=0) for values in even_values]
     decrements = []
-    for values, swing in zip(even, swings, strict=True):
+    for values, swing in zip(even_values, swings, strict=True):
         k = int(np.argmax(swing.std(axis=0)))
         decrements.append(log_decrement(step * np.arange(len(values), dtype=np.float64), values[:, k]))
     stds = np.array([[decrement.real_std, decrement.imag_std] for decrement in decrements])
@@ -450,16 +450,16 @@ def _by_decrement(even: Sequence[Floats], step: float, names: Sequence[str], not
 
 
 def _random(
-    even: Sequence[Floats],
+    even_values: Sequence[Floats],
     step: float,
     names: Sequence[str],
     order: int | None,
     lines: tuple[float, float],
     notes: list[str],
 ) -> Identified:
-    lags = int(min(LAG_PERIODS / lines[0] / step, min(map(len, even)) / 4))
-    length = max(sum(map(len, even)) // RECORD_PARTS, 3 * lags)
-    parts = [values[at : at + length] for values in even for at in range(0, len(values) - length + 1, length)]
+    lags = int(min(LAG_PERIODS / lines[0] / step, min(map(len, even_values)) / 4))
+    length = max(sum(map(len, even_values)) // RECORD_PARTS, 3 * lags)
+    parts = [values[at : at + length] for values in even_values for at in range(0, len(values) - length + 1, length)]
     if len(parts) < 4:
         raise ComputationError(
             f"the records are too short for random excitation: {short(4 * 4 * lags * step)} s at least, or free decays"
@@ -512,9 +512,9 @@ def _settled_order(diagram: Sequence[OrderPole]) -> int:
 def _is_often_stable(diagram: Sequence[OrderPole], pole: complex) -> bool:
     """Whether a pole is stable at four orders: those of noise come and go."""
     orders = {
-        other.order
-        for other in diagram
-        if other.stable and abs(other.frequency / (abs(pole) / (2 * pi)) - 1) < 2 * FREQUENCY_TOLERANCE
+        stable_pole.order
+        for stable_pole in diagram
+        if stable_pole.stable and abs(stable_pole.frequency / (abs(pole) / (2 * pi)) - 1) < 2 * FREQUENCY_TOLERANCE
     }
     return len(orders) >= 4
 
@@ -557,9 +557,9 @@ def _without_doubles(modes: Sequence[IdentifiedMode]) -> list[IdentifiedMode]:
     """The modes without those that are another, better known one, within their standard deviations."""
     different: list[IdentifiedMode] = []
     for mode in sorted(modes, key=lambda identified: identified.frequency_std):
-        for other in different:
-            is_near = abs(mode.frequency - other.frequency) < 3 * (mode.frequency_std + other.frequency_std)
-            if is_near and modal_assurance(mode.shape[:, None], other.shape[:, None])[0, 0] > SHAPE_MAC_MIN:
+        for better_mode in different:
+            is_near = abs(mode.frequency - better_mode.frequency) < 3 * (mode.frequency_std + better_mode.frequency_std)
+            if is_near and modal_assurance(mode.shape[:, None], better_mode.shape[:, None])[0, 0] > SHAPE_MAC_MIN:
                 break
         else:
             different.append(mode)

@@ -59,7 +59,9 @@ class ModeStds:
 
 def mode_slopes(modes: Modes, estimate: Estimate, rows: Sequence[int]) -> tuple[Floats, Floats]:
     """∂ω/∂p and ∂ζ/∂p, (rows, p), of the modes with these indices."""
-    derivatives = ModeDerivatives(modes, *_matrices_by(modes.scene, estimate))
+    dM, dK, dD = matrix_derivatives(estimate.scene, estimate.places, estimate.units)
+    first = int(modes.scene.cart is None and estimate.scene.cart is not None)  # of modes on a cart that is held
+    derivatives = ModeDerivatives(modes, dM[:, first:, first:], dK[:, first:, first:], dD[:, first:, first:])
     pairs = [polar(complex(modes.eigenvalue[row]), derivatives.eigenvalue(row)) for row in rows]
     omega, zeta = (np.array(part).reshape(len(rows), len(estimate.places)) for part in zip(*pairs, strict=True))
     return omega, zeta
@@ -77,13 +79,6 @@ def mode_stds(modes: Modes, estimate: Estimate, rows: Sequence[int]) -> list[Mod
     return [ModeStds(float(a), float(b)) for a, b in zip(estimate.std(omega), estimate.std(zeta), strict=True)]
 
 
-def _matrices_by(scene: Scene, estimate: Estimate) -> tuple[Floats, Floats, Floats]:
-    """Derivatives of M, K and D by the estimate's numbers, on the support of this scene."""
-    dM, dK, dD = matrix_derivatives(estimate.scene, estimate.places, estimate.units)
-    first = int(scene.cart is None and estimate.scene.cart is not None)
-    return dM[:, first:, first:], dK[:, first:, first:], dD[:, first:, first:]
-
-
 # ----------------------------------------------------------------------------------------------------- response
 
 
@@ -97,9 +92,10 @@ def response_slopes(model: StateSpace, estimate: Estimate, omega: Floats) -> tup
     geometry = geometry_of(scene)
     require_polynomial(scene)
     drive = next((signal.name for signal in model.inputs if signal.name in DRIVES), None)
-    if moved := [signal.name for signal in model.inputs if signal.name in SUPPORT]:
+    motions = [signal.name for signal in model.inputs if signal.name in SUPPORT]
+    if motions:
         raise ComputationError(
-            f"responses to {moved[0]} have no standard deviations: choose forces or the cart's motion"
+            f"responses to {motions[0]} have no standard deviations: choose forces or the cart's motion"
         )
     inputs, outputs = _groups(geometry, model.inputs, PUSHES), _groups(geometry, model.outputs, READINGS)
 
@@ -114,13 +110,13 @@ def response_slopes(model: StateSpace, estimate: Estimate, omega: Floats) -> tup
     return G, np.stack([change for _, change in responses], axis=2)
 
 
-def _groups(geometry: Geometry, signals: Iterable[Signal], known: Mapping[str, Any]) -> tuple[str, ...]:
+def _groups(geometry: Geometry, signals: Iterable[Signal], known_groups: Mapping[str, Any]) -> tuple[str, ...]:
     """The names of the groups that signals belong to, in their order; of a signal of a structure alone its own."""
-    names = [name for name in known if geometry.on_cart or name not in OF_A_CART]
+    names = [name for name in known_groups if geometry.on_cart or name not in OF_A_CART]
     present = {signal.name for signal in signals}
     owner: dict[str, str] = {}
     for name in names:
-        members = [signal.name for signal in known[name](geometry).signals]
+        members = [signal.name for signal in known_groups[name](geometry).signals]
         owner |= {signal_name: name if present.issuperset(members) else signal_name for signal_name in members}
     owner |= {signal.name: signal.name for signal in signals if is_point(signal.name)}
     return tuple(dict.fromkeys(owner[signal.name] for signal in signals if signal.name in owner))
@@ -146,31 +142,31 @@ def _linear(scene: Scene, inputs: Sequence[str], outputs: Sequence[str]) -> Arra
 def _at(s: complex, arrays: Arrays, slopes: Sequence[Arrays], drive: str | None) -> tuple[Complexes, Complexes]:
     """G (p, m) and its derivatives (p, m, numbers) at one s."""
     M, K, D, F, T, Y0, Y1, Y2 = arrays
-    held = int(drive is not None)
+    n_driven = int(drive is not None)
     Q, Y = (s * s * M + s * D + K).astype(np.complex128), Y0 + s * Y1 + s * s * Y2
-    size, m = len(Q), F.shape[1] + held
-    moved = np.zeros((size, m), dtype=np.complex128)
-    force, through = np.zeros((size, m), dtype=np.complex128), np.zeros((len(Y), m), dtype=np.complex128)
-    force[:, held:], through[:, held:] = F, T
-    if held:
-        moved[0, 0] = 1 / s**2 if drive == "cart_acceleration" else 1 / s
-    free = slice(held, None)
+    size, m = len(Q), F.shape[1] + n_driven
+    q = np.zeros((size, m), dtype=np.complex128)
+    force, thrust = np.zeros((size, m), dtype=np.complex128), np.zeros((len(Y), m), dtype=np.complex128)
+    force[:, n_driven:], thrust[:, n_driven:] = F, T
+    if n_driven:
+        q[0, 0] = 1 / s**2 if drive == "cart_acceleration" else 1 / s
+    free = slice(n_driven, None)
     inner = Q[free, free]
-    if not np.linalg.cond(inner) < 1 / np.finfo(float).eps:
-        lost = np.full((len(Y), m), np.nan + 0j)
-        return lost, np.repeat(lost[..., None], len(slopes), axis=2)
-    moved[free] = np.linalg.solve(inner, force[free] - Q[free, :held] @ moved[:held])
+    if not np.linalg.cond(inner) < 1 / np.finfo(float).eps:  # at a pole of a mode without a damper
+        nothing = np.full((len(Y), m), np.nan + 0j)
+        return nothing, np.repeat(nothing[..., None], len(slopes), axis=2)
+    q[free] = np.linalg.solve(inner, force[free] - Q[free, :n_driven] @ q[:n_driven])
     changes = []
     for dM, dK, dD, dF, dT, dY0, dY1, dY2 in slopes:
         dQ = s * s * dM + s * dD + dK
-        pushed = np.zeros_like(force)
-        pushed[:, held:] = dF
-        change = np.zeros_like(moved)
-        change[free] = np.linalg.solve(inner, (pushed - dQ @ moved)[free])
-        direct = np.zeros_like(through)
-        direct[:, held:] = dT
-        changes.append((dY0 + s * dY1 + s * s * dY2) @ moved + Y @ change + direct)
-    return Y @ moved + through, np.stack(changes, axis=-1)
+        d_force = np.zeros_like(force)
+        d_force[:, n_driven:] = dF
+        dq = np.zeros_like(q)
+        dq[free] = np.linalg.solve(inner, (d_force - dQ @ q)[free])
+        d_thrust = np.zeros_like(thrust)
+        d_thrust[:, n_driven:] = dT
+        changes.append((dY0 + s * dY1 + s * s * dY2) @ q + Y @ dq + d_thrust)
+    return Y @ q + thrust, np.stack(changes, axis=-1)
 
 
 def magnitude_std(model: StateSpace, estimate: Estimate, omega: Floats) -> Floats:
@@ -217,19 +213,19 @@ def shaped_modes(shaper: Shaper, estimate: Estimate, drive: Drive, count: int) -
     """What the `count` slowest modes retain of a shaped command over the band of the fitted numbers."""
     modes, rows = swing_rows(estimate.scene, drive)
     omega_p, zeta_p = mode_slopes(modes, estimate, rows[:count])
-    shaped = []
+    modes_of_shaper = []
     for mode, by_omega, by_zeta in zip(modes.rows(rows[:count]), omega_p, zeta_p, strict=True):
         omega, zeta = mode.omega, mode.damping_ratio
         spread, wider = float(estimate.std(by_omega)), float(estimate.std(by_zeta))
         if np.isnan(spread + wider):
-            shaped.append(ShapedMode(omega, nan, zeta, nan, nan, nan))
+            modes_of_shaper.append(ShapedMode(omega, nan, zeta, nan, nan, nan))
             continue
         rms = _rms(shaper, omega, zeta, np.stack((by_omega, by_zeta)), estimate)
         grid = np.linspace(-2, 2, NODES)
         band = np.maximum(omega + spread * grid, 0.0)[:, None], np.clip(zeta + wider * grid, 0.0, 1 - 1e-9)
         worst = float(residual_vibration(shaper, *band).max())
-        shaped.append(ShapedMode(omega, spread, zeta, wider, rms, worst))
-    return shaped
+        modes_of_shaper.append(ShapedMode(omega, spread, zeta, wider, rms, worst))
+    return modes_of_shaper
 
 
 def _rms(shaper: Shaper, omega: float, zeta: float, slopes: Floats, estimate: Estimate) -> float:
@@ -237,7 +233,7 @@ def _rms(shaper: Shaper, omega: float, zeta: float, slopes: Floats, estimate: Es
     strength, axes = np.linalg.eigh(slopes @ estimate.covariance @ slopes.T / np.outer([omega, 1.0], [omega, 1.0]))
     nodes, weights = np.polynomial.hermite_e.hermegauss(NODES)
     steps = np.stack(np.meshgrid(nodes, nodes)).reshape(2, -1) * np.sqrt(np.maximum(strength, 0.0))[:, None]
-    moved = axes @ steps
+    changes = axes @ steps
     weight = np.outer(weights, weights).ravel() / weights.sum() ** 2
-    square = residual_vibration(shaper, omega * (1 + moved[0]), np.clip(zeta + moved[1], 0.0, 1 - 1e-9)) ** 2
+    square = residual_vibration(shaper, omega * (1 + changes[0]), np.clip(zeta + changes[1], 0.0, 1 - 1e-9)) ** 2
     return float(np.sqrt(weight @ square))

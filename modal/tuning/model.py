@@ -140,7 +140,11 @@ class ChannelModel:
 def channel_model(scene: Scene, channels: Sequence[Channel]) -> ChannelModel:
     """The channels of a scene; SceneError names every signal that it does not have, and what its model refuses."""
     geometry = geometry_of(scene)
-    inputs, outputs = _inputs(geometry), _outputs(geometry)
+    absent_group = "coordinate_forces" if geometry.on_cart else "cart_force"
+    inputs = _sources({name: PUSHES[name](geometry) for name in PUSHES if name != absent_group})
+    known_outputs = outputs_of(geometry)
+    names = [name for name in READINGS if name in known_outputs and (name not in OF_A_CART or geometry.on_cart)]
+    outputs = _sources({name: READINGS[name](geometry) for name in names})
     problems: list[str] = []
     try:
         validate_points(scene, [channel.input for channel in channels if is_point(channel.input)])
@@ -158,8 +162,16 @@ def channel_model(scene: Scene, channels: Sequence[Channel]) -> ChannelModel:
     if problems:
         raise SceneError(list(dict.fromkeys(problems)))
     output_sources = tuple(outputs[channel.output][0] for channel in channels)
-    driven = tuple(_input_source(inputs, channel.input) for channel in channels)
-    signals = tuple((outputs[channel.output][1], _signal(inputs, channel.input)) for channel in channels)
+    input_sources: list[Source | None] = []
+    signals: list[tuple[Signal, Signal]] = []
+    for output, name in channels:
+        source: Source | None
+        if is_point(name):
+            source, signal = (name, 0), Signal(name, "N m" if name.startswith("torque") else "N", "")
+        else:
+            source, signal = inputs[name] if name in inputs else (None, {**SUPPORT, **DRIVES}[name])
+        input_sources.append(source)
+        signals.append((outputs[output][1], signal))
     kinds = tuple(
         ChannelKind(
             "" if channel.input not in PRESCRIBED else "ground" if channel.input in SUPPORT else "cart",
@@ -167,24 +179,13 @@ def channel_model(scene: Scene, channels: Sequence[Channel]) -> ChannelModel:
         )
         for channel in channels
     )
-    return ChannelModel(tuple(channels), kinds, signals, output_sources, driven)
+    return ChannelModel(tuple(channels), kinds, tuple(signals), output_sources, tuple(input_sources))
 
 
 def _among(names: Sequence[str], wrong: str) -> str:
     examples = names[:12]
     more = ", …" * (len(examples) < len(names))
     return f"must be one of {', '.join(examples)}{more}{spelling_hint(wrong, names)}"
-
-
-def _input_source(inputs: dict[str, tuple[Source, Signal]], name: str) -> Source | None:
-    """Where the force of an input comes from, None of a motion."""
-    return (name, 0) if is_point(name) else inputs[name][0] if name in inputs else None
-
-
-def _signal(inputs: dict[str, tuple[Source, Signal]], name: str) -> Signal:
-    if is_point(name):
-        return Signal(name, "N m" if name.startswith("torque") else "N", "")
-    return inputs[name][1] if name in inputs else {**SUPPORT, **DRIVES}[name]
 
 
 def _moved_problems(scene: Scene, geometry: Geometry, name: str) -> list[str]:
@@ -195,19 +196,6 @@ def _moved_problems(scene: Scene, geometry: Geometry, name: str) -> list[str]:
     if any(carrier.M is not None for carrier in geometry.structure.carriers):
         return [f"input {name}: a modal support does not say how the ground drives its coordinates: give forces"]
     return []
-
-
-def _inputs(geometry: Geometry) -> dict[str, tuple[Source, Signal]]:
-    """The forces of a scene by name."""
-    absent_group = "coordinate_forces" if geometry.on_cart else "cart_force"
-    return _sources({name: PUSHES[name](geometry) for name in PUSHES if name != absent_group})
-
-
-def _outputs(geometry: Geometry) -> dict[str, tuple[Source, Signal]]:
-    """The outputs of a scene by name."""
-    names_known = outputs_of(geometry)
-    names = [name for name in READINGS if name in names_known and (name not in OF_A_CART or geometry.on_cart)]
-    return _sources({name: READINGS[name](geometry) for name in names})
 
 
 def _sources(groups: Mapping[str, InputGroup | OutputGroup]) -> dict[str, tuple[Source, Signal]]:

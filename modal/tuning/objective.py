@@ -373,7 +373,8 @@ def _dampers(objective: Objective, scene: Scene) -> list[tuple[Place, str, float
     dampers: list[tuple[Place, str, float, str]] = []
     geometry = geometry_of(scene)
     first_numbers = np.concatenate(([0], np.cumsum([entry.count for entry in scene.pendulum])))
-    for place in dict.fromkeys(_owner(entry.place) for entry in objective.free):
+    free = [entry.place for entry in objective.free]
+    for place in dict.fromkeys(place[:4] if place[0] == "pendulum" else place[:2] for place in free):
         if place[0] == "pendulum" and len(place) == 4:
             p, i = int(place[1]), int(place[3])
             link = scene.pendulum[p].links[i]
@@ -387,7 +388,3 @@ def _dampers(objective: Objective, scene: Scene) -> list[tuple[Place, str, float
             if spring.damping and label in labels and spring.kind == "linear":
                 dampers.append(((*place, "damping"), f"spring_extension_{label}", spring.damping, "m"))
     return dampers
-
-
-def _owner(place: Place) -> Place:
-    return place[:4] if place[0] == "pendulum" else place[:2]

@@ -12,7 +12,7 @@ from modal.report import NOTHING, ReportColumn, ReportTable, as_json, finite, gr
 from modal.scene import title_of
 from modal.scene.parameters import with_numbers
 from modal.tuning.minimax import COARSE, EDGE
-from modal.tuning.objective import MASS_SHARE, Load, Worth, extreme
+from modal.tuning.objective import MASS_SHARE, Worth, extreme
 from modal.tuning.quantities import FreeNumber
 from modal.tuning.result import Rule, Tuned
 
@@ -50,7 +50,7 @@ def tuned_record(tuned: Tuned, curves: bool = True) -> dict[str, Any]:
             "after": finite(tuned.worst.value),
             "factors": {with_numbers(place): factor for place, factor in tuned.worst.factors.items()},
         },
-        "dampers": [_load_record(load) for load in tuned.loads],
+        "dampers": records_of(LOAD, tuned.loads),
     }
     if curves:
         record["curves"] = [
@@ -154,17 +154,17 @@ def _rule_record(rule: Rule) -> dict[str, Any]:
     }
 
 
-def _load_record(load: Load) -> dict[str, Any]:
-    return {
-        "damper": load.path,
-        "per": load.per,
-        "stroke": load.stroke,
-        "stroke_unit": load.unit,
-        "stroke_at_hz": load.at_hz,
-        "effort": load.effort,
-        "effort_unit": load.effort_unit,
-        "effort_at_hz": load.effort_at_hz,
-    }
+LOAD = (
+    ReportColumn("path", "damper"),
+    ReportColumn("per", "per"),
+    ReportColumn("stroke", "stroke"),
+    ReportColumn("unit", "stroke_unit"),
+    ReportColumn("at_hz", "stroke_at_hz"),
+    ReportColumn("effort", "effort"),
+    ReportColumn("effort_unit", "effort_unit"),
+    ReportColumn("effort_at_hz", "effort_at_hz"),
+)
+"""The quantities of a damper."""
 
 
 def tuned_text(tuned: Tuned, further_text: str = "") -> str:

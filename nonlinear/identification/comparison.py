@@ -19,14 +19,13 @@ from modal.scene.doors import checked, formerly
 from modal.scene.parameters import find_places, texts_of, with_numbers
 from modal.types import Crew, map_by_crew
 from nonlinear.identification.fitting import fit
-from nonlinear.identification.records import FEWEST, Recording
+from nonlinear.identification.records import SEGMENT_ROWS_MIN, Recording
 from nonlinear.identification.result import Fit
 
 LAWS = {"viscous": "damping", "coulomb": "friction", "drag": "quadratic_drag"}
 """Names of laws, and the number of a joint or link that each one frees."""
-SHARE = 0.75  # of the segments that are fitted when the others are held back
-HALF = 0.5  # of a single segment
-WEAK = 1e-3  # of the natural unit, where a law begins
+LAW_START = 1e-3
+"""Cost: of the natural unit, where the number of a law begins: the fit goes on from there."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -123,10 +122,8 @@ def independent(result: Fit) -> float:
 def _without(scene: Scene, free: Sequence[str]) -> Iterator[str]:
     """The free places that are not numbers of a law."""
     for path in free:
-        if path != "none":
-            yield from (
-                with_numbers(place) for place in find_places(scene, path) if place[-1] not in {*LAWS.values(), "drag"}
-            )
+        places = [] if path == "none" else find_places(scene, path)
+        yield from (with_numbers(place) for place in places if place[-1] not in {*LAWS.values(), "drag"})
 
 
 def with_laws(scene: Scene, laws: Sequence[str]) -> tuple[Scene, list[str]]:
@@ -147,7 +144,7 @@ def with_laws(scene: Scene, laws: Sequence[str]) -> tuple[Scene, list[str]]:
             path = f"{spot}.{name}"
             if path in values:
                 (place,) = find_places(scene, path)
-                values[path] = WEAK * natural_unit(scene, place) if name != "friction" else 0.0
+                values[path] = LAW_START * natural_unit(scene, place) if name != "friction" else 0.0
                 places.append(path)
     return scene_with(scene, values), places
 
@@ -156,9 +153,9 @@ def _used(recording: Recording) -> Recording:
     """What is fitted when the rest is held back: the first segments, or the first part of a single one."""
     count = len(recording.segments)
     if count > 1:
-        return recording.take(range(max(1, int(SHARE * count))))
+        return recording.take(range(max(1, 3 * count // 4)))
     (segment,) = recording.segments
-    at = int(HALF * len(segment.times))
-    if at < 2 * FEWEST:
+    at = len(segment.times) // 2
+    if at < 2 * SEGMENT_ROWS_MIN:
         raise SceneError([f"{segment.where}: is too short to hold a part of it back"])
     return replace(recording, segments=(replace(segment, times=segment.times[:at], values=segment.values[:at]),))

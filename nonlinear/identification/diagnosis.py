@@ -9,28 +9,22 @@ import numpy as np
 import scipy
 
 from modal.identification import autocorrelation
+from modal.identification.covariance import CHANCE_MAX
+from modal.identification.decays import TURNING_POINTS_MIN
+from modal.identification.parameters import BOUND_DISTANCE
 from modal.modes import natural_modes
 from modal.report import counted, listed, percent, short
 from modal.types import Floats
-from nonlinear.identification.records import is_wrapped
-from nonlinear.identification.result import APART, POOR, Fit, root_mean_square
+from nonlinear.identification.records import SEGMENT_ROWS_MIN, is_wrapped
+from nonlinear.identification.result import MISFIT_MAX, SIGNIFICANCE, Fit, root_mean_square
+from nonlinear.identification.starting import PERIOD_PART
 
-STRONG = 0.25  # part of the residuals' power in one line that is named
-WIDTH = 3  # bins of a line
-CERTAIN = 1e-3  # probability by chance of a growth with the amplitude
-GROWS = 0.5  # rank correlation that counts
-STRETCHES = 8  # least number of windows for it
-TURNS = 6  # least number of turning points
-STRAIGHTER = 0.6  # residual of a straight line over that of an exponential
-FAR = 7.0  # robust standard deviations of an outlier
-NEIGHBOURS = 5  # residuals, by whose median each is judged
-SURE = 4.5  # standard deviations of a scale that is named
-TINY = 1e-3  # a scale nearer to 1
-LEFT = 0.25  # of what goes on from residual to residual, at most, once a scale is free
-UNEVEN = 3.0  # times the median, of the rms residual of one segment
-LOST = 0.2  # misfit beyond which another minimum is likely
-PERIODS = 0.8  # in a window, beyond which shorter ones may help
-BOUND = 1e-6  # of a natural unit: a number at its bound
+OUTLIER_STDS = 7.0
+"""Tolerance: robust standard deviations of an outlier: of a million readings of noise none is."""
+OUTLIER_NEIGHBOURS = 5
+"""Tolerance: residuals by whose median each is judged: two outliers side by side leave it as it is."""
+WINDOWS_MIN = 8
+"""Tolerance: windows whose residuals are ranked by their amplitude: fewer are in order by chance."""
 
 
 def diagnose(result: Fit, mistake: str = "") -> list[str]:
@@ -59,12 +53,12 @@ def _turns(result: Fit) -> Iterator[str]:
 def _outliers(result: Fit) -> Iterator[str]:
     """Single readings far from those beside them."""
     for c, sensor in enumerate(result.recording.sensors):
-        if result.misfit[c] > POOR:
+        if result.misfit[c] > MISFIT_MAX:
             continue
         count = sum(outliers(miss) for k, _, miss in _misses(result) if k == c)
         if count:
             words = f"{sensor.name}: {counted(count, 'reading is an outlier', 'readings are outliers')}, beyond "
-            words += f"{FAR:g} standard deviations of the others"
+            words += f"{OUTLIER_STDS:g} standard deviations of the others"
             yield words + (": `loss=soft_l1` gives them less weight" if result.loss == "linear" else "")
 
 
@@ -74,9 +68,9 @@ def outliers(miss: Floats) -> int:
     >>> outliers(np.array([0.0, 0.1, -0.1, 0.1, 9.0, -0.1, 0.0, 0.1, -0.1, 0.0]))
     1
     """
-    off = miss - scipy.ndimage.median_filter(miss, NEIGHBOURS, mode="nearest")
+    off = miss - scipy.ndimage.median_filter(miss, OUTLIER_NEIGHBOURS, mode="nearest")
     spread = float(np.median(np.abs(off[off != 0]))) if np.any(off) else 0.0
-    return int(np.count_nonzero(np.abs(off) > FAR * 1.4826 * spread))
+    return int(np.count_nonzero(np.abs(off) > OUTLIER_STDS * 1.4826 * spread))
 
 
 def _prior_values(result: Fit) -> Iterator[str]:
@@ -94,10 +88,10 @@ def _prior_values(result: Fit) -> Iterator[str]:
 def _scales(result: Fit) -> Iterator[str]:
     """The sensor whose scale, or all angles whose common one, if it were free would make up for the most."""
     problem, layout = result.problem, result.problem.layout
-    if problem.scaled or result.misfit.max() > LOST:
+    if problem.scaled or result.misfit.max() > 4 * MISFIT_MAX:
         return
     J, residuals = problem.sort_by_sensor(problem.jacobian(result.unknowns)), problem.sort_by_sensor(result.residuals)
-    free, best = np.flatnonzero(np.diag(result.cov) > 0), (SURE, "")
+    free, best = np.flatnonzero(np.diag(result.cov) > 0), (SIGNIFICANCE, "")
     values = [part for *_, part in problem.series()]
 
     def lasting(r: Floats) -> float:
@@ -118,8 +112,9 @@ def _scales(result: Fit) -> Iterator[str]:
         inflation = 1 + 2 * max(0.0, float(autocorrelation([remainder[rows] for rows in values])[1:].sum()))
         std = float(np.linalg.norm(back[-1])) * np.sqrt(inflation) * root_mean_square(remainder)
         white = all(len(rho) == 1 for rho in result.rho)
-        is_explained = white or lasting(remainder) < LEFT * lasting(residuals)
-        if std and is_explained and abs(step[-1]) > TINY and abs(step[-1]) / std > best[0]:
+        # a scale that leaves much of what goes on from residual to residual makes up for something else
+        is_explained = white or lasting(remainder) < lasting(residuals) / 4
+        if std and is_explained and abs(step[-1]) / std > best[0]:
             words = f"{name}: a scale of {1 + step[-1]:.4g} ± {std:.1g} fits better: `scale=True`"
             best = (abs(step[-1]) / std, words)
     if best[1]:
@@ -130,28 +125,28 @@ def _misfit(result: Fit, is_explained: bool) -> Iterator[str]:
     """That the motion does not fit, and where least; a way out where no mistake explains it."""
     worst = int(np.argmax(result.misfit))
     words = "the motion does not fit the record, so its numbers have no standard deviations"
-    if result.misfit[worst] >= POOR:
+    if result.misfit[worst] >= MISFIT_MAX:
         words += f": {percent(result.misfit[worst])} of the readings of {result.recording.sensors[worst].name} are left"
-    if result.gap >= APART:
+    if result.gap >= 2 * SIGNIFICANCE:
         words += ": the windows do not join"
-    if len(result.rms) > 2 and result.rms.max() > UNEVEN * np.median(result.rms):
+    if len(result.rms) > 2 and result.rms.max() > 3 * np.median(result.rms):
         segment = result.recording.segments[int(np.argmax(result.rms))]
         words += f", most in {segment.name or segment.file} (rms {result.rms.max():.2g} rad, "
         words += f"half have {np.median(result.rms):.2g})"
     yield words
     longest = max(segment.times[-1] - segment.times[0] for segment in result.recording.segments)
     period = 2 * np.pi / result.problem.system.rate
-    if not is_explained and result.misfit.max() > LOST and longest > PERIODS * period:
+    if not is_explained and result.misfit.max() > 4 * MISFIT_MAX and longest > PERIOD_PART * period:
         yield (
             "the search may have ended in a wrong minimum: begin with other numbers, or fit in windows with "
-            f"`window={0.7 * period:.2g}`"
+            f"`window={PERIOD_PART * period:.2g}`"
         )
 
 
 def _bounds(result: Fit) -> Iterator[str]:
     for k in result.fitted:
         number = result.parameters[k]
-        if number.z_min == 0.0 and result.unknowns[k] < BOUND:
+        if number.z_min == 0.0 and result.unknowns[k] < BOUND_DISTANCE:
             white = all(len(rho) == 1 for rho in result.rho)
             yield f"{number.path} is at its bound, 0" + (": the record gives no sign of it" if white else "")
 
@@ -176,7 +171,7 @@ def _misses(result: Fit) -> list[tuple[int, Floats, Floats]]:
     for readings, segment in zip(result.readings, result.recording.segments, strict=True):
         for c in range(len(result.recording.sensors)):
             is_present = np.isfinite(segment.values[:, c])
-            if np.count_nonzero(is_present) > 2 * WIDTH:
+            if np.count_nonzero(is_present) > SEGMENT_ROWS_MIN:
                 series.append((c, segment.times[is_present], (segment.values - readings)[is_present, c]))
     return series
 
@@ -198,11 +193,10 @@ def _lines(result: Fit) -> Iterator[str]:
         frequency = np.fft.rfftfreq(count, step)
         power[frequency < 1 / longest] = 0.0
         peak = int(np.argmax(power))
-        half_width = WIDTH * 4
-        share = (
-            float(power[max(0, peak - half_width) : peak + half_width + 1].sum() / power.sum()) if power.sum() else 0.0
-        )
-        if share > STRONG:
+        half_width = 3 * 4  # three bins of the record, four of the padded one each: the main lobe of Hann's window
+        line = power[max(0, peak - half_width) : peak + half_width + 1]
+        share = float(line.sum() / power.sum()) if power.sum() else 0.0
+        if share > 1 / 4:
             hertz = modes.omega / (2 * np.pi)
             mode = int(np.argmin(np.abs(hertz - frequency[peak])))
             yield (
@@ -228,9 +222,9 @@ def _growth(result: Fit) -> Iterator[str]:
             for at in range(0, len(miss) - window + 1, window):
                 sizes.append(np.std(values[at : at + window]))
                 misses.append(np.sqrt(np.mean(miss[at : at + window] ** 2)))
-        if len(sizes) >= STRETCHES:
+        if len(sizes) >= WINDOWS_MIN:
             rank = scipy.stats.spearmanr(sizes, misses)
-            if rank.statistic > GROWS and rank.pvalue < CERTAIN:
+            if rank.statistic > 0.5 and rank.pvalue < CHANCE_MAX:
                 grow = f"{sensor.name}: the residuals grow with the amplitude"
                 if len(result.rho[c]) > 1:
                     yield f"{grow}: a loss or a length of the model is wrong"
@@ -241,7 +235,7 @@ def _growth(result: Fit) -> Iterator[str]:
 def _white_growth(rates: Floats, misses: Floats) -> str:
     """What makes white residuals grow with the amplitude: a clock that jitters, whose residuals follow the rate."""
     rank = scipy.stats.spearmanr(np.abs(rates), np.abs(misses))
-    if rank.statistic > 0 and rank.pvalue < CERTAIN:
+    if rank.statistic > 0 and rank.pvalue < CHANCE_MAX:
         jitter = np.sqrt(np.mean(misses**2) / np.mean(rates**2))
         return f"they follow the rate, as if the clock jittered by {1e3 * jitter:.2g} ms"
     return "the noise is larger where the swing is, and the model is not to blame"
@@ -267,7 +261,7 @@ def turning_points(times: Floats, values: Floats, rate: float) -> float | None:
 
     `rate` (rad/s) is about that of the swing.
     """
-    if len(times) < 4 * TURNS:
+    if len(times) < 4 * TURNING_POINTS_MIN:
         return None
     step = float(np.median(np.diff(times)))
     window = min(len(values) - 1, max(5, int(0.4 / rate / step))) | 1
@@ -279,7 +273,7 @@ def turning_points(times: Floats, values: Floats, rate: float) -> float | None:
         np.concatenate([scipy.signal.find_peaks(sign * smooth, height=high, distance=distance)[0] for sign in (1, -1)])
     )
     size = np.abs(smooth[peaks])
-    if len(size) < TURNS or np.any(np.diff(size) > 0.05 * size[:-1]) or size[-1] > 0.6 * size[0]:
+    if len(size) < TURNING_POINTS_MIN or np.any(np.diff(size) > 0.05 * size[:-1]) or size[-1] > 0.6 * size[0]:
         return None
     number = np.arange(len(size))
     line = np.polynomial.Polynomial.fit(number, size, 1)
@@ -287,4 +281,4 @@ def turning_points(times: Floats, values: Floats, rate: float) -> float | None:
     straight = float(np.sqrt(np.mean((line(number) - size) ** 2)))
     misfit_of_curve = float(np.sqrt(np.mean((np.array([exp(v) for v in curve(number)]) - size) ** 2)))
     slope = float(line.deriv()(0.0))
-    return -slope if slope < 0 and straight < STRAIGHTER * misfit_of_curve else None
+    return -slope if slope < 0 and straight < misfit_of_curve / 2 else None

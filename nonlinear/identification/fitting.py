@@ -22,6 +22,9 @@ from modal.identification import (
     find_parameters,
     starts_of,
 )
+from modal.identification.covariance import NOISE_AT_FIRST, NOISE_MIN
+from modal.identification.decays import EVALUATIONS_MAX
+from modal.identification.mode_fitting import ROUGH_EVALUATIONS
 from modal.report import silent
 from modal.scene import Scene
 from modal.scene.doors import checked, formerly
@@ -31,8 +34,8 @@ from nonlinear.identification.diagnosis import diagnose
 from nonlinear.identification.mistakes import find_mistake, require_radians, require_seconds
 from nonlinear.identification.problem import FitProblem, require_fittable
 from nonlinear.identification.records import Recording
-from nonlinear.identification.result import Fit, root_mean_square
-from nonlinear.identification.starting import initial_states, starting_numbers
+from nonlinear.identification.result import MISFIT_MAX, Fit, root_mean_square
+from nonlinear.identification.starting import PERIOD_PART, initial_states, starting_numbers
 
 WEIGHTS: dict[str, Callable[[Floats], Floats]] = {
     "linear": np.ones_like,
@@ -42,33 +45,24 @@ WEIGHTS: dict[str, Callable[[Floats], Floats]] = {
 }
 """The weight of a squared residual under each loss, ρ' of `scipy.optimize.least_squares`."""
 LOSSES = tuple(WEIGHTS)
-COARSE = 0.02  # of a sensor's rms, its noise before the first fit
-FINEST = 1e-7  # of a sensor's rms, the least noise
-SHORTEST = 0.75  # periods of sqrt(l/g) in the first part that is fitted
-SHORT = 0.4  # periods in a short window
-MOST_WINDOWS = 64
-ROUGHLY = 1e-6  # tolerance of motions far from the end
-LONGER = 2.5  # times the part before
-STEADY = 1.0  # standard deviation of ln p while parts are fitted
-ROUGH = 12  # evaluations for a part
-MOST = 60  # evaluations for the whole
-LOOSE = (1e4, 1e2, 1.0)  # tightness of the gaps between windows, one after the other
-NEARLY = 1e-4  # relative change of the sum of squares, or of the unknowns, before the noise is estimated
-CLOSE = 1e-9  # the same at the end
-SLIGHT = 1e-2  # of a sum of squares in units of the noise: what moves no number by more than a tenth of its error bar
-KEPT = 0.01  # of a fall that the derivatives promised: less is a kink, such as those that dry friction makes
-BOUND = 1e-9  # of z: at its bound
-SUSPECT = 0.02  # misfit of a fit whose record may have been read wrongly
-LOOK = 1.5  # periods of sqrt(l/g) at the beginning, of so many segments, by which mistakes are judged
-SEGMENTS = 3
-BRIEF = 500  # steps of a motion at the beginning: faster ones are none of a right reading
-POORLY = 25.0  # mean square, in units of the coarse noise, of a beginning that does not fit
-HASTY = 3  # evaluations for a part of a record that is read wrongly
-LOST = 0.2  # misfit of a fit that is tried once more by short windows
-DENSE = 25  # unknowns beyond which the Jacobian is sparse: states matter in their own segment alone
+WINDOWS_MAX = 64
+"""Cost: short windows in which a record is fitted at first; a longer record is fitted in ever longer parts."""
+ROUGH_TOLERANCE = 1e-6
+"""Cost: tolerance of motions far from the end."""
+ROUGH_PRECISION = 1e-3
+"""Cost: relative change of the sum of squares, or of the unknowns, at the end of a rough fit."""
+PRECISION = 1e-9
+"""Tolerance: relative change of the sum of squares, or of the unknowns, at the end: below the motion's tolerance."""
+LOOSE = (1e4, 1e2, 1.0)
+"""Tightness of the gaps between windows, one after the other."""
+SLIGHT = 0.01
+"""Tolerance: a fall of a sum of squares in units of the noise, or of the fall that derivatives promised, and a relative
+change of the noise: less moves no number by more than a tenth of its error bar."""
+BEGINNING_STEPS = 500
+"""Cost: steps of a motion at the beginning; faster ones are none of a right reading."""
+DENSE_UNKNOWNS = 25
+"""Cost: unknowns beyond which the Jacobian is sparse, as states matter in their own segment alone."""
 LSMR = {"atol": 1e-10, "btol": 1e-10, "maxiter": 2000, "regularize": False}
-ROUNDS = 2  # at most, of estimating the noise and fitting
-SETTLED = 0.02  # relative change of the noise
 Report = Callable[[float], object]
 
 
@@ -117,10 +111,10 @@ def fit(
         if words := mistake():
             raise ComputationError(f"{error}; {words}") from None
         raise
-    if result.misfit.max() < SUSPECT:
+    if result.misfit.max() < MISFIT_MAX:
         return replace(result, verdict=tuple(diagnose(result)))
     words = search.mistake or mistake()
-    if not words and window is None and result.misfit.max() > LOST:
+    if not words and window is None and result.misfit.max() > 4 * MISFIT_MAX:
         search_in_windows = Search(problem, loss, report)
         if search_in_windows.span < np.inf:
             result = min(
@@ -131,14 +125,14 @@ def fit(
 
 def _beginning(problem: FitProblem) -> float:
     """The misfit of a fit to the first periods of some segments, infinite where none is found."""
-    part = LOOK * 2 * np.pi / problem.system.rate
-    segments = [replace(segment, continued=False) for segment in problem.recording.segments[:SEGMENTS]]
+    part = 2 * PERIOD_PART * 2 * np.pi / problem.system.rate
+    segments = [replace(segment, continued=False) for segment in problem.recording.segments[:3]]
     recording = replace(problem.recording, segments=tuple(segments)).until(part)
-    start = replace(problem, recording=recording, noise=coarse_noise(recording), tolerance=ROUGHLY, steps=BRIEF)
+    noise = coarse_noise(recording)
+    start = replace(problem, recording=recording, noise=noise, tolerance=ROUGH_TOLERANCE, steps=BEGINNING_STEPS)
     search = Search(start, "linear")
     try:
-        u = search.lengthen(search.begin())
-        u = search.refine(u)
+        u = search.solve(start, search.lengthen(search.begin()), rough=True)
         misses = [
             reading - segment.values for reading, segment in zip(start.readings(u), recording.segments, strict=True)
         ]
@@ -151,7 +145,7 @@ def _beginning(problem: FitProblem) -> float:
 
 def coarse_noise(recording: Recording) -> Floats:
     """The noise (C,) of the sensors before the first fit."""
-    return np.array([COARSE * _size(recording, c) for c in range(len(recording.sensors))])
+    return np.array([NOISE_AT_FIRST * _size(recording, c) for c in range(len(recording.sensors))])
 
 
 def _size(recording: Recording, sensor: int) -> float:
@@ -185,7 +179,8 @@ class Search:
         z = starting_numbers(problem.scene, problem.parameters, problem.recording)
         beliefs = [parameter.prior_of_z for parameter in problem.parameters]
         z = np.array([numbers if b is None else b[0] for numbers, b in zip(z, beliefs, strict=True)])
-        u[: layout.numbers] = np.clip(z, *(limits[: layout.numbers] for limits in problem.bounds))
+        low, high = problem.bounds
+        u[: layout.numbers] = np.clip(z, low[: layout.numbers], high[: layout.numbers])
         states = initial_states(problem)
         for s in range(layout.segments):
             u[layout.state(s)] = states[s]
@@ -209,11 +204,11 @@ class Search:
     def join(self, u: Floats) -> Floats:
         """Fitted in short windows that join more and more, all at once; states are read off every window's samples."""
         problem, layout = self.problem, self.problem.layout
-        windows = replace(problem, recording=problem.recording.windows(self.span), tolerance=ROUGHLY)
+        windows = replace(problem, recording=problem.recording.windows(self.span), tolerance=ROUGH_TOLERANCE)
         v = np.concatenate((u[: layout.delays.stop], initial_states(windows).ravel()))
         v = self._nearest(replace(windows, tightness=LOOSE[0]), v)
         for turn, tightness in enumerate(LOOSE[1:]):
-            v = self._solve(replace(windows, tightness=tightness), v, ROUGH, True, 1e-3)
+            v = self.solve(replace(windows, tightness=tightness), v, rough=True)
             self.report(0.2 + 0.1 * turn)
         rows = np.cumsum([0, *(len(segment.times) for segment in windows.recording.segments)])
         begins = np.cumsum([0, *(len(segment.times) for segment in problem.recording.segments)])[:-1]
@@ -225,8 +220,8 @@ class Search:
         """The duration (s) of short windows; infinite where they would be too many, or a coordinate has no sensor."""
         durations = [segment.times[-1] - segment.times[0] for segment in self.problem.recording.segments]
         period = 2 * np.pi / self.problem.system.rate
-        span = max(SHORT * period, sum(durations) / max(MOST_WINDOWS - len(durations), 1))
-        return span if self.problem.is_seen and span < SHORTEST * period else np.inf
+        span = max(PERIOD_PART / 2 * period, sum(durations) / max(WINDOWS_MAX - len(durations), 1))
+        return span if self.problem.is_seen and span < PERIOD_PART * period else np.inf
 
     def _nearest(self, part: FitProblem, u: Floats) -> Floats:
         """Fitted to a part of the record, from the given numbers, or if they do not fit from those of the spectrum."""
@@ -235,7 +230,7 @@ class Search:
             self.begun, v = z, u.copy()
             v[:numbers] = z
             try:
-                v = self._solve(part, v, ROUGH, True, 1e-3)
+                v = self.solve(part, v, rough=True)
                 tries.append((float(np.mean(np.square(part.residuals(v)))), z, v))
             except ComputationError:
                 continue
@@ -244,38 +239,35 @@ class Search:
         if not tries:
             raise ComputationError("the scene's motion cannot be followed from the first samples of the record")
         cost, self.begun, v = min(tries, key=lambda attempt: attempt[0])
-        if cost > POORLY:
+        if cost > (2 * MISFIT_MAX / NOISE_AT_FIRST) ** 2:
             self.mistake = self.look()
         return v
-
-    def refine(self, u: Floats) -> Floats:
-        """Roughly fitted to all of a short record."""
-        return self._solve(self.problem, u, ROUGH, True, 1e-3)
 
     def lengthen(self, u: Floats) -> Floats:
         """Fitted to ever longer parts of all segments."""
         problem = self.problem
         longest = max(segment.times[-1] - segment.times[0] for segment in problem.recording.segments)
-        part = SHORTEST * 2 * np.pi / problem.system.rate
-        u = self._nearest(replace(problem, recording=problem.recording.until(part), tolerance=ROUGHLY), u)
-        while LONGER * part < longest:
-            part *= LONGER
+        part = PERIOD_PART * 2 * np.pi / problem.system.rate
+        u = self._nearest(replace(problem, recording=problem.recording.until(part), tolerance=ROUGH_TOLERANCE), u)
+        while 2.5 * part < longest:
+            part *= 2.5
             beginning = problem.recording.until(part)
-            u = self._solve(replace(problem, recording=beginning, tolerance=ROUGHLY), u, ROUGH, True, 1e-3)
+            u = self.solve(replace(problem, recording=beginning, tolerance=ROUGH_TOLERANCE), u, rough=True)
             self.report(0.05 + 0.35 * part / longest)
-        for tightness in LOOSE if any(segment.continued for segment in problem.recording.segments) else ():
-            u = self._solve(replace(problem, tightness=tightness, tolerance=ROUGHLY), u, ROUGH, True, 1e-3)
+        if any(segment.continued for segment in problem.recording.segments):
+            for tightness in LOOSE:
+                u = self.solve(replace(problem, tightness=tightness, tolerance=ROUGH_TOLERANCE), u, rough=True)
         return u
 
     def finish(self, u: Floats) -> Fit:
         """Fitted to the whole, with the noise that it leaves, and what is not determined held."""
         problem = self.problem
-        u = self._solve(replace(problem, tolerance=ROUGHLY), u, MOST, False, NEARLY)
-        for turn in range(ROUNDS):
+        u = self.solve(replace(problem, tolerance=ROUGH_TOLERANCE), u, rough=False)
+        for turn in range(2):
             problem = replace(problem, noise=self._noise(problem, u))
-            u = self._solve(problem, u, MOST, False, CLOSE)
+            u = self.solve(problem, u, rough=False)
             self.report(0.5 + 0.2 * (turn + 1))
-            if np.all(np.abs(np.log(self._noise(problem, u) / problem.noise)) < SETTLED):
+            if np.all(np.abs(np.log(self._noise(problem, u) / problem.noise)) < SLIGHT):
                 break
         numbers = problem.layout.numbers
         J = problem.jacobian(u)
@@ -287,7 +279,7 @@ class Search:
         if np.any(fresh != self.kept):
             self.kept &= fresh
             u[:numbers][~self.kept] = starts_of(problem.parameters)[~self.kept]
-            u = self._solve(problem, u, MOST, False, CLOSE)
+            u = self.solve(problem, u, rough=False)
             problem = replace(problem, noise=self._noise(problem, u))
             J = problem.jacobian(u)
         residuals = problem.residuals(u)
@@ -330,11 +322,14 @@ class Search:
             residuals = np.concatenate(misses)
             residuals = residuals[np.isfinite(residuals)]
             spread = 1.4826 * float(np.median(np.abs(residuals))) if self.loss != "linear" else 0.0
-            noise.append(max(spread or root_mean_square(residuals), FINEST * _size(problem.recording, c)))
+            noise.append(max(spread or root_mean_square(residuals), NOISE_MIN * _size(problem.recording, c)))
         return np.array(noise)
 
-    def _solve(self, problem: FitProblem, u: Floats, max_evaluations: int, rough: bool, precision: float) -> Floats:
-        """The unknowns after a search from u; ComputationError where it cannot begin."""
+    def solve(self, problem: FitProblem, u: Floats, *, rough: bool) -> Floats:
+        """The unknowns after a search from u; ComputationError where it cannot begin.
+
+        In a `rough` one a factor e of a number costs as much as one standard deviation of a reading.
+        """
         free, template = self._free(problem), u.copy()
         low, high = (limits[free] for limits in problem.bounds)
         steady = np.flatnonzero(self.kept) if rough else np.zeros(0, dtype=np.int64)
@@ -352,24 +347,27 @@ class Search:
                 values = problem.residuals(all_unknowns(x), with_derivatives=True)
             except ComputationError:
                 return np.full(sizes, np.nan)
-            now[0] = np.concatenate((values, (x[where] - self.begun[steady]) / STEADY))
+            now[0] = np.concatenate((values, x[where] - self.begun[steady]))
             return now[0]
 
         def jacobian(x: Floats) -> Floats:
             rows = np.zeros((len(steady), len(columns)))
-            rows[np.arange(len(steady)), where] = 1 / STEADY
+            rows[np.arange(len(steady)), where] = 1.0
             J = np.vstack((problem.jacobian(all_unknowns(x))[:, columns], rows))
             if is_sparse or self.loss != "linear":
                 return scipy.sparse.csr_array(J) if is_sparse else J
-            square, expected_decrease = float(now[0] @ now[0]), _decrement(J[:, x > low + BOUND], now[0])
-            fell, expected_before = last[0] - square, last[1]
-            if expected_decrease < SLIGHT or fell < SLIGHT or (not rough and fell < KEPT * expected_before):
+            square, expected_decrease = float(now[0] @ now[0]), _decrement(J[:, x > low + 1e-9], now[0])
+            fall, expected_fall = last[0] - square, last[1]
+            # a fall by much less than was promised is a kink, such as those that dry friction makes
+            is_kink = not rough and fall < SLIGHT * expected_fall
+            if expected_decrease < SLIGHT or fall < SLIGHT or is_kink:
                 raise _Reached(x)
             last[:] = square, expected_decrease
             return J
 
         now, last = [np.zeros(0)], [np.inf, 0.0]
-        is_sparse = len(columns) > DENSE
+        is_sparse = len(columns) > DENSE_UNKNOWNS
+        precision = ROUGH_PRECISION if rough else PRECISION
         start = np.clip(u[columns], low + 1e-12, high)
         sizes, first_residuals = 1, residuals(start)
         sizes = len(first_residuals)
@@ -383,7 +381,7 @@ class Search:
                 bounds=(low, high),
                 x_scale=self._scales(problem)[columns],
                 loss=self.loss,
-                max_nfev=min(max_evaluations, HASTY) if self.mistake else max_evaluations,
+                max_nfev=3 if rough and self.mistake else ROUGH_EVALUATIONS if rough else EVALUATIONS_MAX,
                 ftol=precision,
                 xtol=precision,
                 gtol=None,

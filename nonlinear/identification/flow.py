@@ -21,9 +21,9 @@ from nonlinear.integration.method import within_shares
 from nonlinear.integration.within import Step
 from nonlinear.system import Numbers
 
-MOST_STEPS = 100_000
+MOTION_STEPS_MAX = 100_000
+"""Limit: steps of a motion: "a segment needs too many steps to be followed"."""
 Parts = tuple[tuple[int, float], ...]
-FIRST = 0.1  # of sqrt(l/g), the first step
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,13 +131,13 @@ class Segments:
 
 
 def integrate_segments(
-    segments: Segments, channels: Sequence[SensorChannel], tolerance: float, max_steps: int = MOST_STEPS
+    segments: Segments, channels: Sequence[SensorChannel], tolerance: float, max_steps: int = MOTION_STEPS_MAX
 ) -> Readings:
     """What channels read of all segments until their ends; ComputationError where one cannot be followed."""
     lanes, y = Lanes(segments.real, counts_work=False, target="columns"), segments.y
     size, count = y.shape[:2]
     absolute = np.repeat(tolerance * segments.scale[:, None], count, axis=1)
-    first = np.full(count, FIRST / segments.rate)
+    first = np.full(count, tolerance ** (1 / 8) / segments.rate)  # the error of a step goes with its eighth power
     relative = np.full(count, tolerance)
     task = LaneTask(lanes, segments.numbers, y, segments.ends, relative, absolute, first, start=segments.starts)
     watch = Readings(channels, size // 2, segments.ends, max_steps)

@@ -18,17 +18,16 @@ from modal.errors import ComputationError, SceneError
 from modal.modes import natural_modes
 from modal.report import listed
 from modal.scene import Scene
-from nonlinear.identification.records import Recording
+from nonlinear.identification.records import TIMES, Recording
+from nonlinear.identification.result import MISFIT_MAX
 from nonlinear.identification.starting import spectral_lines
 
-GAIN = 3.0  # times smaller: the misfit without the mistake
-ENOUGH = 0.1  # misfit of a record that is read rightly, at its beginning
-THOUSAND = 1000.0  # milliseconds in a second
-APART = 3.0  # at most, between a frequency of the record and the scene's
-FAST = 4.0  # times sqrt(g/l): angles that turn faster whirl, or are in degrees
-LARGE = 0.3  # rad: smaller angles are not in degrees, which would be too small to measure
-SMALL = 0.05  # rad: smaller angles may be radians in a column of degrees
-MOST_SENSORS = 6  # that are exchanged or turned, one after the other
+DEGREES_MIN = 0.3
+"""Tolerance: rad: smaller angles are not in degrees, which would be too small to measure."""
+RADIANS_MAX = 0.05
+"""Tolerance: rad: smaller angles may be radians in a column of degrees, 3° at most."""
+CHANGED_SENSORS_MAX = 6
+"""Cost: sensors that are exchanged or turned, one after the other."""
 
 
 @dataclass(frozen=True)
@@ -50,32 +49,28 @@ def find_mistake(scene: Scene, recording: Recording, misfit: Callable[[Recording
     if not attempts:
         return ""
     smallest, best = min(attempts, key=lambda pair: pair[0])
-    if not (smallest < ENOUGH and GAIN * smallest < present):
-        return ""
-    return _describe(best, smallest)
+    return _describe(best, smallest) if smallest < 2 * MISFIT_MAX and 3 * smallest < present else ""
 
 
 def possible(scene: Scene, recording: Recording) -> Iterator[Mistake]:
     """The mistakes that the record may have."""
     sensors = recording.sensors
-    angles = [c for c, sensor in enumerate(sensors) if sensor.pendulum][:MOST_SENSORS]
-
-    def times(factor: float, chosen: list[int]) -> Recording:
-        scales = np.ones(len(sensors))
-        scales[chosen] = factor
-        return replace(recording, segments=tuple(replace(s, values=s.values * scales) for s in recording.segments))
+    angles = [c for c, sensor in enumerate(sensors) if sensor.pendulum][:CHANGED_SENSORS_MAX]
 
     for chosen in [angles] + [[c] for c in angles if len(angles) > 1]:
-        if chosen and _largest(recording, chosen) > LARGE:
+        if chosen and _largest(recording, chosen) > DEGREES_MIN:
             yield in_degrees(recording, chosen)
-    if angles and _largest(recording, angles) < SMALL:
+    if angles and _largest(recording, angles) < RADIANS_MAX:
         names = [sensors[c].name for c in angles]
         way = "` and `columns=".join(f"{name}_deg={name}_rad" for name in names)
-        yield Mistake(times(180 / np.pi, angles), f"{listed(names, len(names))} look like radians", f"`columns={way}`")
+        words = f"{listed(names, len(names))} look like radians"
+        yield Mistake(_multiply(recording, angles, 180 / np.pi), words, f"`columns={way}`")
     upright = scene.cart is not None and any(not sensor.pendulum for sensor in sensors)
     for c in angles if len(angles) > 1 or upright else []:
         name = sensors[c].name
-        yield Mistake(times(-1.0, [c]), f"{name} counts the other way", f"`columns={name}_rad=-{name}_rad`")
+        yield Mistake(
+            _multiply(recording, [c], -1.0), f"{name} counts the other way", f"`columns={name}_rad=-{name}_rad`"
+        )
     for a, b in combinations(angles, 2):
         order = [*range(len(sensors))]
         order[a], order[b] = b, a
@@ -92,20 +87,19 @@ def possible(scene: Scene, recording: Recording) -> Iterator[Mistake]:
         yield Mistake(changed_angles, "angles look relative, from the link above", "`angles=relative`")
 
 
+def _multiply(recording: Recording, chosen: list[int], factor: float) -> Recording:
+    """The recording with a factor to what these sensors read."""
+    scales = np.ones(len(recording.sensors))
+    scales[chosen] = factor
+    return replace(recording, segments=tuple(replace(s, values=s.values * scales) for s in recording.segments))
+
+
 def in_degrees(recording: Recording, chosen: list[int]) -> Mistake:
     """These sensors read in degrees."""
     names = [recording.sensors[c].name for c in chosen]
-    scales = np.ones(len(recording.sensors))
-    scales[chosen] = np.pi / 180
-    converted_recording = replace(
-        recording, segments=tuple(replace(s, values=s.values * scales) for s in recording.segments)
-    )
     way = "` and `columns=".join(f"{name}_rad={name}_deg" for name in names)
-    return Mistake(
-        converted_recording,
-        f"{listed(names, len(names))} {'look' if len(names) > 1 else 'looks'} like degrees",
-        f"`columns={way}`",
-    )
+    words = f"{listed(names, len(names))} {'look' if len(names) > 1 else 'looks'} like degrees"
+    return Mistake(_multiply(recording, chosen, np.pi / 180), words, f"`columns={way}`")
 
 
 def _largest(recording: Recording, angles: list[int]) -> float:
@@ -114,22 +108,21 @@ def _largest(recording: Recording, angles: list[int]) -> float:
 
 def require_radians(recording: Recording, rate: float, misfit: Callable[[Recording], float]) -> None:
     """SceneError for angles that turn far faster than `rate` (rad/s) and in degrees fit from the beginning."""
-    fast = [c for c, sensor in enumerate(recording.sensors) if sensor.pendulum and _speed(recording, c) > FAST * rate]
+    angles = [c for c, sensor in enumerate(recording.sensors) if sensor.pendulum]
+    fast = [c for c in angles if _speed(recording, c) > 4 * rate]  # a pendulum from the top reaches 2 sqrt(g/l)
     if fast:
         mistake = in_degrees(recording, fast)
         remainder = misfit(mistake.recording)
-        if remainder < ENOUGH / 2:
+        if remainder < MISFIT_MAX:
             raise SceneError([_describe(mistake, remainder)])
 
 
 def _speed(recording: Recording, sensor: int) -> float:
     """How fast (rad/s) a sensor's angle turns at most, but for a twentieth of the samples and for outliers."""
-    rates = [
-        np.abs(
-            np.diff(scipy.ndimage.median_filter(segment.values[:, sensor], 3, mode="nearest")) / np.diff(segment.times)
-        )
-        for segment in recording.segments
-    ]
+    rates = []
+    for segment in recording.segments:
+        smooth = scipy.ndimage.median_filter(segment.values[:, sensor], 3, mode="nearest")
+        rates.append(np.abs(np.diff(smooth) / np.diff(segment.times)))
     speeds = np.concatenate(rates)
     speeds = speeds[np.isfinite(speeds)]
     return float(np.quantile(speeds, 0.95)) if len(speeds) else 0.0
@@ -148,12 +141,13 @@ def require_seconds(scene: Scene, recording: Recording) -> None:
     omega, lines = omega[omega > 0], spectral_lines(recording)
     if not len(omega) or not len(lines):
         return
-    low, high = omega.min() / APART, omega.max() * APART
+    low, high = omega.min() / 3, omega.max() * 3
     if np.any((lines > low) & (lines < high)):
         return
+    millisecond = TIMES["time_ms"]
     for factor, words, way in (
-        (THOUSAND, "milliseconds", "time_s=time_ms"),
-        (1 / THOUSAND, "seconds", "time_ms=time_s"),
+        (1 / millisecond, "milliseconds", "time_s=time_ms"),
+        (millisecond, "seconds", "time_ms=time_s"),
     ):
         if np.all((factor * lines > low) & (factor * lines < high)):
             comparison = f"{lines[0] / (2 * np.pi):.3g} Hz where the scene swings at {omega.min() / (2 * np.pi):.3g} Hz"

@@ -17,20 +17,25 @@ from modal.errors import SceneError
 from modal.identification import Parameter, scene_with
 from modal.identification.parameters import numbers_at
 from modal.report import Displayed
-from modal.scene import AnyLink, Scene, refusals
+from modal.scene import Scene, refusals
 from modal.scene.parameters import Place, is_of_switch, number_at
 from modal.types import Booleans, Floats
 from nonlinear.dynamics.inputs import Inputs
-from nonlinear.identification.flow import MOST_STEPS, Readings, Segments, SensorChannel, integrate_segments
+from nonlinear.identification.flow import MOTION_STEPS_MAX, Readings, Segments, SensorChannel, integrate_segments
 from nonlinear.identification.records import Recording, Sensor
 from nonlinear.integration.switches import numbers_of as switching_of
 from nonlinear.system import Numbers, System, numbers_of, system_of, translations
 
-EPSILON = 1e-20  # imaginary part of a column: its square vanishes beside any number
-TOLERANCE = 1e-8  # of the motion: well below what sensors resolve
-TIGHT = 0.1  # of the sensors' noise: a gap between a motion and its continuation
-LATEST = 0.1  # of sqrt(l/g): the longest delay of a sensor
-MOST_LINKS = 32
+IMAGINARY_STEP = 1e-20
+"""Tolerance: imaginary part of a column: its square vanishes beside any number."""
+MOTION_TOLERANCE = 1e-8
+"""Tolerance: of the motion: well below what sensors resolve."""
+GAP_STD = 0.1
+"""Tolerance: of the sensors' noise, a gap between a motion and its continuation: less than is seen."""
+DELAY_MAX = 0.1
+"""Limit: of sqrt(l/g), the longest delay of a sensor behind the first."""
+FITTED_LINKS_MAX = 32
+"""Limit: links of a scene: "motions of at most 32 are fitted"."""
 
 
 @dataclass(frozen=True)
@@ -71,17 +76,15 @@ class Unknowns:
 def require_fittable(scene: Scene, free: Sequence[Parameter] = ()) -> None:
     """SceneError for a scene whose motions cannot be fitted, or not by these numbers, with every reason."""
     reasons = refusals(scene, "a fit of motions")
-    if scene.n_links > MOST_LINKS:
-        reasons.append(f"the scene has {scene.n_links} links: motions of at most {MOST_LINKS} are fitted")
+    if scene.n_links > FITTED_LINKS_MAX:
+        reasons.append(f"the scene has {scene.n_links} links: motions of at most {FITTED_LINKS_MAX} are fitted")
     for parameter in free:
-        if parameter.place[0] == "pendulum" and parameter.place[-1] == "length" and _link(scene, parameter).hoist:
+        place = parameter.place
+        is_length = place[0] == "pendulum" and place[-1] == "length"
+        if is_length and scene.pendulum[int(place[1])].links[int(place[3])].hoist:
             reasons.append(f"{parameter.path}: follows its hoist, whose course a fit does not change")
     if reasons:
         raise SceneError(reasons)
-
-
-def _link(scene: Scene, parameter: Parameter) -> AnyLink:
-    return scene.pendulum[int(parameter.place[1])].links[int(parameter.place[3])]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -97,9 +100,9 @@ class FitProblem(Displayed):
     recording: Recording
     noise: Floats
     scaled: bool = False
-    tolerance: float = TOLERANCE
-    tightness: float = TIGHT
-    steps: int = MOST_STEPS
+    tolerance: float = MOTION_TOLERANCE
+    tightness: float = GAP_STD
+    steps: int = MOTION_STEPS_MAX
 
     @cached_property
     def system(self) -> System:
@@ -121,7 +124,7 @@ class FitProblem(Displayed):
     @cached_property
     def late(self) -> float:
         """The longest delay (s), by which every motion begins before its first sample; 0 for a single sensor."""
-        return LATEST / self.system.rate if len(self.recording.sensors) > 1 else 0.0
+        return DELAY_MAX / self.system.rate if len(self.recording.sensors) > 1 else 0.0
 
     @cached_property
     def scale(self) -> Floats:
@@ -131,11 +134,8 @@ class FitProblem(Displayed):
         units[self.coordinates :] = units[: self.coordinates] * self.system.rate
         return units
 
-    @cached_property
-    def _start_rows(self) -> dict[Sensor, tuple[tuple[int, float], ...]]:
-        return {sensor: self._parts(sensor) for sensor in self.recording.sensors}
-
-    def _parts(self, sensor: Sensor) -> tuple[tuple[int, float], ...]:
+    def parts(self, sensor: Sensor) -> tuple[tuple[int, float], ...]:
+        """The components of a state, with signs, that a sensor adds up."""
         first = self.system.first
         if sensor.carrier and self.system.structure is not None:
             return ((self.system.structure.names.index(sensor.carrier), 1.0),)
@@ -145,10 +145,6 @@ class FitProblem(Displayed):
         row = first + links[sensor.link - 1]
         upper_link = ((row - 1, -1.0),) if self.recording.relative and sensor.link > 1 else ()
         return ((row, 1.0), *upper_link)
-
-    def parts(self, sensor: Sensor) -> tuple[tuple[int, float], ...]:
-        """The components of a state, with signs, that a sensor adds up."""
-        return self._start_rows[sensor]
 
     @cached_property
     def picks(self) -> Floats:
@@ -212,7 +208,8 @@ class FitProblem(Displayed):
             ((values - segment.values) / self.noise)[np.isfinite(segment.values)]
             for values, segment in zip(self._readings(u, flow), self.recording.segments, strict=True)
         ]
-        return np.concatenate([*rows, *self._gaps(u, flow), self._doubts(u)])
+        priors = [(u[k] - mean) / std for k, mean, std in self._beliefs]
+        return np.concatenate([*rows, *self._gaps(u, flow), np.array(priors)])
 
     @cached_property
     def _joints(self) -> list[int]:
@@ -236,15 +233,12 @@ class FitProblem(Displayed):
         layout, first, blocks = self.layout, len(self.recording.sensors), []
         for s in self._joints:
             block = np.zeros((layout.width, layout.size))
-            slopes = flow.values[first:, s, 0].imag / EPSILON
+            slopes = flow.values[first:, s, 0].imag / IMAGINARY_STEP
             block[:, : layout.numbers] = slopes[:, : layout.numbers]
             block[:, layout.state(s)] = slopes[:, layout.numbers :]
             block[:, layout.state(s + 1)] -= np.eye(layout.width)
             blocks.append(block / self._tightness[:, None])
         return blocks
-
-    def _doubts(self, u: Floats) -> Floats:
-        return np.array([(u[k] - mean) / std for k, mean, std in self._beliefs])
 
     @cached_property
     def _beliefs(self) -> list[tuple[int, float, float]]:
@@ -261,8 +255,8 @@ class FitProblem(Displayed):
             block = np.zeros((K, C, layout.size))
             values = np.moveaxis(flow.values[:C, s, :K], 0, 1)
             scale = (1 + u[layout.scales])[:, None]
-            block[..., : layout.numbers] = scale * values[..., : layout.numbers].imag / EPSILON
-            block[..., layout.state(s)] = scale * values[..., layout.numbers :].imag / EPSILON
+            block[..., : layout.numbers] = scale * values[..., : layout.numbers].imag / IMAGINARY_STEP
+            block[..., layout.state(s)] = scale * values[..., layout.numbers :].imag / IMAGINARY_STEP
             rates = flow.rates[:C, s, :K].T
             for c in range(C):
                 block[:, c, layout.offsets.start + c] = 1.0
@@ -328,12 +322,12 @@ class FitProblem(Displayed):
             real[parameter.place] = parameter.at(float(u[k]))
             steps[parameter.place] = np.zeros((S, P), dtype=kind)
             if columns:
-                steps[parameter.place][:, k] = 1j * EPSILON * parameter.slope(float(u[k]))
+                steps[parameter.place][:, k] = 1j * IMAGINARY_STEP * parameter.slope(float(u[k]))
         y = np.empty((layout.width, S, P), dtype=kind)
         for s in range(S):
             y[:, s] = u[layout.state(s), None]
         if columns:
-            y[:, :, layout.numbers :] += 1j * EPSILON * np.eye(layout.width)[:, None]
+            y[:, :, layout.numbers :] += 1j * IMAGINARY_STEP * np.eye(layout.width)[:, None]
         begins = np.array([segment.times[0] - self.late for segment in segments])
         starts = begins if Inputs(self.system).count else np.zeros(S)
         longest = max(len(segment.times) for segment in segments)

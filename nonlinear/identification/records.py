@@ -18,7 +18,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
-from math import nan, pi, radians
+from math import nan, radians, tau
 from typing import Any
 
 import numpy as np
@@ -38,14 +38,16 @@ SENSOR = re.compile(r"theta_([1-9][0-9]{0,6})_([1-9][0-9]{0,6})_(rad|deg)|cart_m
 ANGLE = re.compile(r"(?:\w*?[^\W\d_])_*(?P<number>\d*)(?:_\w*?)??_(?P<unit>rad|deg)")
 """A column of an angle that is called otherwise, perhaps with a number."""
 LIKE_ONE = re.compile(r"theta_(?!dot_)|cart|time", re.ASCII)
-MOST_ANGLE = 60.0  # rad: some ten turns; beyond them the column is in degrees
-FEWEST = 4  # samples of a segment
-MOST_STEPS = 10_000_000  # of a segment, its gaps included
-TURN = 2 * pi
-JUMP = 0.75  # of a turn from one sample to the next: no motion, if all readings lie within one turn
+ANGLE_MAX = 60.0
+"""Limit: rad, some ten turns: "if these are degrees, name it …"."""
+SEGMENT_ROWS_MIN = 4
+"""Limit: rows of a segment: "at least 4 are needed"."""
+SEGMENT_STEPS_MAX = 10_000_000
+"""Limit: steps of a segment, its gaps included: "lasts …, over 10 000 000 of its steps"."""
+TURN_SHARE = 0.75
+"""Tolerance: of a turn, a jump between samples that is no motion, if all readings lie within one turn."""
 GAP_STEPS = 1.5
-"""Tolerance: a step that is longer than so many usual ones is told as a gap; nothing else depends on it."""
-FEW_CHANGES = 2  # different values that a record has at least
+"""Format: a step that is longer than so many usual ones is told as a gap."""
 ANGLES = ("absolute", "relative")
 
 
@@ -159,7 +161,7 @@ class Recording(Displayed):
         segments = []
         for segment in self.segments:
             count = max(1, round((segment.times[-1] - segment.times[0]) / duration))
-            count = min(count, len(segment.times) // (2 * FEWEST)) or 1
+            count = min(count, len(segment.times) // (2 * SEGMENT_ROWS_MIN)) or 1
             parts = np.array_split(np.arange(len(segment.times)), count)
             for k, rows in enumerate(parts):
                 name = f"{segment.name} window {k + 1}".strip() if count > 1 else segment.name
@@ -173,7 +175,9 @@ class Recording(Displayed):
         """The beginning of every segment (s)."""
         beginnings = []
         for segment in self.segments:
-            count = max(FEWEST, int(np.searchsorted(segment.times, segment.times[0] + duration, side="right")))
+            count = max(
+                SEGMENT_ROWS_MIN, int(np.searchsorted(segment.times, segment.times[0] + duration, side="right"))
+            )
             goes_on = count >= len(segment.times) and segment.continued
             beginnings.append(
                 replace(segment, times=segment.times[:count], values=segment.values[:count], continued=goes_on)
@@ -184,9 +188,9 @@ class Recording(Displayed):
 def is_wrapped(values: Floats) -> bool:
     """Whether angles (K,) in rad stay within one turn and jump by nearly one between samples that follow each other."""
     numbers = values[np.isfinite(values)]
-    if not len(numbers) or np.ptp(numbers) > 1.001 * TURN:
+    if not len(numbers) or np.ptp(numbers) > 1.001 * tau:  # angles are rounded where they are written
         return False
-    return bool(np.any(np.abs(np.diff(values)) > JUMP * TURN))
+    return bool(np.any(np.abs(np.diff(values)) > TURN_SHARE * tau))
 
 
 def unwrap(values: Floats) -> Floats:
@@ -458,11 +462,12 @@ def _segment_problems(segment: Segment, sensors: Sequence[Sensor], lines: Sequen
         yield f"{segment.where}: the time does not increase after {at:.9g} s, in line {lines[back[0] + 1]}: {way}"
     if len(segment.times) > 1:
         yield from _clock_problems(segment)
-    if len(segment.times) < FEWEST:
-        yield f"{segment.where}: has {counted(len(segment.times), 'row', 'rows')}, at least {FEWEST} are needed"
+    if len(segment.times) < SEGMENT_ROWS_MIN:
+        rows = counted(len(segment.times), "row", "rows")
+        yield f"{segment.where}: has {rows}, at least {SEGMENT_ROWS_MIN} are needed"
     for sensor, values in zip(sensors, segment.values.T, strict=True):
         numbers = values[np.isfinite(values)]
-        if sensor.pendulum and len(numbers) and np.abs(numbers).max() > MOST_ANGLE:
+        if sensor.pendulum and len(numbers) and np.abs(numbers).max() > ANGLE_MAX:
             largest = float(np.abs(numbers).max())
             hint = f"if these are degrees, name it {sensor.name}_deg"
             yield f"{segment.where}: {sensor.name} reaches {largest:.4g} rad: {hint}"
@@ -474,8 +479,9 @@ def _clock_problems(segment: Segment) -> Iterator[str]:
     largest = float(np.abs(segment.times).max())
     if largest > LARGEST_READ or 0 < step < SMALLEST_READ:
         yield f"{segment.where}: its times reach {largest:.3g} s in steps of {step:.3g} s: {SIZES_READ}"
-    elif step > 0 and span > MOST_STEPS * step:
-        yield f"{segment.where}: lasts {span:.3g} s, over {MOST_STEPS:,} of its steps of {step:.3g} s".replace(",", " ")
+    elif step > 0 and span > SEGMENT_STEPS_MAX * step:
+        count = f"{SEGMENT_STEPS_MAX:,}".replace(",", " ")
+        yield f"{segment.where}: lasts {span:.3g} s, over {count} of its steps of {step:.3g} s"
 
 
 def _empty(sensors: Sequence[Sensor], segments: Sequence[Segment]) -> Iterator[str]:
@@ -485,10 +491,12 @@ def _empty(sensors: Sequence[Sensor], segments: Sequence[Segment]) -> Iterator[s
         values = values[np.isfinite(values)]
         if not len(values):
             yield f"column {sensor.name}: has no values"
-        elif not SMALLEST_READ <= (largest := float(np.abs(values).max())) <= LARGEST_READ and largest:
+            continue
+        largest = float(np.abs(values).max())
+        if largest and not SMALLEST_READ <= largest <= LARGEST_READ:
             yield f"column {sensor.name}: reaches {largest:.3g} {sensor.unit}: {SIZES_READ}"
-        elif len(np.unique(values)) < FEW_CHANGES:
+        elif np.ptp(values) == 0:
             yield f"column {sensor.name}: is constant, {values[0]:.6g} {sensor.unit}: nothing can be fitted to it"
     for segment in segments:
-        if int(np.count_nonzero(np.isfinite(segment.values))) < FEWEST:
+        if int(np.count_nonzero(np.isfinite(segment.values))) < SEGMENT_ROWS_MIN:
             yield f"{segment.where}: has no values"

@@ -24,11 +24,14 @@ from modal.types import Floats, Ints
 from nonlinear.identification.problem import FitProblem
 from nonlinear.identification.records import Recording
 
-BLOCKS = 10  # of residuals in a series, at least
-POOR = 0.05  # of a reading's standard deviation: residuals that go on from sample to sample and are larger do not fit
-BARE = 0.9  # of it: residuals of any kind that leave nothing explained
-SURE = 5.0  # standard errors 1/√n of an autocorrelation, for saying so
-APART = 10.0  # standard deviations of a gap between two windows that do not join
+BOOTSTRAP_BLOCKS = 10
+"""Tolerance: blocks of residuals in a series, at least: of fewer the spread is not seen."""
+MISFIT_MAX = 0.05
+"""Tolerance: of a reading's standard deviation: larger residuals that go on from sample to sample do not fit."""
+NOISE_MISFIT_MAX = 0.9
+"""Tolerance: of it: larger residuals of any kind leave nothing explained."""
+SIGNIFICANCE = 5.0
+"""Tolerance: standard deviations of what is said of a record; twice as many of a gap, as windows have many."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -98,8 +101,8 @@ class Fit(FittedNumbers):
             share = root_mean_square(miss) / (root_mean_square(readings_about_mean) or 1.0)
             count = int(np.count_nonzero(np.isfinite(miss)))
             correlation = float(np.abs(rho[1:3]).max()) if len(rho) > 1 else 0.0
-            lasting = share * np.sqrt(correlation) if correlation > SURE / np.sqrt(count) else 0.0
-            misfits.append(share if share > BARE else lasting)
+            lasting = share * np.sqrt(correlation) if correlation > SIGNIFICANCE / np.sqrt(count) else 0.0
+            misfits.append(share if share > NOISE_MISFIT_MAX else lasting)
         return np.array(misfits)
 
     @cached_property
@@ -112,7 +115,7 @@ class Fit(FittedNumbers):
     @property
     def fits(self) -> bool:
         """Whether the motion fits the record so well that standard deviations mean anything."""
-        return bool(np.all(self.misfit < POOR)) and self.gap < APART
+        return bool(np.all(self.misfit < MISFIT_MAX)) and self.gap < 2 * SIGNIFICANCE
 
     @cached_property
     def covariance(self) -> Floats:
@@ -200,7 +203,7 @@ class Fit(FittedNumbers):
         J = problem.sort_by_sensor(problem.jacobian(self.unknowns))[:, columns]
         back, residuals = np.linalg.pinv(J, rcond=1e-11), problem.sort_by_sensor(self.residuals)
         rows = [part for *_, part in problem.series()]
-        blocks = max(BLOCKS, int(sum(part.stop - part.start for part in rows) ** (1 / 3)))
+        blocks = max(BOOTSTRAP_BLOCKS, int(sum(part.stop - part.start for part in rows) ** (1 / 3)))
         steps = []
         for _ in range(draws):
             sample = np.zeros(len(residuals))
@@ -265,7 +268,10 @@ def initial_record(result: Fit, s: int) -> dict[str, float]:
     state = result.unknowns[problem.layout.state(s)]
     structure, first = problem.system.structure, problem.system.first
     half = problem.coordinates
-    names = [f"theta_{label}" for label in _labels(result)]
+    names, counts = [], dict[int, int]()
+    for pendulum in problem.system.pendulum.tolist():
+        counts[pendulum] = counts.get(pendulum, 0) + 1
+        names.append(f"theta_{pendulum + 1}_{counts[pendulum]}")
     initial = {"time_s": float(result.recording.segments[s].times[0] - problem.late)}
     for k, name in enumerate(structure.names if structure and structure.names != ("x",) else ()):
         initial |= {name: float(state[k]), f"{name}_per_s": float(state[half + k])}
@@ -277,15 +283,6 @@ def initial_record(result: Fit, s: int) -> dict[str, float]:
         for k, name in enumerate(names)
     }
     return initial
-
-
-def _labels(result: Fit) -> list[str]:
-    counts: dict[int, int] = {}
-    labels = []
-    for pendulum in result.problem.system.pendulum.tolist():
-        counts[pendulum] = counts.get(pendulum, 0) + 1
-        labels.append(f"{pendulum + 1}_{counts[pendulum]}")
-    return labels
 
 
 def _figure(name: str, sensor: dict[str, Any]) -> str:

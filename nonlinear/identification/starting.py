@@ -15,11 +15,16 @@ from modal.types import Floats
 from nonlinear.identification.problem import FitProblem
 from nonlinear.identification.records import Recording
 
-GLANCE = 0.4  # of sqrt(l/g): the samples that a state is read from
-PADDED = 8  # times the length of a segment, for a spectrum
-LINE = 0.02  # part of the highest peak's power that counts as a line
-FAR = 0.08  # relative error of a frequency beyond which the numbers are first fitted to the lines
-RESERVE = 0.5  # standard deviation of ln p in that fit
+PERIOD_PART = 0.75
+"""Cost: periods of sqrt(l/g) in which no motion loses step with its record, the first part that is fitted."""
+START_DURATION = 0.4
+"""Cost: of sqrt(l/g), the samples that a state is read from, by a parabola."""
+SPECTRUM_PADDING = 8
+"""Tolerance: length of a spectrum over that of its segment: a peak is within a sixteenth of a bin of its line."""
+PEAK_POWER_MIN = 0.02
+"""Tolerance: part of the highest peak's power that counts as a line: less may be a harmonic."""
+FREQUENCY_ERROR_MAX = 0.08
+"""Cost: relative error of a frequency beyond which the numbers are first fitted to the lines."""
 
 
 def initial_states(problem: FitProblem) -> Floats:
@@ -28,15 +33,14 @@ def initial_states(problem: FitProblem) -> Floats:
     picks, back = problem.picks, np.linalg.pinv(problem.picks)
     rest = np.concatenate((np.zeros(problem.system.first), problem.system.rest))
     states = np.zeros((len(problem.recording.segments), 2 * coordinates))
-    glance = GLANCE / problem.system.rate
+    duration = START_DURATION / problem.system.rate
     for s, segment in enumerate(problem.recording.segments):
         values, rates = [], []
         for readings in segment.values.T:
             is_present = np.isfinite(readings)
             times, numbers = segment.times[is_present] - segment.times[0] + problem.late, readings[is_present]
-            is_early = (
-                times <= max(glance + problem.late, times[min(5, len(times) - 1)]) if len(times) else is_present[:0]
-            )
+            last = max(duration + problem.late, times[min(5, len(times) - 1)]) if len(times) else 0.0
+            is_early = times <= last
             order = min(2, int(np.count_nonzero(is_early)) - 1)
             curve = np.polynomial.Polynomial.fit(times[is_early], numbers[is_early], order) if order >= 0 else None
             values.append(float(curve(0.0)) if curve else 0.0)
@@ -50,7 +54,7 @@ def spectral_lines(recording: Recording) -> Floats:
     """Angular frequencies (rad/s) of the lines in a recording, ascending."""
     longest = max(segment.times[-1] - segment.times[0] for segment in recording.segments)
     step = min(float(np.median(np.diff(segment.times))) for segment in recording.segments)
-    count = int(2 ** np.ceil(np.log2(PADDED * longest / step)))
+    count = int(2 ** np.ceil(np.log2(SPECTRUM_PADDING * longest / step)))
     frequency = 2 * np.pi * np.fft.rfftfreq(count, step)
     power = np.zeros(len(frequency))
     for segment in recording.segments:
@@ -62,7 +66,9 @@ def spectral_lines(recording: Recording) -> Floats:
                 window = np.hanning(len(grid))
                 spectrum = np.fft.rfft((even_values - even_values.mean()) * window, count)
                 power += np.abs(spectrum) ** 2
-    peaks, _ = scipy.signal.find_peaks(power, height=LINE * power.max(), prominence=LINE * power.max())
+    peaks, _ = scipy.signal.find_peaks(
+        power, height=PEAK_POWER_MIN * power.max(), prominence=PEAK_POWER_MIN * power.max()
+    )
     is_line = frequency[peaks] > 2 * np.pi / longest
     return np.asarray(frequency[peaks][is_line])
 
@@ -82,7 +88,7 @@ def starting_numbers(scene: Scene, parameters: Sequence[Parameter], recording: R
             return z0
     else:
         rows = [*range(pairs)]
-    if np.all(np.abs(np.log(omega[rows] / chosen)) < FAR):
+    if np.all(np.abs(np.log(omega[rows] / chosen)) < FREQUENCY_ERROR_MAX):
         return z0
 
     def residuals(numbers: Floats) -> Floats:
@@ -94,7 +100,7 @@ def starting_numbers(scene: Scene, parameters: Sequence[Parameter], recording: R
             return np.full(len(chosen) + len(movable), 1e3)
         if len(now) < len(omega):
             return np.full(len(chosen) + len(movable), 1e3)
-        return np.concatenate((np.log(now[rows] / chosen) / 0.02, (numbers - z0[movable]) / RESERVE))
+        return np.concatenate((np.log(now[rows] / chosen) / 0.02, 2 * (numbers - z0[movable])))
 
     solution = scipy.optimize.least_squares(residuals, z0[movable], x_scale=0.1, diff_step=1e-4, max_nfev=40)
     numbers = z0.copy()
