@@ -87,7 +87,8 @@ def tolerance_factors(slope: Floats, scale: Floats) -> Floats:
     rests = largest == 0
     shares = (speed / (largest + rests)) ** 2
     alive = shares.sum(0) ** 2 / ((shares**2).sum(0) + rests)
-    return np.where(rests, 1.0, np.minimum(1.0, np.sqrt(np.maximum(4 * alive, FEW_COMPONENTS) / len(slope))))
+    factors = np.minimum(1.0, np.sqrt(np.maximum(4 * alive, FEW_COMPONENTS) / len(slope)))
+    return np.where(largest > 0, factors, 1.0)  # also where rates are not numbers: such a member fails by itself
 
 
 def tolerances(

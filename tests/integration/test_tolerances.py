@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -47,7 +49,7 @@ def test_what_passes_within_a_step_is_found_to_its_last_digits() -> None:
 
 @pytest.mark.parametrize(("apart", "times"), [(3e-13, 1), (3e-12, 2)])
 def test_kicks_that_rounding_parts_are_one(apart: float, times: int) -> None:
-    drive = {"kind": "escapement", "angle_deg": 3.0, "impulse": 1e-3}
+    drive: Any = {"kind": "escapement", "angle_deg": 3.0, "impulse": 1e-3}
     clock = Pendulum(links=[Bob(mass=1.0, length=1.0, drive=drive)], count=2)
     scene = Scene(gravity=9.81, support=Fixed(), pendulum=[clock])
     start = State(np.array([0.0, apart]), np.array([0.5, 0.5]))

@@ -131,4 +131,4 @@ def test_lines_stand_out_of_noise_and_noise_does_not() -> None:
     """A line a hundred times as strong as the spectrum of the noise is one, no peak of that is."""
     t = np.linspace(0.0, 10.0, 2001)
     f = np.cos(40.0 * t) + 6e-4 * np.cos(95.0 * t + 1.0) + 1e-4 * np.random.default_rng(2).normal(size=t.size)
-    assert [found.omega for found in lines(t, f, 5)] == pytest.approx([40.0, 95.0], rel=1e-3)
+    assert [peak.omega for peak in lines(t, f, 5)] == pytest.approx([40.0, 95.0], rel=1e-3)

@@ -20,7 +20,9 @@ PLAIN = "def compiled(function):\n return function\n\npart = vectorized_part = c
 def module_of(text: str) -> ModuleType:
     """A module for numba, of plain functions."""
     module = ModuleType("loop")
-    text = text.replace("from math import floor, inf, log, sqrt", "from numpy import floor, inf, log, sqrt")
+    text = text.replace("from math import floor,", "from math import pi, tau\nfrom numpy import floor,").replace(
+        ", pi, sqrt, tau", ", sqrt"
+    )
     exec(text.replace("from nonlinear.dynamics.compiling import compiled, part, vectorized_part", PLAIN), vars(module))
     return module
 
