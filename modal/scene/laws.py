@@ -32,9 +32,8 @@ class JointPart(Part):
 
     @property
     def linear_coefficients(self) -> tuple[float, float]:
-        """Stiffness (N m/rad) and damping (N m s/rad) about equilibrium; 0 of a drive, which linear models leave out."""
+        """Stiffness (N m/rad) and damping (N m s/rad) about equilibrium; 0 of a drive, which linear models have not."""
         return (0.0, 0.0) if self.law.is_drive else _linear_coefficients(type(self.law), tuple(self.numbers.values()))
-
 
     @property
     def coefficient_slopes(self) -> dict[str, tuple[float, float]]:
@@ -59,12 +58,12 @@ def _restore(law: type[JointLaw], numbers: dict[str, float]) -> JointPart:
 
 
 @lru_cache(maxsize=4096)
-def _linear_coefficients(law: type[JointLaw], numbers: tuple[float, ...]) -> tuple[float, float]:
+def _linear_coefficients(law: Any, numbers: tuple[float, ...]) -> tuple[float, float]:
     return law().linear_coefficients(_by_name(law, numbers))
 
 
 @lru_cache(maxsize=4096)
-def _judge(law: type[JointLaw], numbers: tuple[float, ...]) -> None:
+def _judge(law: Any, numbers: tuple[float, ...]) -> None:
     law().judge(_by_name(law, numbers))
 
 
@@ -73,7 +72,7 @@ def _by_name(law: type[JointLaw], numbers: Sequence[float]) -> dict[str, float]:
 
 
 @cache
-def part_of(law: type[JointLaw]) -> type[JointPart]:
+def part_of(law: Any) -> type[JointPart]:
     """The part of scenes with the parameters of a law.
 
     >>> from modal.extend.laws import SpringLaw

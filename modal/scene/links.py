@@ -157,8 +157,12 @@ class Link(Part):
         """The same with the steps that lead to each."""
         several = isinstance(self.law, tuple)
         laws = self.law if isinstance(self.law, tuple) else (self.law,) if self.law else ()
-        placed = [(("law", k) if several else ("law",), part) for k, part in enumerate(laws)]
-        return [*placed, (("drive",), self.drive)] if isinstance(self.drive, VanDerPol) else placed  # type: ignore[list-item]
+        placed: list[tuple[tuple[str | int, ...], JointPart]] = []
+        for k, part in enumerate(laws):
+            placed.append((("law", k) if several else ("law",), part))
+        if isinstance(self.drive, VanDerPol):
+            placed.append((("drive",), self.drive))
+        return placed
 
     def laws_that(self, stays: Callable[[JointLaw], bool]) -> tuple[JointPart, ...] | None:
         """Those of `law` that stay."""

@@ -14,8 +14,8 @@ from typing import Any, Literal
 from unicodedata import category
 
 from modal.errors import SceneError
-from modal.report import Displayed, Summary, deferred
 from modal.extend import JointLaw
+from modal.report import Displayed, Summary, deferred
 from modal.scene.features import DRAG, DRIVES, FRICTION, LOSS, features, hangs_plainly
 from modal.scene.links import AnyLink, Bob, Body, Link, Rod, is_lossy
 from modal.scene.motion import FORCE, AppliedForce, ConstantForce, Force, Ground, Moved, SupportMotion

@@ -150,7 +150,8 @@ def law_parameter(scene: Scene, place: Place) -> Parameter | None:
     """
     if "law" not in place:
         return None
-    return next(entry for entry in _at(scene, place[:-1]).law.parameters if entry.name == place[-1])
+    parameters: tuple[Parameter, ...] = _at(scene, place[:-1]).law.parameters
+    return next(parameter for parameter in parameters if parameter.name == place[-1])
 
 
 def with_numbers(place: Place) -> str:
