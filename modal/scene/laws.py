@@ -33,7 +33,8 @@ class JointPart(Part):
     @property
     def linear_coefficients(self) -> tuple[float, float]:
         """Stiffness (N m/rad) and damping (N m s/rad) about equilibrium; 0 of a drive, which linear models have not."""
-        return (0.0, 0.0) if self.law.is_drive else _linear_coefficients(type(self.law), tuple(self.numbers.values()))
+        kind: Any = type(self.law)
+        return (0.0, 0.0) if self.law.is_drive else _linear_coefficients(kind, tuple(self.numbers.values()))
 
     @property
     def coefficient_slopes(self) -> dict[str, tuple[float, float]]:
@@ -46,20 +47,22 @@ class _NamedLaw(JointPart):
 
     def problems(self) -> Iterator[str]:
         """None, unless the law is not what it says: that is its own mistake."""
-        _judge(type(self.law), tuple(self.numbers.values()))
+        kind: Any = type(self.law)
+        _judge(kind, tuple(self.numbers.values()))
         return iter(())
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _restore, (type(self.law), self.numbers)
 
 
-def _restore(law: type[JointLaw], numbers: dict[str, float]) -> JointPart:
+def _restore(law: Any, numbers: dict[str, float]) -> JointPart:
     return part_of(law)(**numbers)
 
 
 @lru_cache(maxsize=4096)
 def _linear_coefficients(law: Any, numbers: tuple[float, ...]) -> tuple[float, float]:
-    return law().linear_coefficients(_by_name(law, numbers))
+    coefficients: tuple[float, float] = law().linear_coefficients(_by_name(law, numbers))
+    return coefficients
 
 
 @lru_cache(maxsize=4096)
@@ -109,7 +112,7 @@ def _part(value: Any, place: str, problems: list[str]) -> Any:
     if names or not isinstance(value["kind"], str):
         problems.append(f'{place}.kind: is required: write law = {{ kind = "…" }}, one of {", ".join(names)}')
         return None
-    law = find_extension(JointLaw.kind, value["kind"])
+    law: Any = find_extension(JointLaw.kind, value["kind"])
     if law is None:
         names = sorted(registered(JointLaw.kind))
         hint = suggestion(value["kind"], names)
