@@ -25,7 +25,7 @@ class TestGrease(LawTests):
 class TestEngine(LawTests):
     """Neither."""
 
-    extension, parameters = magnets.Engine, MappingProxyType({"gain": -0.3, "lead": -0.02})
+    extension, parameters = magnets.Engine, MappingProxyType({"gain": 0.3, "lead": 0.02})
 
 
 class TestVanDerPol(LawTests):
