@@ -143,7 +143,8 @@ class JointLaw(Law):
             motions = [[sign * SMALL * (k == j) for j in (0, 1)] for sign in (1, -1)]
             above, below = (float(call(self, "torque", *motion, parameters)) for motion in motions)
             slope = (below - above) / (2 * SMALL)
-            if not isfinite(coefficient) or (self.is_smooth and abs(slope - coefficient) > 1e-6 * (1 + abs(slope))):
+            agrees = abs(slope - coefficient) <= SMALL * (1 + abs(slope))
+            if not isfinite(coefficient) or (self.is_smooth and not agrees):
                 raise mistake_of(self, "torque has no derivative at rest: say is_smooth = False where it has a kink")
         places = [(sign * PROBE, other * PROBE) for sign in (1, -1) for other in (1, -1)]
         torques = [float(call(self, "torque", *place, parameters)) for place in places]

@@ -7,12 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache, lru_cache
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 from modal.errors import SceneError
-from modal.extend import JointLaw, find_extension, registered
 from modal.scene.validation import LARGEST, Part, Schema, field, function_after, number, one_of
 from modal.scene.wording import suggestion
+
+if TYPE_CHECKING:
+    from modal.extend import JointLaw
 
 
 class JointPart(Part):
@@ -23,7 +25,10 @@ class JointPart(Part):
     {'strength': 0.1, 'angle_deg': 5.0}
     """
 
-    law: ClassVar[JointLaw]
+    @property
+    def law(self) -> JointLaw:
+        """The law itself."""
+        raise NotImplementedError
 
     @property
     def numbers(self) -> dict[str, float]:
@@ -108,6 +113,8 @@ def _part(value: Any, place: str, problems: list[str]) -> Any:
     """The part of one table; its mistakes join the others."""
     if isinstance(value, JointPart):
         return value
+    from modal.extend import JointLaw, find_extension, registered
+
     names = sorted(registered(JointLaw.kind)) if not isinstance(value, Mapping) or "kind" not in value else ()
     if names or not isinstance(value["kind"], str):
         problems.append(f'{place}.kind: is required: write law = {{ kind = "…" }}, one of {", ".join(names)}')

@@ -16,11 +16,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from itertools import pairwise
-from typing import Any, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 from modal import pair
-from modal.extend import JointLaw
-from modal.extend.laws import VanDerPolLaw
+from modal.report import deferred
 from modal.scene.hoist import Hoist
 from modal.scene.laws import LAWS, JointPart
 from modal.scene.stored import Several
@@ -37,6 +36,9 @@ from modal.scene.validation import (
     one_of,
     optional,
 )
+
+if TYPE_CHECKING:
+    from modal.extend import JointLaw
 
 
 class LossTable(Part):
@@ -97,7 +99,11 @@ class VanDerPol(JointPart):
     strength: float = field(POSITIVE, "e", "N m s/rad")
     angle_deg: float = field(number(ge=1e-6, le=180), "γ₀", "°")
 
-    law = VanDerPolLaw()
+    @property
+    def law(self) -> JointLaw:
+        """The torque of any angle and rate."""
+        law: JointLaw = deferred("modal.extend.laws:VanDerPolLaw")()
+        return law
 
     def stronger(self, factor: float) -> VanDerPol:
         """So many times the torque."""
