@@ -10,12 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from os import PathLike, fspath
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 from unicodedata import category
 
 from modal.errors import SceneError
 from modal.report import Displayed, Summary, deferred
-from modal.extend import JointLaw
 from modal.scene.features import DRAG, DRIVES, FRICTION, LOSS, features, hangs_plainly
 from modal.scene.links import AnyLink, Bob, Body, Link, Rod, is_lossy
 from modal.scene.motion import FORCE, AppliedForce, ConstantForce, Force, Ground, Moved, SupportMotion
@@ -61,6 +60,9 @@ from modal.scene.validation import (
     parts_or_none,
     text,
 )
+
+if TYPE_CHECKING:
+    from modal.extend import JointLaw
 
 MAX_CHAIN = 20_000
 MAX_LINKS = 10_000_000
