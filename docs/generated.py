@@ -209,10 +209,11 @@ def formats() -> str:
 
 def measures() -> str:
     """All measures: what each is, its columns, what it needs, what N is, who takes it; then why others do not."""
-    from nonlinear.measures import MEASURES, VERBS
+    from modal.extend import registered
+    from modal.extend.measures import VERBS
 
     rows, whys = [], dict[str, dict[str, list[str]]]()
-    for measure in MEASURES.values():
+    for measure in registered("measure", discover=False).values():
         usual = f"{measure.counts} ({measure.usual:g})" if measure.usual else measure.counts
         takes = ["" if verb in measure.refused else "yes" for verb in VERBS]
         columns = ", ".join(f"`{column}`" for column in measure.columns)

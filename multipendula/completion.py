@@ -71,6 +71,17 @@ def words(known: Sequence[str], comma: str = ",") -> Completer:
     return offered
 
 
+def extensions(kind: str, fits: Callable[[Any], bool] = lambda _: True) -> Completer:
+    """The names of one kind of extensions that fit, those of installed packages among them."""
+
+    def offered(prefix: str, **_: Any) -> list[str]:
+        from modal.extend.registry import registered
+
+        return [name for name, known in registered(kind).items() if fits(known)]
+
+    return offered
+
+
 def files(suffixes: Sequence[str]) -> Completer:
     """Folders, and files with these suffixes; all files if there are none."""
 

@@ -1,289 +1,371 @@
-"""The list of measures: what can be measured of a scene or of its motion, and by which verb.
+"""The measures: what each is, in which columns, what it needs of a scene, and how it is computed.
 
-Each is stated once, with its columns, what it needs, what it is read off and, for a verb that does not take it, the
-reason.  How each is computed stands in `nonlinear.ensembles.measures` for motions side by side and in
-`nonlinear.sweeps.measures` for scenes one by one, which take the former where both can.
-
->>> from nonlinear.measures import MEASURES, taken_by
->>> MEASURES["lyapunov"].columns, "beat" in taken_by("basins")
-(('lyapunov_per_s',), False)
+Each is a class of `modal.extend.measures`, as a stranger writes one.  A sweep computes it of a scene, with what a
+`Portion` of scenes knows of it; an ensemble of members side by side, with their `Context`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from math import isfinite
+from collections.abc import Mapping
+from functools import lru_cache
+from math import inf, nan, pi
+from typing import TYPE_CHECKING
 
-from modal.errors import SceneError, spelling_hint
-from modal.report import Displayed, Summary
+from modal.errors import ComputationError, SceneError
+from modal.extend.measures import LAST_TENTH, MEMBERS_AT_ONCE, MODE, MODES, Measure
+from modal.extend.registry import register
 
-VERBS = ("sweep", "basins", "spread", "ensemble")
-"""Who takes measures: three commands, and the function `ensemble`."""
-LONGEST = 1e6  # seconds
-MODES, MODE, SECONDS = "modes", "mode", "seconds"
-SCENE_ITSELF, WHOLE_MOTION, MEMBERS_AT_ONCE = "the scene", "a whole motion", "members side by side"
-LAST_TENTH = "the last tenth of a motion"
-"""What measures are read off."""
-FORMER = {"amplitude": "largest_angle, with cart_travel beside it"}
-"""Names of old, and what they are now."""
+if TYPE_CHECKING:
+    from modal.scene import Scene
+    from modal.types import Floats
+    from nonlinear.ensembles.measures import Context
+    from nonlinear.ensembles.results import MemberResults
+    from nonlinear.integration import Trajectory
+    from nonlinear.sweeps.measures import Portion
+    from nonlinear.synchronization.modal_energy import Survival
 
-
-@dataclass(frozen=True, repr=False)
-class Measure(Displayed):
-    """A measure: what `words` say, in these `columns`, whose names end in the unit unless there is none.
-
-    In columns R stands for the number of a mode, P for that of a pendulum, L for that of a link.  `counts` says what
-    the N of NAME:N is, "" where there is none; `usual` is N unless told, 0 where that depends on the scene, `most` its
-    largest.  `needs` says what a scene must have, `reads` what it is read off, `numbered` whether its columns or values
-    number modes, `refused` by which verbs it is not taken and why.
-    """
-
-    name: str
-    words: str
-    columns: tuple[str, ...]
-    needs: str
-    counts: str = SECONDS
-    usual: float = 0.0
-    most: float = LONGEST
-    reads: str = SCENE_ITSELF
-    numbered: bool = False
-    refused: Mapping[str, str] = field(default_factory=dict, compare=False)
-
-    def _summary(self) -> Summary:
-        facts = [("columns", ", ".join(self.columns)), ("needs", self.needs)]
-        return Summary(f"Measure {self.name}: {self.words}", facts)
-
-    @property
-    def whole(self) -> bool:
-        """Whether N is a whole number."""
-        return self.counts != SECONDS
-
-    def validate(self, number: float) -> float:
-        """The N itself; SceneError where it is none of such a measure."""
-        if not self.counts:
-            raise SceneError([f"measure {self.name}:{number:g}: {self.name} takes no number"])
-        kind = f"a {'whole ' * self.whole}number above 0 and at most {self.most:g}"
-        if not (isfinite(number) and 0 < number <= self.most) or (self.whole and number != int(number)):
-            raise SceneError([f"measure {self.name}:{number:g}: must have {kind}"])
-        return number
-
-
-def _refusing(verbs: str, why: str) -> dict[str, str]:
-    return dict.fromkeys(verbs.split(), why)
-
-
-OF_SCENE = _refusing("basins ensemble", "it belongs to a scene whatever its start, and sweep takes it over numbers")
-WHOLE = _refusing("basins ensemble", "it is read off a whole motion, and an ensemble keeps none: sweep takes it")
-NAMES = _refusing("spread", "it names a motion, and names have no quantiles: basins tells the share of each")
+Numbers = dict[str, float]
 NEXT = "mode N (default: the first oscillating mode) and the next"
-OSCILLATING, MOTION, PLANE = "modes that oscillate", "a motion", "motion in the plane"
+OSCILLATING, PLANE = "modes that oscillate", "motion in the plane"
+NO_QUANTILES = {"spread": "it names a motion, and names have no quantiles: basins tells the share of each"}
 
-MEASURES: dict[str, Measure] = {
-    measure.name: measure
-    for measure in (
-        Measure(
-            name="frequencies",
-            words="the frequencies of the N slowest oscillating modes",
-            columns=("omega_R_rad_per_s",),
-            needs=OSCILLATING,
-            counts=MODES,
-            usual=4,
-            most=1000,
-            numbered=True,
-            refused=OF_SCENE,
-        ),
-        Measure(
-            name="damping",
-            words="the damping ratios of the N slowest oscillating modes",
-            columns=("damping_ratio_R",),
-            needs=OSCILLATING,
-            counts=MODES,
-            usual=4,
-            most=1000,
-            numbered=True,
-            refused=OF_SCENE,
-        ),
-        Measure(
-            name="splitting",
-            words=f"the gap between the frequencies of {NEXT}",
-            columns=("splitting_R_rad_per_s",),
-            needs=OSCILLATING,
-            counts=MODE,
-            most=1000,
-            numbered=True,
-            refused=OF_SCENE,
-        ),
-        Measure(
-            name="beat",
-            words=f"the beat period of {NEXT}",
-            columns=("beat_R_s",),
-            needs=OSCILLATING,
-            counts=MODE,
-            most=1000,
-            numbered=True,
-            refused=OF_SCENE,
-        ),
-        Measure(
-            name="floquet",
-            words="the largest Floquet multiplier of a vertical sine, its growth rate, and what small motion does",
-            columns=("largest_multiplier", "growth_rate_per_s", "kind"),
-            needs="a support that moves up and down as a sine",
-            counts="",
-            refused=OF_SCENE,
-        ),
-        Measure(
-            name="largest_angle",
-            words="the largest angle of any link in N seconds",
-            columns=("largest_angle_deg",),
-            needs=MOTION,
-            reads=WHOLE_MOTION,
-            usual=10,
-        ),
-        Measure(
-            name="cart_travel",
-            words="the way between the cart's turning points in N seconds",
-            columns=("cart_travel_m",),
-            needs="a cart",
-            reads=WHOLE_MOTION,
-            usual=10,
-            refused=WHOLE,
-        ),
-        Measure(
-            name="energy_drift",
-            words="the largest drift of energy in N seconds, relative to its range",
-            columns=("energy_drift",),
-            needs=MOTION,
-            reads=WHOLE_MOTION,
-            usual=10,
-            refused=_refusing("basins ensemble", "an ensemble states the drift of every member beside its measures"),
-        ),
-        Measure(
-            name="first_turn",
-            words="the time at which each link first goes over the top, inf where none does in N seconds",
-            columns=("first_turn_P_L_s",),
-            needs=PLANE,
-            reads=MEMBERS_AT_ONCE,
-            usual=10,
-        ),
-        Measure(
-            name="lyapunov",
-            words="the largest Lyapunov exponent, from N seconds of the motion after half as many",
-            columns=("lyapunov_per_s",),
-            needs=PLANE,
-            reads=MEMBERS_AT_ONCE,
-        ),
-        Measure(
-            name="order",
-            words="the order parameter of the phases, its mean over the last tenth of N seconds, from 0 to 1",
-            columns=("order",),
-            needs="motion in the plane, with constant lengths",
-            reads=LAST_TENTH,
-            usual=100,
-        ),
-        Measure(
-            name="pendulum_energy",
-            words="the mean energies over the last tenth of N seconds: of all pendula, of each, of what carries them",
-            columns=("pendula_energy_J", "pendulum_P_energy_J", "cart_energy_J"),
-            needs=MOTION,
-            reads=LAST_TENTH,
-            usual=100,
-            refused=_refusing("basins", "it has a number for every pendulum, and a map shows one"),
-        ),
-        Measure(
-            name="survivor",
-            words="the mode with most energy after N seconds, and its share",
-            columns=("survivor", "survivor_share"),
-            needs=PLANE,
-            reads=WHOLE_MOTION,
-            usual=100,
-            numbered=True,
-            refused=WHOLE | NAMES,
-        ),
-        Measure(
-            name="locking",
-            words="the time from which that mode has 99 %, within N seconds",
-            columns=("locking_time_s",),
-            needs=PLANE,
-            reads=WHOLE_MOTION,
-            usual=100,
-            refused=WHOLE,
-        ),
-        Measure(
-            name="configuration",
-            words="the steady oscillation of sync in which the motion ends after N seconds, by its number, 0 for none",
-            columns=("configuration",),
-            needs="drives at joints",
-            reads=LAST_TENTH,
-            usual=100,
-            refused=NAMES,
-        ),
-        Measure(
-            name="attractor",
-            words="the periodic motion in which the motion ends after N seconds, by its number, 0 for none",
-            columns=("attractor",),
-            needs="sines that drive it, and losses",
-            reads=MEMBERS_AT_ONCE,
-            refused=_refusing(
-                "sweep spread ensemble",
-                "attractors are told apart among many starts: basins maps them, a sweep of strobes follows them",
-            ),
-        ),
-        Measure(
-            name="section",
-            words="the states at which an angle or the cart passes a value, section:theta[1,1]>0",
-            columns=("crossing_…",),
-            needs=PLANE,
-            reads=MEMBERS_AT_ONCE,
-            counts="",
-            refused=_refusing("sweep basins spread", "crossings are states: the command section draws them"),
-        ),
+
+@lru_cache(maxsize=1)
+def _survival(run: Trajectory) -> Survival:
+    from nonlinear.synchronization import find_survival
+
+    return find_survival(run)
+
+
+class _OfModes(Measure):
+    """What belongs to the oscillating modes of a scene, whose numbers are those of its table."""
+
+    needs = OSCILLATING
+    counts = MODE
+    most = 1000
+    is_numbered = True
+
+
+@register
+class Frequencies(_OfModes):
+    """The lowest natural frequencies |λ|."""
+
+    name = "frequencies"
+    words = "the frequencies of the N slowest oscillating modes"
+    columns = ("omega_R_rad_per_s",)
+    counts = MODES
+    usual = 4
+
+    def of_scene(self, scene: Scene, number: float, portion: Portion) -> Numbers:
+        """By the numbers of the modes."""
+        return {f"omega_{name}_rad_per_s": float(abs(v)) for name, v in portion.slowest(scene, int(number))}
+
+
+@register
+class DampingRatios(_OfModes):
+    """The damping ratios −Re λ/|λ| of these modes."""
+
+    name = "damping"
+    words = "the damping ratios of the N slowest oscillating modes"
+    columns = ("damping_ratio_R",)
+    counts = MODES
+    usual = 4
+
+    def of_scene(self, scene: Scene, number: float, portion: Portion) -> Numbers:
+        """By the numbers of the modes."""
+        return {f"damping_ratio_{k}": float(-v.real / abs(v) + 0.0) for k, v in portion.slowest(scene, int(number))}
+
+
+@register
+class Splitting(_OfModes):
+    """The frequency gap from one mode to the next."""
+
+    name = "splitting"
+    words = f"the gap between the frequencies of {NEXT}"
+    columns = ("splitting_R_rad_per_s",)
+
+    def of_scene(self, scene: Scene, number: float, portion: Portion) -> Numbers:
+        """By the number of the mode."""
+        mode, gap = portion.gap(scene, int(number))
+        return {f"splitting_{mode}_rad_per_s": gap}
+
+
+@register
+class BeatPeriod(_OfModes):
+    """The beat period 2π/Δω of a mode and the next; infinite where they pass no energy between pendula."""
+
+    name = "beat"
+    words = f"the beat period of {NEXT}"
+    columns = ("beat_R_s",)
+
+    def of_scene(self, scene: Scene, number: float, portion: Portion) -> Numbers:
+        """By the number of the mode."""
+        mode, gap = portion.gap(scene, int(number))
+        return {f"beat_{mode}_s": 2 * pi / gap if gap and portion.passes(scene, mode) else inf}
+
+
+@register
+class LargestMultiplier(Measure):
+    """The largest Floquet multiplier of small angles on a support that moves up and down, and what it means."""
+
+    name = "floquet"
+    words = "the largest Floquet multiplier of a vertical sine, its growth rate, and what small motion does"
+    columns = ("largest_multiplier", "growth_rate_per_s", "kind")
+    needs = "a support that moves up and down as a sine"
+
+    def of_scene(self, scene: Scene, number: float, portion: Portion) -> Numbers:
+        """Of scenes that differ in their motion alone, together."""
+        stability = portion.stability(scene)
+        numbers = stability.largest, stability.growth_rate, float(stability.number)
+        return dict(zip(self.columns, numbers, strict=True))
+
+    def require(self, scene: Scene, seconds: float | None) -> None:
+        """SceneError for a support without such a motion."""
+        from modal.vibration import vertical_sine
+
+        vertical_sine(scene)
+
+
+@register
+class LargestAngle(Measure):
+    """The largest angle of any link from the downward vertical, also at turning points between the samples."""
+
+    name = "largest_angle"
+    words = "the largest angle of any link in N seconds"
+    columns = ("largest_angle_deg",)
+
+    def of_motion(self, run: Trajectory, seconds: float) -> float:
+        """In degrees."""
+        from nonlinear.postprocessing import largest_angle
+
+        return largest_angle(run) * 180 / pi
+
+    def of_members(self, context: Context, results: MemberResults, ending: Floats) -> Mapping[str, Floats]:
+        """As engines find it on the way."""
+        assert results.largest is not None
+        return {"largest_angle_deg": results.largest * 180 / pi}
+
+
+@register
+class CartTravel(Measure):
+    """The peak-to-peak travel of the cart, also at turning points between the samples."""
+
+    name = "cart_travel"
+    words = "the way between the cart's turning points in N seconds"
+    columns = ("cart_travel_m",)
+    needs = "a cart"
+
+    def of_motion(self, run: Trajectory, seconds: float) -> float:
+        """In metres."""
+        from nonlinear.postprocessing import extremes
+
+        left, right = extremes(run.times, run.motion.cart, run.motion.cart_rate)
+        return float(right - left)
+
+
+@register
+class EnergyDrift(Measure):
+    """The energy drift of the run, relative."""
+
+    name = "energy_drift"
+    words = "the largest drift of energy in N seconds, relative to its range"
+    columns = ("energy_drift",)
+    refused = dict.fromkeys(("basins", "ensemble"), "an ensemble states the drift of every member beside its measures")
+
+    def of_motion(self, run: Trajectory, seconds: float) -> float:
+        """Of the whole run."""
+        return run.energy_drift()
+
+
+@register
+class FirstTurn(Measure):
+    """When each link first goes over the top."""
+
+    name = "first_turn"
+    words = "the time at which each link first goes over the top, inf where none does in N seconds"
+    columns = ("first_turn_P_L_s",)
+    needs = PLANE
+    is_planar = True
+
+    def of_members(self, context: Context, results: MemberResults, ending: Floats) -> Mapping[str, Floats]:
+        """As engines find it on the way."""
+        assert results.first_turns is not None
+        return {f"first_turn_{place}_s": turn for place, turn in zip(context.places, results.first_turns, strict=True)}
+
+
+@register
+class LargestExponent(Measure):
+    """The largest Lyapunov exponent."""
+
+    name = "lyapunov"
+    words = "the largest Lyapunov exponent, from N seconds of the motion after half as many"
+    columns = ("lyapunov_per_s",)
+    needs = PLANE
+    is_planar = True
+    usual = 0.0
+
+    def of_members(self, context: Context, results: MemberResults, ending: Floats) -> Mapping[str, Floats]:
+        """From ln |v| of the tangent vector."""
+        assert results.stretching is not None
+        return {"lyapunov_per_s": results.stretching / context.wanted.duration}
+
+    def require(self, scene: Scene, seconds: float | None) -> None:
+        """SceneError where a scene has none, or not from so many seconds, 0 for its usual ones."""
+        from modal.scene import require
+        from nonlinear.chaos import validate_duration
+
+        super().require(scene, seconds)
+        try:
+            if seconds is not None:
+                require(scene, "a Lyapunov exponent")
+            if seconds:
+                validate_duration(scene, seconds)
+        except SceneError as error:
+            raise SceneError([f"measure lyapunov: {problem}" for problem in error.problems]) from None
+
+
+@register
+class OrderParameter(Measure):
+    """The mean length of the mean of all e^{iφ}, where φ are the phases of pendula in the mode that has most energy."""
+
+    name = "order"
+    words = "the order parameter of the phases, its mean over the last tenth of N seconds, from 0 to 1"
+    columns = ("order",)
+    needs = "motion in the plane, with constant lengths"
+    is_planar = True
+    reads = LAST_TENTH
+    usual = 100
+
+    def of_members(self, context: Context, results: MemberResults, ending: Floats) -> Mapping[str, Floats]:
+        """Over the samples of the last tenth."""
+        return {"order": context.order(ending)}
+
+    def require(self, scene: Scene, seconds: float | None) -> None:
+        """SceneError for changing lengths."""
+        super().require(scene, seconds)
+        if scene.is_hoisted:
+            raise SceneError(["measure order: needs constant lengths, since modes change with them"])
+
+
+@register
+class MeanEnergies(Measure):
+    """The mean energies of the pendula and of what carries them."""
+
+    name = "pendulum_energy"
+    words = "the mean energies over the last tenth of N seconds: of all pendula, of each, of what carries them"
+    columns = ("pendula_energy_J", "pendulum_P_energy_J", "cart_energy_J")
+    reads = LAST_TENTH
+    usual = 100
+    refused = dict.fromkeys(("basins",), "it has a number for every pendulum, and a map shows one")
+
+    def of_members(self, context: Context, results: MemberResults, ending: Floats) -> Mapping[str, Floats]:
+        """Over the samples of the last tenth."""
+        return context.mean_energies(ending)
+
+
+@register
+class SurvivingMode(Measure):
+    """The mode with most energy at the end."""
+
+    name = "survivor"
+    words = "the mode with most energy after N seconds, and its share"
+    columns = ("survivor", "survivor_share")
+    needs = PLANE
+    is_planar = is_numbered = True
+    usual = 100
+    refused = NO_QUANTILES
+
+    def of_motion(self, run: Trajectory, seconds: float) -> Numbers:
+        """By its number in the table of the scene itself."""
+        survival = _survival(run)
+        return {"survivor": float(survival.number), "survivor_share": survival.survivor_share}
+
+    def of_scene(self, scene: Scene, number: float, portion: Portion) -> Numbers:
+        """By its number in the table of the portion."""
+        numbers = super().of_scene(scene, number, portion)
+        return numbers | {"survivor": float(portion.number_in_table(scene, int(numbers["survivor"])))}
+
+
+@register
+class LockingTime(Measure):
+    """The time from which all other rows hold less than 1 % together; NaN if never."""
+
+    name = "locking"
+    words = "the time from which that mode has 99 %, within N seconds"
+    columns = ("locking_time_s",)
+    needs = PLANE
+    is_planar = True
+    usual = 100
+
+    def of_motion(self, run: Trajectory, seconds: float) -> float:
+        """In seconds."""
+        time = _survival(run).locking_time()
+        return nan if time is None else time
+
+
+@register
+class EndingConfiguration(Measure):
+    """Which stable relative equilibrium the end is one of."""
+
+    name = "configuration"
+    words = "the steady oscillation of sync in which the motion ends after N seconds, by its number, 0 for none"
+    columns = ("configuration",)
+    needs = "drives at joints"
+    is_planar = True
+    reads = LAST_TENTH
+    usual = 100
+    refused = NO_QUANTILES
+
+    def of_members(self, context: Context, results: MemberResults, ending: Floats) -> Mapping[str, Floats]:
+        """By likeness over the samples of the last tenth."""
+        return {"configuration": context.configuration(ending)}
+
+    def require(self, scene: Scene, seconds: float | None) -> None:
+        """SceneError for a scene that nothing drives, or without a theory."""
+        from nonlinear.ensembles.measures import configurations
+
+        super().require(scene, seconds)
+        try:
+            if not scene.is_driven:
+                raise SceneError(["no drive keeps this scene swinging"])
+            configurations(scene)
+        except (ComputationError, SceneError) as error:
+            raise SceneError([f"measure configuration: {error}"]) from None
+
+
+@register
+class EndingAttractor(Measure):
+    """Which periodic motion the end is one of; told apart among many starts, by `find_attractors`."""
+
+    name = "attractor"
+    words = "the periodic motion in which the motion ends after N seconds, by its number, 0 for none"
+    columns = ("attractor",)
+    needs = "sines that drive it, and losses"
+    reads = MEMBERS_AT_ONCE
+    usual = 0.0
+    refused = dict.fromkeys(
+        ("sweep", "spread", "ensemble"),
+        "attractors are told apart among many starts: basins maps them, a sweep of strobes follows them",
     )
-}
-"""All measures, by name."""
+
+    def of_members(self, context: Context, results: MemberResults, ending: Floats) -> Mapping[str, Floats]:
+        """None: basins finds them."""
+        return {}
 
 
-def taken_by(verb: str) -> tuple[str, ...]:
-    """The names of the measures that one of the VERBS takes."""
-    return tuple(name for name, measure in MEASURES.items() if verb not in measure.refused)
+@register
+class SectionStates(Measure):
+    """The states in which a section is crossed, which engines keep beside the columns."""
 
+    name = "section"
+    words = "the states at which an angle or the cart passes a value, section:theta[1,1]>0"
+    columns = ("crossing_…",)
+    needs = PLANE
+    is_planar = True
+    counts = ""
+    usual = 0.0
+    refused = dict.fromkeys(("sweep", "basins", "spread"), "crossings are states: the command section draws them")
 
-def measure_for(verb: str, text: str) -> Measure:
-    """The measure that a text such as "beat:3" names; SceneError where there is none, or one that a verb refuses."""
-    name = text.partition(":")[0]
-    if name not in MEASURES:
-        now = f" (is now {FORMER[name]})" if name in FORMER else ""
-        hint = now or spelling_hint(name, taken_by(verb)) or f" (must be one of {', '.join(taken_by(verb))})"
-        raise SceneError([f"measure {text}: no such measure{hint}"])
-    measure = MEASURES[name]
-    if why := measure.refused.get(verb):
-        raise SceneError([f"measure {text}: {verb} does not take {name}: {why}"])
-    return measure
-
-
-def parse_request(verb: str, text: str) -> tuple[Measure, float]:
-    """The measure in a text such as "frequencies:6" and its N, `usual` where it has none; SceneError for a mistake.
-
-    >>> from nonlinear.measures import parse_request
-    >>> parse_request("sweep", "frequencies:6")[1], parse_request("sweep", "largest_angle")[1]
-    (6.0, 10)
-    """
-    measure, (_, colon, number) = measure_for(verb, text), text.partition(":")
-    if not colon:
-        return measure, measure.usual
-    try:
-        value = float(number)
-    except ValueError:
-        raise SceneError([f'measure {text}: "{number}" is not a number']) from None
-    return measure, measure.validate(value)
-
-
-def columns_of(name: str, columns: Sequence[str]) -> tuple[str, ...]:
-    """Those of some columns that belong to a measure, by the beginnings of its own.
-
-    >>> from nonlinear.measures import columns_of
-    >>> columns_of("first_turn", ["energy_drift", "first_turn_1_1_s"])
-    ('first_turn_1_1_s',)
-    """
-    prefixes = tuple(column.partition("_R")[0].partition("_P")[0] for column in MEASURES[name].columns)
-    return tuple(column for column in columns if column.startswith(prefixes))
+    def of_members(self, context: Context, results: MemberResults, ending: Floats) -> Mapping[str, Floats]:
+        """None beside the crossings."""
+        return {}

@@ -19,7 +19,7 @@ import numpy as np
 from modal import pair
 from modal.assembly.equilibrium import Rest, equilibrium_of
 from modal.report import Displayed
-from modal.scene import Cart, Pendulum, Scene, validate_scene
+from modal.scene import AnyLink, Cart, Pendulum, Scene, validate_scene
 from modal.structure import CarrierEnd, CarrierNumbers, Structure, is_damped, phi, scale_structure, structure_of, tied
 from modal.types import Booleans, Floats, Ints
 
@@ -61,7 +61,7 @@ class Block:
         """Which chains (P,) have neither joint springs nor dampers nor drag nor inverted links, and hang straight."""
         if self.rest is not None:
             return np.zeros(self.size, dtype=np.bool_)
-        broken = (self.damping > 0) | (self.stiffness > 0) | (self.drag > 0) | (self.sigma < 0)
+        broken = (self.damping != 0) | (self.stiffness != 0) | (self.drag > 0) | (self.sigma < 0)
         return np.asarray(~broken.any(0), dtype=np.bool_)
 
     @cached_property
@@ -329,7 +329,7 @@ def _each_on(scene: Scene, structure: Structure) -> Iterator[_Entry]:
     rows, first = phi(structure), 0
     for pendulum in scene.pendulum:
         top, last = pendulum.links[0], first + pendulum.count
-        turning_row = rows.turning[first] * bool(top.stiffness or top.damping)
+        turning_row = rows.turning[first] * any(top.linear_coefficients)
         distinctions = *rows.rail[first].tolist(), *turning_row.tolist()
         single = range(first, last) if not tied_pendula.isdisjoint(range(first, last)) else ()
         for free, group in groupby(single, key=lambda k: k if k in tied_pendula else -1):
@@ -374,9 +374,13 @@ def different(table: Floats) -> tuple[Ints, Ints]:
 
 
 def _parameters(pendulum: Pendulum) -> list[float]:
-    numbers = [
-        value for link in pendulum.links for value in [*(getattr(link, name) for name in ARRAYS[:-1]), 1.0] * link.count
-    ]
+    numbers = [value for link in pendulum.links for value in _numbers(link) * link.count]
     if pendulum.equilibrium:
         numbers[len(ARRAYS) - 1 :: len(ARRAYS)] = [1.0 if way == "down" else -1.0 for way in pendulum.equilibrium]
     return numbers
+
+
+def _numbers(link: AnyLink) -> list[float]:
+    """The ARRAYS of a link: what its laws are about equilibrium joins the spring and the damper of its joint."""
+    stiffness, damping = link.linear_coefficients
+    return [link.mass, link.length, link.centre, link.inertia, damping, stiffness, link.drag, 1.0]

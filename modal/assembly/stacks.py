@@ -26,14 +26,14 @@ SUPPORT = {("gravity",), ("support", "mass"), ("support", "stiffness")}
 CHANGING = {"centre", "inertia"}
 """Numbers of a link at which zero is another form, as it is for both of a support."""
 OTHERS = frozenset(
-    {"inverted", "joint_springs", "dampers", "linear_drag", "massless_cart", "constant_force", "structure", "springs"}
+    {"inverted", "joint_springs", "dampers", "law", "linear_drag", "massless_cart", "constant_force", "structure", "springs"}
 )
 """The features of scenes whose equations stacks do not have."""
 SEVERAL = OTHERS | {"space", "copies", "damping_ratio"}
 """Those whose modes are not those of one plain chain."""
 MOST_FLOAT_LINKS = 20
 """Links up to which floats are quicker than arrays."""
-KIND, SIZE = attrgetter("__class__", "count", "damping", "stiffness", "drag"), attrgetter("mass", "length")
+KIND, SIZE = attrgetter("__class__", "count", "damping", "stiffness", "drag", "law"), attrgetter("mass", "length")
 
 
 @dataclass(frozen=True, eq=False)

@@ -242,7 +242,7 @@ class Hanging:
         d, blocks = self.structure.size, self.rig.blocks
         rows = [element.over(d) for element in self.elements.stiffness]
         for (block, column, _), first in zip(self.rig.members, self.starts.tolist(), strict=True):
-            rows.append(self.phi.turning[first] * (blocks[block].stiffness[0, column] > 0))
+            rows.append(self.phi.turning[first] * (blocks[block].stiffness[0, column] != 0))
         return null_space(np.array([*rows, *modal_supports(self.structure)[1]]))
 
     @cached_property

@@ -163,10 +163,16 @@ class ComponentMatrices:
     def _chains(self) -> Iterator[tuple[Block, Heavy]]:
         return ((self.parted_rig.rig.blocks[heavy.block], heavy) for heavy in self.component.heavies)
 
+    @property
+    def _has_negative_joints(self) -> bool:
+        """Whether a law pushes any joint away from its equilibrium."""
+        return any((block.stiffness[:, heavy.column] < 0).any() for block, heavy in self._chains)
+
     @cached_property
     def is_positive(self) -> bool:
         """Whether all springs are positive."""
         hang = all(block.rest is None and (block.sigma[:, heavy.column] > 0).all() for block, heavy in self._chains)
+        hang = hang and not self._has_negative_joints
         return hang and all(element.size > 0 for element in self.squares[1])
 
     @cached_property
@@ -215,7 +221,7 @@ class ComponentMatrices:
             cart = self.parted_rig.rig.cart
             number = int(cart is not None and cart.stiffness == 0)
             return np.asarray(np.eye(self.size, number) / np.sqrt(self.parted_rig.rig.total_mass))
-        joints = [heavy.turning_row[eta] * (block.stiffness[0, heavy.column] > 0) for block, heavy in self._chains]
+        joints = [heavy.turning_row[eta] * (block.stiffness[0, heavy.column] != 0) for block, heavy in self._chains]
         rows, M = [element.over(d) for element in self.squares[1]], np.zeros((d, d))
         for element in self.squares[0]:
             M += element.size * np.multiply.outer(element.over(d), element.over(d))
@@ -249,6 +255,8 @@ class ComponentMatrices:
     @cached_property
     def tree(self) -> Tree | None:
         """The component as a tree of coordinates with chains; None for any other."""
+        if self._has_negative_joints:
+            return None
         place_of, d, chain_places = self._place_of_coordinate, len(self.component.eta), list[tuple[Heavy, int]]()
         for block, heavy in self._chains:
             at = np.flatnonzero(heavy.pivot_row)

@@ -147,7 +147,7 @@ class PartedRig:
     def _rows(self, block: int, column: int) -> tuple[Floats, Floats]:
         """Φ and Ω (d,) of a column."""
         first, chains = self._columns[block, column], self.rig.blocks[block]
-        feels = chains.stiffness[0, column] > 0 or chains.damping[0, column] > 0
+        feels = chains.stiffness[0, column] != 0 or chains.damping[0, column] != 0
         return self.hanging.phi.rail[first], self.hanging.phi.turning[first] * feels
 
     # ------------------------------------------------------------------------------------------- what moves together

@@ -143,12 +143,14 @@ ERROR_TO_IMPROVE, ERROR_WITHOUT_DIGITS, RATIO_OF_NEAR_RATES, MOST_RATES = 1e-8, 
 class Dampers(NamedTuple):
     """Strength of the damper between each coordinate and the one `parents` it (−1: the ground), both (size,).
 
-    Further ones, as drag, act on the coordinates with D = `roots`ᵀ `roots`, (R, size).
+    Further ones, as drag, act on the coordinates with D = `roots`ᵀ diag(`signs`) `roots`, (R, size).  Those below 0
+    supply energy.
     """
 
     strength: Floats
     parents: Ints
     roots: Floats | None = None
+    signs: Floats | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,7 +166,7 @@ class _QuadraticProblem:
     @property
     def rates(self) -> list[float]:
         """√(k/m) or, where a damper dominates, d/m and k/d of every coordinate; those within SPAN merged."""
-        m, d, k = np.diag(self.M), self.dampers.strength, np.diag(self.sizes)
+        m, d, k = np.diag(self.M), np.abs(self.dampers.strength), np.diag(self.sizes)
         if self.dampers.roots is not None:
             d = d + (self.dampers.roots**2).sum(0)
         strong = d > np.sqrt(m) * np.sqrt(k)
@@ -183,7 +185,7 @@ class _QuadraticProblem:
         A joint whose damper outweighs everything else on its link at this rate is described by the difference of its
         angles.
         """
-        strength, parents, _ = self.dampers
+        strength, parents = np.abs(self.dampers.strength), self.dampers.parents
         is_stiff = (parents >= 0) & (rate * strength > rate * (rate * np.diag(self.M)) + np.diag(self.sizes))
         basis = np.eye(len(strength))
         for i in np.flatnonzero(is_stiff):
@@ -265,14 +267,20 @@ def _solve_all_rates(problem: _QuadraticProblem) -> tuple[_Solution, int]:
 
 
 class _ScaledProblem(NamedTuple):
-    """γ²M, K and a C with CᵀC = γD (a row per damper or drag) in the coordinates of the columns of `shape`, and P⁻¹."""
+    """γ²M, K and a C with Cᵀ diag(`signs`) C = γD (a row per damper or drag) in the columns of `shape`, and P⁻¹."""
 
     rate: float
     shape: Floats
     M: Floats
     K: Floats
     friction: Floats
+    signs: Floats
     inverse: Floats
+
+    @property
+    def D(self) -> Floats:
+        """γD."""
+        return np.asarray((self.friction.T * self.signs) @ self.friction)
 
     @property
     def sensitivity(self) -> float:
@@ -283,15 +291,20 @@ class _ScaledProblem(NamedTuple):
 def _scale(problem: _QuadraticProblem, rate: float) -> _ScaledProblem:
     basis, stretches = problem.joint_coordinates(rate)
     M, K, sizes = (basis.T @ part @ basis for part in (rate * (rate * problem.M), problem.K, problem.sizes))
-    friction = np.sqrt(rate * problem.dampers.strength)[:, None] * stretches
+    friction = np.sqrt(rate * np.abs(problem.dampers.strength))[:, None] * stretches
+    signs = np.where(problem.dampers.strength < 0, -1.0, 1.0)
     if len(problem.modal):
         friction = np.vstack([friction, np.sqrt(rate) * problem.modal @ basis])
+        signs = np.append(signs, np.ones(len(problem.modal)))
     if problem.dampers.roots is not None:
         friction = np.vstack((friction, np.sqrt(rate) * (problem.dampers.roots @ basis)))
+        root_signs = problem.dampers.signs
+        signs = np.append(signs, np.ones(len(problem.dampers.roots)) if root_signs is None else root_signs)
     scale = 1 / np.sqrt(np.diag(M) + (friction**2).sum(0) + np.diag(sizes))
     M, K = (part * scale * scale[:, None] for part in (M, K))
     friction = friction * scale
-    return _ScaledProblem(rate, basis * scale, M, K, friction, np.linalg.inv(M + friction.T @ friction + K))
+    D = (friction.T * signs) @ friction
+    return _ScaledProblem(rate, basis * scale, M, K, friction, signs, np.linalg.inv(M + D + K))
 
 
 def _solve(problem: _QuadraticProblem, rate: float) -> _Solution:
@@ -303,7 +316,7 @@ def _solve(problem: _QuadraticProblem, rate: float) -> _Solution:
     scaling = min(
         (_scale(problem, rate * factor) for factor in FACTORS_OF_RATE), key=lambda candidate: candidate.sensitivity
     )
-    M, K, D, n = scaling.M, scaling.K, scaling.friction.T @ scaling.friction, len(scaling.M)
+    M, K, D, n = scaling.M, scaling.K, scaling.D, len(scaling.M)
     state = np.block([[np.zeros((n, n)), np.eye(n)], [-scaling.inverse @ part for part in (M - D + K, 2 * (M - K))]])
     theta, right = np.linalg.eig(state)
     theta = np.where(np.abs(theta * theta - 1) < EPS, theta * (1 - EPS), theta)
@@ -312,17 +325,17 @@ def _solve(problem: _QuadraticProblem, rate: float) -> _Solution:
     backward = 16 * len(state) * EPS * scaling.sensitivity * norm
     furthest = backward ** (1 / len(state)) * (2 * norm + backward) ** (1 - 1 / len(state))
     error = 2 * np.minimum(backward * condition, furthest) / np.abs(theta * theta - 1)
-    value = _correct_light_damping(np.asarray((theta + 1) / (theta - 1), dtype=complex), right[:n], M, scaling.friction)
+    value = _correct_light_damping(np.asarray((theta + 1) / (theta - 1), dtype=complex), right[:n], scaling)
     order = np.argsort(np.abs(value), kind="stable")
     return _Solution(scaling.rate * value, scaling.shape @ right[:n].astype(complex), error).take(order)
 
 
-def _correct_light_damping(values: Complexes, shape: Complexes, M: Floats, friction: Floats) -> Complexes:
+def _correct_light_damping(values: Complexes, shape: Complexes, scaling: _ScaledProblem) -> Complexes:
     """Eigenvalues with Re μ = −φᴴDφ/(2 φᴴMφ) where the real part is below the rounding of the state matrix.
 
     This is exact where μ is not real (μ² φᴴMφ + μ φᴴDφ + φᴴKφ = 0 has real coefficients), and D has no cancellation.
     """
-    inertia = np.einsum("ir,ij,jr->r", shape.conj(), M, shape, optimize=True).real
-    dissipation = (np.abs(friction @ shape) ** 2).sum(0)
+    inertia = np.einsum("ir,ij,jr->r", shape.conj(), scaling.M, shape, optimize=True).real
+    dissipation = scaling.signs @ np.abs(scaling.friction @ shape) ** 2
     light = (values.imag != 0) & (np.abs(values.real) < LIGHT * np.abs(values))
     return np.where(light, -dissipation / (2 * inertia) + 1j * values.imag, values)

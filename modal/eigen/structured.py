@@ -172,7 +172,7 @@ class OnStructure:
         else:
             roots, modal = self._dampers
             dampers = dense.Dampers(
-                roots.strength[coordinates], _parents_among(roots.parents, coordinates), _rows(roots.roots, coordinates)
+                roots.strength[coordinates], _parents_among(roots.parents, coordinates), _rows(roots.roots, coordinates), roots.signs
             )
             modes = dense.damped_modes(inertia, stiffness, terms, dampers, _rows(modal, coordinates), loss_factor)
             selection = slice(self.matrices.free.shape[1] - coasting.shape[1], None)
@@ -213,7 +213,7 @@ class OnStructure:
             if (at.size == 1 and abs(row[at[0]]) == 1 and not strength[at[0]]) or is_joint:
                 strength[at[-1]], by_rows[k] = size, False
                 parents[at[-1]] = at[0] if is_joint else -1
-        roots = np.sqrt(D.size)[by_rows, None] * D.rows[by_rows]
+        roots = np.sqrt(np.abs(D.size))[by_rows, None] * D.rows[by_rows]
         modal = None
         if self.ratio is not None:
             M, K, _ = matrices.factors
@@ -224,7 +224,8 @@ class OnStructure:
             else:
                 omega, shapes = _product_modes(K, M, matrices.free.shape[1])
                 modal = np.sqrt(2 * self.ratio(omega) * omega)[:, None] * (M.matrix @ shapes).T
-        return dense.Dampers(strength, parents, roots if len(roots) else None), modal
+        signs = np.sign(D.size[by_rows])
+        return dense.Dampers(strength, parents, roots if len(roots) else None, signs), modal
 
     def details(self, rows: Ints) -> Details:
         """Shapes over the whole structure and every kind of pendulum."""

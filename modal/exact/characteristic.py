@@ -148,7 +148,7 @@ def exact_links(pendulum: Pendulum) -> Links:
     """Every link's parameters as fractions, repeats expanded; σ is 1 for down and −1 for up."""
     rows = []
     for link in pendulum.links:
-        m, l, stiffness = map(exact, (link.mass, link.length, link.stiffness))
+        m, l, stiffness = map(exact, (link.mass, link.length, link.linear_coefficients[0]))
         rows += [(m, l, *link.proportions(m, l, exact), stiffness)] * link.count
     sigma = (Fraction(1 if way == "down" else -1) for way in pendulum.ways)
     return tuple((*row, sign) for row, sign in zip(rows, sigma, strict=True))

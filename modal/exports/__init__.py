@@ -1,79 +1,145 @@
 """A state-space model as a file for another tool: one module per family of formats, loaded on use.
 
 In: a `StateSpace`.  Out: bytes that python-control, SciPy, MATLAB and Octave, C, Modelica, an FMI tool or a spreadsheet
-reads.  A format is a `Format` in `FORMATS` and the function that writes it; the command, its help, shell completion and
-the manual read `FORMATS`.  `text` has what all formats need: numbers that read back bit for bit.  `read_json` and
-`read_npz` read files back, `to_control` and `to_scipy` make objects of these packages.
+reads.  A format is a class of `modal.extend`, ours as a stranger's, in `FORMATS` by its name; the command, its help,
+shell completion and the manual read them.  `text` has what all formats need: numbers that read back bit for bit.
+`read_json` and `read_npz` read files back, `to_control` and `to_scipy` make objects of these packages.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from importlib import import_module
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING
 
+from modal.extend.formats import Format
+from modal.extend.registry import find_extension, register, registered
 from modal.lazy import lazy_attributes
+from modal.report import deferred
 
 if TYPE_CHECKING:
     from modal.exports.data import read_json as read_json
     from modal.exports.data import read_npz as read_npz
     from modal.exports.scripts import to_control as to_control
     from modal.exports.scripts import to_scipy as to_scipy
-    from modal.statespace import StateSpace
-    from modal.statespace.sampling import VaryingModel
 
 
-class Format(NamedTuple):
-    """A file extension, a description, and the functions, by module, that write the file and give a note about it.
+@register
+class ControlScript(Format):
+    """A Python script that builds a labelled `control.StateSpace`."""
 
-    `varying` writes a model that varies in time.
-    """
-
-    extension: str
-    what: str
-    writer: str
-    remarks: str = ""
-    varying: str = ""
-
-    def write(self, model: StateSpace) -> bytes:
-        """The bytes of the file."""
-        return bytes(_function(self.writer)(model))
-
-    def write_varying(self, model: VaryingModel) -> bytes:
-        """The bytes of a model along a hoist; SceneError for a format without any."""
-        if not self.varying:
-            from modal.errors import SceneError
-
-            name = next(name for name, form in FORMATS.items() if form == self)
-            able = " and ".join(name for name, form in FORMATS.items() if form.varying)
-            raise SceneError(
-                [
-                    f"format {name}: holds a constant model, and a hoist makes it vary in time: {able} take it, and "
-                    "every format that of one time, `Scene.at(seconds)`"
-                ]
-            )
-        return bytes(_function(self.varying)(model))
-
-    def note(self, content: bytes) -> str:
-        """A note for the user about these bytes, usually empty."""
-        return str(_function(self.remarks)(content)) if self.remarks else ""
+    name, extension = "control", ".py"
+    what = "a Python script that builds a labelled `control.StateSpace`, `system`"
+    tools = ("python", "py", "python-control")
+    write = staticmethod(deferred("modal.exports.scripts:write_script"))
 
 
-def _function(place: str) -> Callable[..., Any]:
-    module, _, name = place.partition(".")
-    function: Callable[..., Any] = getattr(import_module(f"modal.exports.{module}"), name)
-    return function
+@register
+class MatFile(Format):
+    """A MATLAB and Octave file with names as cell arrays."""
+
+    name, extension = "mat", ".mat"
+    what = "a MATLAB and Octave file with names as cell arrays"
+    tools = ("matlab", "octave", "scipy")
+    write = staticmethod(deferred("modal.exports.scripts:write_mat"))
+    write_varying = staticmethod(deferred("modal.exports.scripts:write_varying_mat"))
+
+
+@register
+class MatlabScript(Format):
+    """A script for MATLAB and Octave that builds `sys`."""
+
+    name, extension = "m", ".m"
+    what = "a script for MATLAB and Octave that builds `sys`"
+    write = staticmethod(deferred("modal.exports.scripts:write_m"))
+
+
+@register
+class JsonFile(Format):
+    """All numbers, names and units, with a checksum."""
+
+    name, extension = "json", ".json"
+    what = "everything, exactly; `modal.exports.read_json` reads it back"
+    write = staticmethod(deferred("modal.exports.data:write_json"))
+
+
+@register
+class NumpyArchive(Format):
+    """Arrays of all numbers, names and units, with a checksum."""
+
+    name, extension = "npz", ".npz"
+    what = "everything, exactly; `modal.exports.read_npz` reads it back"
+    tools = ("numpy",)
+    write = staticmethod(deferred("modal.exports.data:write_npz"))
+    write_varying = staticmethod(deferred("modal.exports.data:write_varying_npz"))
+
+
+@register
+class TransferFunctions(Format):
+    """Transfer functions."""
+
+    name, extension = "tf", ".tf.json"
+    what = "transfer functions: zeros, poles, gain, numerator and denominator for every input and output"
+    tools = ("transfer", "zpk", "transfer-function")
+    write = staticmethod(deferred("modal.exports.data:write_transfer"))
+
+
+@register
+class CsvTable(Format):
+    """One number per row, with the names and units of its row and column."""
+
+    name, extension = "csv", ".csv"
+    what = "everything, exactly, one number per row"
+    tools = ("excel", "xlsx")
+    write = staticmethod(deferred("modal.exports.data:write_csv"))
+
+
+@register
+class CHeader(Format):
+    """A header for C99 and C++ with the discrete matrices and a step function."""
+
+    name, extension = "c", ".h"
+    what = "a header for C99 and C++ with the discrete matrices and a step function, no allocation, no includes"
+    tools = ("h", "c99", "c++", "cpp")
+    write = staticmethod(deferred("modal.exports.source:write_c"))
+
+
+@register
+class FunctionalMockupUnit(Format):
+    """An FMI 2.0 co-simulation unit."""
+
+    name, extension = "fmu", ".fmu"
+    what = (
+        "an FMI 2.0 co-simulation unit: source, and a Linux binary if a C compiler is found; inputs are "
+        "held constant over each communication step"
+    )
+    tools = ("simulink", "fmi", "dymola")
+    write = staticmethod(deferred("modal.exports.fmu:write_fmu"))
+    note = staticmethod(deferred("modal.exports.fmu:note"))
+
+
+@register
+class ModelicaBlock(Format):
+    """A Modelica block."""
+
+    name, extension = "modelica", ".mo"
+    what = "a Modelica block"
+    tools = ("openmodelica", "mo")
+    write = staticmethod(deferred("modal.exports.source:write_modelica"))
+
+
+FORMATS: dict[str, Format] = {name: form() for name, form in registered("format", discover=False).items()}
+"""Our formats by name; `find_format` finds those of other packages, too."""
 
 
 def find_format(name: str) -> Format:
     """The format of this name; SceneError lists all formats if it is unknown."""
-    if name not in FORMATS:
-        from modal.errors import SceneError, spelling_hint
+    if form := find_extension("format", name):
+        return form()  # type: ignore[no-any-return]
+    from modal.errors import SceneError, spelling_hint
 
-        synonym = OTHER_NAMES.get(name.lower())
-        hint = f" (did you mean {synonym}?)" if synonym else spelling_hint(name, FORMATS)
-        raise SceneError([f"format {name}: must be one of {', '.join(FORMATS)}{hint}"])
-    return FORMATS[name]
+    forms = registered("format")
+    synonym = next((known for known, form in forms.items() if name.lower() in form.tools), "")
+    hint = f" (did you mean {synonym}?)" if synonym else spelling_hint(name, forms)
+    raise SceneError([f"format {name}: must be one of {', '.join(forms)}{hint}"])
 
 
 def format_of_file(name: str) -> str:
@@ -82,58 +148,13 @@ def format_of_file(name: str) -> str:
     >>> format_of_file("crane.tf.json"), format_of_file("crane.json"), format_of_file("crane")
     ('tf', 'json', '')
     """
-    fitting = [form for form in FORMATS if name.lower().endswith(FORMATS[form].extension)]
-    return max(fitting, key=lambda form: len(FORMATS[form].extension), default="")
+    for discover in (False, True):
+        forms = registered("format", discover=discover)
+        fitting = [form for form in forms if name.lower().endswith(forms[form].extension)]
+        if fitting:
+            return max(fitting, key=lambda form: len(forms[form].extension))
+    return ""
 
 
-FORMATS = {
-    "control": Format(
-        ".py", "a Python script that builds a labelled `control.StateSpace`, `system`", "scripts.write_script"
-    ),
-    "mat": Format(
-        ".mat",
-        "a MATLAB and Octave file with names as cell arrays",
-        "scripts.write_mat",
-        varying="scripts.write_varying_mat",
-    ),
-    "m": Format(".m", "a script for MATLAB and Octave that builds `sys`", "scripts.write_m"),
-    "json": Format(".json", "everything, exactly; `modal.exports.read_json` reads it back", "data.write_json"),
-    "npz": Format(
-        ".npz",
-        "everything, exactly; `modal.exports.read_npz` reads it back",
-        "data.write_npz",
-        varying="data.write_varying_npz",
-    ),
-    "tf": Format(
-        ".tf.json",
-        "transfer functions: zeros, poles, gain, numerator and denominator for every input and output",
-        "data.write_transfer",
-    ),
-    "csv": Format(".csv", "everything, exactly, one number per row", "data.write_csv"),
-    "c": Format(
-        ".h",
-        "a header for C99 and C++ with the discrete matrices and a step function, no allocation, no includes",
-        "source.write_c",
-    ),
-    "fmu": Format(
-        ".fmu",
-        "an FMI 2.0 co-simulation unit: source, and a Linux binary if a C compiler is found; inputs are held "
-        "constant over each communication step",
-        "fmu.write_fmu",
-        "fmu.note",
-    ),
-    "modelica": Format(".mo", "a Modelica block", "source.write_modelica"),
-}
-OTHER_NAMES = {
-    **dict.fromkeys(("matlab", "octave", "scipy"), "mat"),
-    **dict.fromkeys(("simulink", "fmi", "dymola"), "fmu"),
-    **dict.fromkeys(("python", "py", "python-control"), "control"),
-    **dict.fromkeys(("openmodelica", "mo"), "modelica"),
-    **dict.fromkeys(("h", "c99", "c++", "cpp"), "c"),
-    **dict.fromkeys(("transfer", "zpk", "transfer-function"), "tf"),
-    **dict.fromkeys(("numpy",), "npz"),
-    **dict.fromkeys(("excel", "xlsx"), "csv"),
-}
-"""Formats by the tools that read them."""
 __getattr__ = lazy_attributes(__name__)
 __all__ = ["FORMATS", "Format", "find_format", "format_of_file"]

@@ -20,17 +20,29 @@ arrays, complex numbers, recorded symbols and expressions of SymPy alike.  A pac
 ever run.  What goes wrong in an extension is an ExtensionError, with its name and package.  Start with `registry`.
 """
 
-from modal.errors import ExtensionError
-from modal.extend.parameters import Parameter
-from modal.extend.registry import Extension, find_extension, register, registered, registration
-from modal.extend.scalars import cos, exp, log, sin, sqrt, tanh
-from modal.extend.supports import Coordinate, Support
+from typing import TYPE_CHECKING
+
+from modal.lazy import lazy_attributes
+
+if TYPE_CHECKING:
+    from modal.errors import ExtensionError
+    from modal.extend.formats import Format
+    from modal.extend.laws import JointLaw, PointForce
+    from modal.extend.measures import Measure
+    from modal.extend.parameters import Parameter
+    from modal.extend.registry import Extension, find_extension, register, registered, registration
+    from modal.extend.scalars import cos, exp, log, sin, sqrt, tanh
+    from modal.extend.supports import Coordinate, Support
 
 __all__ = [
     "Coordinate",
     "Extension",
     "ExtensionError",
+    "Format",
+    "JointLaw",
+    "Measure",
     "Parameter",
+    "PointForce",
     "Support",
     "cos",
     "exp",
@@ -43,4 +55,6 @@ __all__ = [
     "sqrt",
     "tanh",
 ]
-__dir__ = __all__.copy
+
+if not TYPE_CHECKING:
+    __getattr__ = lazy_attributes(__name__)

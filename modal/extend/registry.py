@@ -10,9 +10,8 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from importlib import import_module
 from typing import Any, ClassVar, TypeVar
-
-import numpy as np
 
 from modal.errors import ExtensionError, MultipendulaError
 
@@ -20,6 +19,13 @@ KINDS = ("joint law", "point force", "support", "measure", "format")
 """What can be extended."""
 GROUP = "multipendula.extensions"
 """The group of entry points."""
+HOMES: dict[str, str] = {
+    **dict.fromkeys(("joint law", "point force"), "modal.extend.laws"),
+    **{"support": "modal.scene.carriers", "measure": "nonlinear.measures", "format": "modal.exports"},
+}
+"""Modules with the classes of this project, which are imported when their kind is asked for."""
+OURS = ("modal", "nonlinear")
+"""Packages whose errors are nobody else's."""
 NAME = re.compile(r"[a-z][a-z0-9_-]*")
 """What an extension may be called."""
 
@@ -52,6 +58,12 @@ class _Registry:
         self.packages: dict[type, str] = {}
         self.failures: tuple[ExtensionError, ...] = ()
         self.is_complete = False
+
+    def of_kind(self, kind: str) -> dict[str, type[Extension]]:
+        """The classes at hand, ours among them."""
+        if kind in HOMES:
+            import_module(HOMES[kind])
+        return self.classes[kind]
 
     def discover(self) -> None:
         """Load the entry points, unless they are."""
@@ -102,7 +114,7 @@ def register(cls: type[T]) -> type[T]:
         raise mistake_of(cls, "is no class of modal.extend")
     if not NAME.fullmatch(str(cls.name)):
         raise mistake_of(cls, f"its name {cls.name!r} must be small letters, digits, - and _")
-    known = _registry.classes[cls.kind].get(cls.name, cls)
+    known = _registry.of_kind(cls.kind).get(cls.name, cls)
     if known is not cls:
         raise mistake_of(cls, f"a {cls.kind} of this name exists, of {package_of(known)}")
     if mistakes := [*cls.mistakes()]:
@@ -111,15 +123,16 @@ def register(cls: type[T]) -> type[T]:
     return cls
 
 
-def registered(kind: str) -> Mapping[str, type[Any]]:
-    """All classes of a kind by name, those of installed packages among them.
+def registered(kind: str, *, discover: bool = True) -> Mapping[str, type[Any]]:
+    """All classes of a kind by name, those of installed packages among them; without `discover` only those at hand.
 
     >>> from modal.extend import registered
     >>> "nosuch" in registered("joint law")
     False
     """
-    _registry.discover()
-    return _registry.classes[kind]
+    if discover:
+        _registry.discover()
+    return _registry.of_kind(kind)
 
 
 def find_extension(kind: str, name: str) -> type[Any] | None:
@@ -128,7 +141,7 @@ def find_extension(kind: str, name: str) -> type[Any] | None:
     >>> from modal.extend import find_extension
     >>> find_extension("joint law", "nosuch")
     """
-    if name not in _registry.classes[kind]:
+    if name not in _registry.of_kind(kind):
         _registry.discover()
     cls = _registry.classes[kind].get(name)
     if cls is None and _registry.failures:
@@ -170,10 +183,13 @@ def call(extension: Any, function: str, *arguments: Any, shape: tuple[int, ...] 
     """
     try:
         value = getattr(extension, function)(*arguments)
-    except MultipendulaError:
-        raise
     except Exception as error:
+        if isinstance(error, MultipendulaError) or package_of(type(extension)) in OURS:
+            raise
         raise mistake_of(extension, f"{function} raised {type(error).__name__}: {error}") from error
-    if shape is not None and np.shape(value) != shape:
-        raise mistake_of(extension, f"{function} returned shape {np.shape(value)}: must be {shape}")
+    if shape is not None:
+        import numpy as np
+
+        if np.shape(value) != shape:
+            raise mistake_of(extension, f"{function} returned shape {np.shape(value)}: must be {shape}")
     return value

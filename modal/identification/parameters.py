@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from math import exp, inf, isfinite, log, sqrt
 from typing import Any
 
@@ -19,7 +20,7 @@ from modal.errors import SceneError, spelling_hint
 from modal.report import NOTHING, Displayed, Drawable, ReportTable, Result, Summary, capital, finite, short
 from modal.scene import Scene, title_of
 from modal.scene.doors import checked
-from modal.scene.parameters import Place, Variable, find_places, number_at, unit_at, with_numbers
+from modal.scene.parameters import Place, Variable, find_places, law_parameter, number_at, unit_at, with_numbers
 from modal.types import Floats
 
 POSITIVE = ("mass", "length", "centre", "inertia", "gravity", "angle_deg")
@@ -38,7 +39,7 @@ PRIOR = re.compile(r"\s*([^±]+?)\s*(?:±|\+/?-)\s*([^±]+?)\s*", re.ASCII)
 class FreeParameter(Displayed):
     """A number of a scene at a place, `value` there; `unit` is its natural unit, `log` whether p = p₀ eᶻ.
 
-    `prior` is a mean with its standard deviation, in the number's own unit, whose name is `unit_name`.
+    `prior` is a mean with its standard deviation, in the number's own unit, whose name is `unit_name`; it is at least `low`.
     """
 
     place: Place
@@ -47,6 +48,7 @@ class FreeParameter(Displayed):
     log: bool
     prior: tuple[float, float] | None = None
     unit_name: str = ""
+    low: float = 0.0
 
     @property
     def path(self) -> str:
@@ -65,7 +67,7 @@ class FreeParameter(Displayed):
     @property
     def least(self) -> float:
         """The smallest z."""
-        return -FURTHEST if self.log else -inf if is_placed(self.place) else 0.0
+        return -FURTHEST if self.log else self.low / self.unit
 
     def at(self, z: float) -> float:
         """The number."""
@@ -137,20 +139,27 @@ def _prior(scene: Scene, text: str) -> dict[Place, tuple[float, float]]:
     except ValueError:
         raise SceneError([f"{text:.60}: {match[1]:.20} and {match[2]:.20} must be numbers"]) from None
     places = find_places(scene, path.strip())
-    if not (isfinite(mean) and isfinite(std) and std > 0 and (mean >= 0 or all(map(is_placed, places)))):
+    if not (isfinite(mean) and isfinite(std) and std > 0 and (mean >= 0 or all(map(partial(_has_sign, scene), places)))):
         raise SceneError([f"{text:.60}: needs a finite value of at least 0 and a positive standard deviation"])
     return dict.fromkeys(places, (mean, std))
 
 
+def _has_sign(scene: Scene, place: Place) -> bool:
+    """Whether a number may be below 0."""
+    of_law = law_parameter(scene, place)
+    return is_placed(place) or (of_law is not None and of_law.low < 0)
+
+
 def _parameter(scene: Scene, place: Place, prior: tuple[float, float] | None) -> FreeParameter:
-    name, value = _key(place), number_at(scene, place)
-    if "start" in place or (name not in (*POSITIVE, *CAN_VANISH) and not is_placed(place)):
+    name, value, of_law = _key(place), number_at(scene, place), law_parameter(scene, place)
+    low = of_law.low if of_law else -inf if is_placed(place) else 0.0
+    if "start" in place or (name not in (*POSITIVE, *CAN_VANISH) and not (is_placed(place) or of_law)):
         hint = " (the start is always fitted)" if "start" in place else spelling_hint(name, (*POSITIVE, *CAN_VANISH))
         raise SceneError([f"{with_numbers(place)}: is not a number that a fit can change{hint}"])
-    is_log = name in POSITIVE and value > 0 and not is_placed(place)
+    is_log = (low > 0 if of_law else name in POSITIVE) and value > 0 and not is_placed(place)
     if is_log and prior and prior[0] <= 0:
         raise SceneError([f"{with_numbers(place)}: a prior of a positive number is positive"])
-    return FreeParameter(place, value, natural_unit(scene, place), is_log, prior, unit_at(scene, place))
+    return FreeParameter(place, value, natural_unit(scene, place), is_log, prior, unit_at(scene, place), low)
 
 
 def _key(place: Place) -> str:
@@ -188,6 +197,8 @@ def natural_unit(scene: Scene, place: Place) -> float:
         "drag": mass * rate,
         "quadratic_drag": mass / length,
     }
+    if law_parameter(scene, place):
+        return abs(number_at(scene, place)) or {"N m s/rad": units["damping"]}.get(unit_at(scene, place), units["stiffness"])
     return units[_key(place)]
 
 

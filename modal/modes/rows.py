@@ -317,7 +317,7 @@ def _mode(modes: Eigenvalues, number: int, pieces: list[_RowPart]) -> Mode:
         and certain == 1
     ):
         effective = _left_of(modes, number, head, effective)
-    light = not modes.is_classical or ratio < LIGHT
+    light = (not modes.is_classical or ratio < LIGHT) and "law" not in modes.scene.features
     kappa = certain * float(head.details.kappa[head.at]) if light else np.nan
     return Mode(
         number=modes.first + number + 1,

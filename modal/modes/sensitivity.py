@@ -418,6 +418,11 @@ def _places(modes: Modes, omega: float, slopes: Sensitivities) -> Iterator[tuple
             yield from _one(f"{name}.damping", link.damping, total(slopes.damping), omega)
             yield from _one(f"{name}.stiffness", link.stiffness, total(slopes.stiffness), omega)
             yield from _one(f"{name}.drag", link.drag, total(slopes.drag), omega)
+            spring, damper = total(slopes.stiffness), total(slopes.damping)
+            for steps, part in link.placed_laws:
+                for parameter, (stiffness, damping) in part.coefficient_slopes.items():
+                    path = with_numbers(("pendulum", p, "links", i, *steps, parameter))
+                    yield from _one(path, part.numbers[parameter], stiffness * spring + damping * damper, omega)
     yield from _one("gravity", scene.gravity, slopes.gravity, omega)
 
 

@@ -27,6 +27,8 @@ from modal.scene.model import Scene
 Names = Set[str]
 Sentences = Mapping[str, str]
 NONE: Sentences = {}
+KINDS = ("leaves", "refuses", "singly", "unless", "beside")
+"""The kinds of entries that have sentences."""
 
 
 class Capability(NamedTuple):
@@ -45,8 +47,7 @@ class Capability(NamedTuple):
 
     def entries(self, feature: str) -> list[tuple[str, str]]:
         """The kind of every entry for a feature, with its sentence: exactly one."""
-        kinds = ("leaves", "refuses", "singly", "unless", "beside")
-        sentences = [(kind, getattr(self, kind)[feature]) for kind in kinds if feature in getattr(self, kind)]
+        sentences = [(kind, getattr(self, kind)[feature]) for kind in KINDS if feature in getattr(self, kind)]
         return [("takes", "")] * (feature in self.takes) + sentences
 
 
@@ -73,6 +74,8 @@ LOSING = LOSS | DRAG | FRICTION | {"van_der_pol"}
 
 UNDRIVEN = "Drives are left out: they sustain small swings without changing the modes."
 RUBBING = "Dry friction is left out: at an amplitude it acts as a damping ratio, and in the end it stops a swing."
+SMALL = {UNDRIVEN, "Quadratic drag is left out: it dies out with the square of the speed."}
+"""Sentences of what has no part in linear models."""
 GRIPPED = (
     "Dry friction on the rail is left out: at an amplitude it acts as a damping ratio, and in the end it holds the "
     "cart, below which the load swings on as from a fixed support."
@@ -144,7 +147,7 @@ AIRLESS = {
     for kind in sorted(STRUCTURED)
     for name in sorted(DRAG)
 }
-EXCITED = {DRIVES: "nothing excites this scene: it has no steady oscillation; give a joint a drive"}
+EXCITED = {DRIVES | {"active_law"}: "nothing excites this scene: it has no steady oscillation; give a joint a drive"}
 
 # ------------------------------------------------------------------------------------------------------- the table
 
@@ -237,16 +240,41 @@ UNTOLD: Sentences = {**STRUCTURES, **IN_TIME}
 """What a capability refuses that says nothing else of structures and loss angles."""
 
 
+LIKE = {"law": (), "active_law": ("van_der_pol",), "kinked_law": ()}
+"""What is said of a law of joints beside what is said of springs and dampers, by its nature: what is said of these."""
+SPATIAL_LAWS = {("space", "law"): "a joint in space bends about two axes, and a law has one"}
+LEANING_LAWS = {("law", "constant_force"): "the equilibrium under a force is found without laws"}
+"""What laws of joints do not meet."""
+
+
+def _with_laws(capability: Capability) -> Capability:
+    """A capability with entries for laws of joints by their nature.
+
+    What is left out because it vanishes at small angles, or sustains small swings, is no reason: laws have derivatives.
+    """
+    taken, sentences = set(capability.takes), {kind: dict(getattr(capability, kind)) for kind in KINDS}
+    for name, models in LIKE.items():
+        entries = [entry for model in models for entry in capability.entries(model)]
+        reasons = [(kind, why) for kind, why in entries if kind in KINDS and not (kind == "leaves" and why in SMALL)]
+        if not reasons and not capability.entries(name):
+            taken.add(name)
+        for kind, why in reasons[:1]:
+            sentences[kind][name] = why
+    conflicts = {**SPATIAL_LAWS, **LEANING_LAWS, **capability.conflicts}
+    return capability._replace(takes=taken, conflicts=conflicts, **sentences)
+
+
 def _complete(capability: Capability) -> Capability:
     """A capability with what all say that have no entry of their own: of structures, losses, loads and friction."""
     refusals_of_silent = {name: words for name, words in UNTOLD.items() if not capability.entries(name)}
     load_sentences = {} if capability.entries("load") else UNLOADED
     friction_conflicts = UNRUBBED if capability.takes & FRICTION and capability.takes >= STRUCTURED else {}
-    return capability._replace(
+    completed = capability._replace(
         refuses={**capability.refuses, **refusals_of_silent},
         beside={**capability.beside, **load_sentences},
         conflicts={**friction_conflicts, **capability.conflicts},
     )
+    return _with_laws(completed)
 
 
 CAPABILITIES: dict[str, Capability] = {
@@ -385,6 +413,7 @@ CAPABILITIES: dict[str, Capability] = {
                 **PLANE,
                 **SWITCHES,
                 **KINK,
+                "kinked_law": "has no series across a kink",
                 "load": "has no series of forces from Python",
             },
             unless={**ENDS, **_sentences(_of("moved_support force hoist"), NO_SERIES)},

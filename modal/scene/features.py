@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple, Protocol
 
-from modal.scene.links import AnyLink, Escapement, VanDerPol, is_lossy
+from modal.scene.laws import JointPart
+from modal.scene.links import AnyLink, Escapement, is_lossy
 from modal.scene.validation import Part
 
 
@@ -157,6 +158,10 @@ def _moves(value: Any) -> bool:
 
 def _damps(value: Any) -> bool:
     """Whether a damper has any number but 0: one, those of a platform, or a matrix."""
+    if value is None:
+        return False
+    if laws := _laws(value):
+        return any(not (part.law.is_conservative or part.law.is_drive) for part in laws)
     if isinstance(value, Part):
         return any(number for _, number in value)
     return any(map(any, value)) if isinstance(value, tuple) else value > 0
@@ -168,6 +173,31 @@ def _changes(forces: Sequence[Any]) -> bool:
 
 def _is_constant(forces: Sequence[Any]) -> bool:
     return any(force.kind == "constant" and force.amplitude for force in forces)
+
+
+def _laws(value: Any) -> list[JointPart]:
+    """The laws among the values of a key of links: of a joint, or its drive."""
+    return [part for part in (value if isinstance(value, tuple) else (value,)) if isinstance(part, JointPart)]
+
+
+def _springs(value: Any) -> bool:
+    """Whether a joint has a spring, or a law that acts as one."""
+    is_number = isinstance(value, float)
+    return value > 0 if is_number else any(part.law.has_potential or part.linear_coefficients[0] for part in _laws(value))
+
+
+def _sustains(value: Any) -> bool:
+    return any(part.law.is_drive for part in _laws(value))
+
+
+def _is_active(value: Any) -> bool:
+    """Whether a law may supply energy, without being left out as drives are."""
+    laws = [part.law for part in _laws(value)]
+    return any(not (law.is_conservative or law.is_dissipative or law.is_drive) for law in laws)
+
+
+def _is_kinked(value: Any) -> bool:
+    return any(not part.law.is_smooth for part in _laws(value))
 
 
 FEATURES: dict[str, Feature] = {
@@ -198,9 +228,9 @@ FEATURES: dict[str, Feature] = {
     "inverted": Feature(
         "inverted links", "let all links hang", lambda ways: "up" in (ways or ()), pendulum="equilibrium"
     ),
-    "joint_springs": Feature("springs at joints", "remove the springs", link=("stiffness",)),
+    "joint_springs": Feature("springs at joints", "remove the springs", _springs, link=("stiffness", "law")),
     "dampers": Feature(
-        "dampers", "remove the dampers", _damps, support=("damping", "D"), spring="damping", link=("damping",)
+        "dampers", "remove the dampers", _damps, support=("damping", "D"), spring="damping", link=("damping", "law")
     ),
     "loss": Feature("loss angles", "remove them, or give dampers", is_lossy, spring="loss", link=("loss", "wire_loss")),
     "linear_drag": Feature("linear drag", "remove the drag", link=("drag",)),
@@ -217,8 +247,11 @@ FEATURES: dict[str, Feature] = {
         "kicks of escapements", "remove the drives", lambda drive: isinstance(drive, Escapement), link=("drive",)
     ),
     "van_der_pol": Feature(
-        "van der Pol drives", "remove the drives", lambda drive: isinstance(drive, VanDerPol), link=("drive",)
+        "van der Pol drives", "remove the drives", _sustains, link=("drive", "law")
     ),
+    "law": Feature("laws of joints", "remove the law", link=("law",)),
+    "active_law": Feature("laws that supply energy", "remove the law", _is_active, link=("law",)),
+    "kinked_law": Feature("laws that are not smooth", "remove the law", _is_kinked, link=("law",)),
     "force": Feature("a force that changes in time", "remove the force", _changes, scene="force"),
     "constant_force": Feature("a constant force", "remove the force", _is_constant, scene="force"),
     "load": Feature("applied forces", "leave out the load"),

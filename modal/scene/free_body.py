@@ -206,8 +206,8 @@ def force_names(letters: str, index: tuple[int, ...]) -> tuple[str, str, int]:
 
 
 def has_moment(link: AnyLink) -> bool:
-    """Whether a moment acts at the upper joint of a link: of a spring, a damper, dry friction or a drive."""
-    return bool(link.stiffness or link.damping or link.friction or link.drive)
+    """Whether a moment acts at the upper joint of a link: of a spring, a damper, dry friction, a drive or a law."""
+    return bool(link.stiffness or link.damping or link.friction or link.drive or link.law)
 
 
 def _joint(letters: str, index: tuple[int, ...], link: AnyLink, on_lower: bool, at: Where, p: int) -> Iterator[Effort]:
@@ -271,7 +271,7 @@ def normal(letters: str) -> str:
 class JointLaw(NamedTuple):
     """What makes the moment of a joint, each by the name of its letter, "" where it is not there.
 
-    M = −k γ − d γ' + e (1 − (γ/γ₀)²) γ' + f + K, γ the angle of the link less that of the one above and its value at
+    M = −k γ − d γ' + e (1 − (γ/γ₀)²) γ' + f + K + τ(γ, γ'), γ the angle of the link less that of the one above and its value at
     equilibrium (`upright`: how many half turns that is).  f is dry friction, at most `friction`; K the kicks.
     """
 
@@ -282,6 +282,7 @@ class JointLaw(NamedTuple):
     friction: str
     kicks: str
     upright: int
+    law: str
 
 
 def joint_law(bodies: FreeBodies, part: FreeBody) -> JointLaw | None:
@@ -301,4 +302,5 @@ def joint_law(bodies: FreeBodies, part: FreeBody) -> JointLaw | None:
         part.with_index("f") if link.friction else "",
         part.with_index("K") if link.drive and not drives else "",
         ways[i] - (ways[i - 1] if i else 0),
+        part.with_index("tau") if link.law else "",
     )

@@ -19,7 +19,10 @@ from itertools import pairwise
 from typing import Any, ClassVar, Literal, Self
 
 from modal import pair
+from modal.extend import JointLaw
+from modal.extend.laws import VanDerPolLaw
 from modal.scene.hoist import Hoist
+from modal.scene.laws import LAWS, JointPart
 from modal.scene.stored import Several
 from modal.scene.validation import (
     COUNT,
@@ -83,7 +86,7 @@ def is_lossy(loss: Loss) -> bool:
 Scalar = Callable[[float], Any]
 
 
-class VanDerPol(Part):
+class VanDerPol(JointPart):
     """The torque e (1 − (γ/γ₀)²) γ': supplies energy within γ₀ and dissipates it beyond.
 
     Alone on a lightly driven pendulum it keeps the amplitude 2 γ₀, with a damper d at the same joint 2 γ₀ √(1 − d/e)
@@ -93,6 +96,8 @@ class VanDerPol(Part):
     kind: Literal["van-der-pol"] = field(one_of("van-der-pol"), default="van-der-pol")
     strength: float = field(POSITIVE, "e", "N m s/rad")
     angle_deg: float = field(number(ge=1e-6, le=180), "γ₀", "°")
+
+    law = VanDerPolLaw()
 
     def stronger(self, factor: float) -> VanDerPol:
         """So many times the torque."""
@@ -134,6 +139,7 @@ class Link(Part):
     loss: Loss = field(LOSS_ANGLE, "loss angle of the spring at the joint, or a table", "rad", default=0.0)
     wire_loss: Loss = field(LOSS_ANGLE, "loss angle of the rope of a bob, diluted, or a table", "rad", default=0.0)
     drive: Drive | None = field(optional(any_kind(VanDerPol, Escapement)), "at the upper joint", default=None)
+    law: JointPart | tuple[JointPart, ...] | None = field(LAWS, "laws of the upper joint, by their kinds", default=None)
     hoist: Hoist | None = field(optional(Hoist.schema()), "of a bob: how its length changes in time", default=None)
     count: int = field(COUNT, "number of equal links in a row", default=1)
 
@@ -141,8 +147,34 @@ class Link(Part):
     """Whether the centre scales with the length and the inertia with mass times length²."""
     extensive: ClassVar[tuple[str, ...]] = ("mass", "damping", "stiffness", "friction", "drag", "quadratic_drag")
 
+    @property
+    def laws(self) -> tuple[JointPart, ...]:
+        """The laws of its upper joint, with that of a drive that acts between kicks."""
+        return tuple(part for _, part in self.placed_laws)
+
+    @property
+    def placed_laws(self) -> list[tuple[tuple[str | int, ...], JointPart]]:
+        """The same with the steps that lead to each."""
+        several = isinstance(self.law, tuple)
+        laws = self.law if isinstance(self.law, tuple) else (self.law,) if self.law else ()
+        placed = [(("law", k) if several else ("law",), part) for k, part in enumerate(laws)]
+        return [*placed, (("drive",), self.drive)] if isinstance(self.drive, VanDerPol) else placed  # type: ignore[list-item]
+
+    def laws_that(self, stays: Callable[[JointLaw], bool]) -> tuple[JointPart, ...] | None:
+        """Those of `law` that stay."""
+        laws = self.law if isinstance(self.law, tuple) else (self.law,) if self.law else ()
+        return tuple(part for part in laws if stays(part.law)) or None
+
+    @property
+    def linear_coefficients(self) -> tuple[float, float]:
+        """Stiffness (N m/rad) and damping (N m s/rad) of the upper joint about equilibrium."""
+        if self.law is None:
+            return self.stiffness, self.damping
+        stiffnesses, dampings = zip(*(part.linear_coefficients for part in self.laws), strict=True)
+        return self.stiffness + sum(stiffnesses), self.damping + sum(dampings)
+
     def heavier(self, factor: float) -> Self:
-        """That many copies as one, with so much stronger a drive."""
+        """That many copies as one, with so much stronger a drive; not of links with a law."""
         drive = self.drive and self.drive.stronger(factor)
         return self.replace(drive=drive, **{name: getattr(self, name) * factor for name in self.extensive})
 

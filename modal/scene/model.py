@@ -15,6 +15,7 @@ from unicodedata import category
 
 from modal.errors import SceneError
 from modal.report import Displayed, Summary, deferred
+from modal.extend import JointLaw
 from modal.scene.features import DRAG, DRIVES, FRICTION, LOSS, features, hangs_plainly
 from modal.scene.links import AnyLink, Bob, Body, Link, Rod, is_lossy
 from modal.scene.motion import FORCE, AppliedForce, ConstantForce, Force, Ground, Moved, SupportMotion
@@ -304,6 +305,26 @@ class Scene(Displayed, Part):
         return not self.features.isdisjoint(DRIVES)
 
     @property
+    def has_laws(self) -> bool:
+        """Whether any joint has a law of its own, or a drive that acts as one."""
+        return not self.features.isdisjoint({"law", "van_der_pol"})
+
+    @property
+    def without_laws(self) -> Scene:
+        """The same scene without the laws of joints; drives stay."""
+        return self._with(law=None) if "law" in self.features else self
+
+    def _with_laws(self, stays: Callable[[JointLaw], bool]) -> Scene:
+        """The same scene with those laws of joints alone that stay."""
+        if "law" not in self.features:
+            return self
+        pendula = (
+            pendulum.replace(links=tuple(link.replace(law=link.laws_that(stays)) for link in pendulum.links))
+            for pendulum in self.pendulum
+        )
+        return self.replace(pendulum=tuple(pendula))
+
+    @property
     def is_hoisted(self) -> bool:
         """Whether the length of any link changes in time."""
         return "hoist" in self.features
@@ -363,13 +384,14 @@ class Scene(Displayed, Part):
     @property
     def undriven(self) -> Scene:
         """The same scene without drives."""
-        return self._with(drive=None) if self.is_driven else self
+        return self._with(drive=None)._with_laws(lambda law: not law.is_drive) if self.is_driven else self
 
     @property
     def conservative(self) -> Scene:
         """The same scene without all that does work: drives, losses and what acts in time."""
         none = {"drive": None, "damping": 0.0, "friction": 0.0, "drag": 0.0, "quadratic_drag": 0.0}
-        loose = self.lossless.timeless._with(**none)
+        lawful = self.lossless.timeless._with_laws(lambda law: law.is_conservative)
+        loose = lawful._with(**none)
         springs = tuple(spring.replace(damping=0.0) for spring in loose.spring)
         return loose.replace(damping_ratio=0.0, spring=springs)._with_supports(_without_damping)
 

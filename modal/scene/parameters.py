@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from modal.errors import SceneError, spelling_hint
+from modal.extend import Parameter
 from modal.report import Displayed, Summary
 from modal.scene.links import Escapement
 from modal.scene.model import Scene, describe, plain_data, scene_from
@@ -115,6 +116,8 @@ def unit_at(scene: Scene, place: Place) -> str:
     name = str(next(step for step in reversed(place) if isinstance(step, str)))
     if place[0] == "force" and name == "amplitude":  # N, or N m of a torque
         return ""
+    if parameter := law_parameter(scene, place):
+        return parameter.unit
     units: Mapping[str, str] = {}
     if place[0] == "support" and "motion" not in place:
         support = _at(scene, place[: 1 + isinstance(place[1], int)])
@@ -137,6 +140,17 @@ def _units_of(part: Any) -> dict[str, str]:
 def number_at(scene: Scene, place: Place) -> float:
     """The number at one of the scene's `places`."""
     return float(_at(scene, place))
+
+
+def law_parameter(scene: Scene, place: Place) -> Parameter | None:
+    """The parameter of a law of joints that a number is, None of any other.
+
+    >>> from modal import load
+    >>> law_parameter(load("chain-2"), ("gravity",))
+    """
+    if "law" not in place:
+        return None
+    return next(entry for entry in _at(scene, place[:-1]).law.parameters if entry.name == place[-1])
 
 
 def with_numbers(place: Place) -> str:

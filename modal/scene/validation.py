@@ -423,7 +423,7 @@ def _problem(finding: Mapping[str, Any], words: str) -> str:
     place = _place(finding["loc"], is_key=finding["type"] == "extra_forbidden")
     if finding["type"] == "union_tag_invalid":
         return f"{place}.kind = {_file_text(finding['ctx']['tag'])}: {words}"
-    if words.startswith("."):
+    if words.startswith((".", "[")):
         return (place + words).removeprefix(".")
     silent = finding["type"] in {"missing", "extra_forbidden", "value_error"}
     if silent or isinstance(finding["input"], Mapping | list | tuple):

@@ -90,7 +90,9 @@ def _of_pair(system: SymbolicStructure) -> tuple[Any, list[Line]]:
     lines = [Line("kinetic energy in $θ$ and $φ$" if system.spatial else "kinetic energy", equal(sp.Symbol("T"), T))]
     if system.spatial:
         lines.insert(0, Line("kinetic energy with unit vectors u_i", equal(sp.Symbol("T"), in_vectors(system))))
-    lines.append(Line("potential energy", equal(sp.Symbol("V"), gather_cosines(system.potential))))
+    plain = system.without_laws.potential
+    V = gather_cosines(plain) + (system.potential - plain)
+    lines.append(Line("potential energy", equal(sp.Symbol("V"), V)))
     return T, [*lines, *_dissipation_lines(system), Line("Lagrangian", LAGRANGIAN)]
 
 
@@ -134,8 +136,9 @@ def _equations(system: SymbolicStructure) -> Section:
     forms = equations(system) if system.is_of_pair else system.equations()
     lines = [Line(f"of {c.q}", equal(form, 0)) for c, form in zip(system.coordinates, forms, strict=True)]
     if system.is_of_pair and len(system.links) <= CHECKED_UP_TO:
-        lagrange_forms = derive_lagrangian(system).equations
-        _require(all(vanishes(a - b) for a, b in zip(lagrange_forms, forms, strict=True)))
+        plain = system.without_laws
+        lagrange_forms = derive_lagrangian(plain).equations
+        _require(all(vanishes(a - b) for a, b in zip(lagrange_forms, equations(plain), strict=True)))
         lines.append(Line("these are Lagrange's equations of the Cartesian $L$: checked term by term"))
     return Section(title, [*lines, *_lengths(system), *_pulls(system)])
 

@@ -144,7 +144,7 @@ def _in_plane(system: SymbolicStructure) -> Iterator[Line]:
     yield from _rates(system, W, p, s)
     yield from _forces(system, p, s)
     if len(system.links) <= CHECKED_UP_TO:
-        _require(system, W, p, s)
+        _require(system.without_laws, W, p, s)
         yield Line(
             "with p = M q' these are Lagrange's equations of the Cartesian L, and H is T + V: checked term by term"
         )

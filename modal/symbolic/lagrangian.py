@@ -99,10 +99,16 @@ def cart_forces(system: SymbolicStructure) -> list[Any]:
 
 def joint_moments(system: SymbolicStructure) -> list[Any]:
     """What the springs and dampers of joints take from each angle (N m): less the generalized forces."""
-    chains = list(enumerate(system.chains))
-    V = sp.Add(*(system.at_joints(p, chain.stiffness) for p, chain in chains))
-    R = sp.Add(*(system.at_joints(p, chain.damping, "v") for p, chain in chains))
-    return [sp.expand(sp.diff(V, angle.q) + sp.diff(R, angle.v)) for angle in system.angles]
+    plain, chains = system.without_laws, range(len(system.chains))
+    (V, R), (V_laws, R_laws) = (
+        (sp.Add(*map(part.joint_energy, chains)), sp.Add(*map(part.joint_dissipation, chains)))
+        for part in (plain, system)
+    )
+    V_laws, R_laws = V_laws - V, R_laws - R
+    return [
+        sp.expand(sp.diff(V, angle.q) + sp.diff(R, angle.v)) + sp.diff(V_laws, angle.q) + sp.diff(R_laws, angle.v)
+        for angle in system.angles
+    ]
 
 
 def equations(system: SymbolicStructure) -> list[Any]:

@@ -164,10 +164,13 @@ class NewtonEuler(Displayed):
         terms += [-sp.Symbol(law.damper) * rate] if law.damper else []
         if law.drive:
             terms.append(sp.Symbol(law.drive) * (1 - bend**2 / sp.Symbol(law.width) ** 2) * rate)
-        terms += [sp.Symbol(name) for name in (law.friction, law.kicks) if name]
+        terms += [sp.Symbol(name) for name in (law.friction, law.kicks, law.law) if name]
         yield f"moment of the joint above {part.words}", equal(sp.Symbol(part.with_index("M")), sp.Add(*terms))
         if law.friction:
             yield f"{law.friction}: dry friction, against the sliding, as large as needed while the joint sticks", None
+        if law.law:
+            names = ", ".join(law_part.law.name for law_part in part.link.laws)  # type: ignore[union-attr]
+            yield f"{law.law}: the torque of {names}, of the bend of the joint and of its rate", None
         if law.kicks:
             yield f"{law.kicks}: the kicks of the escapement, short and along the motion", None
 

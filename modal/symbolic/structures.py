@@ -21,8 +21,10 @@ import sympy as sp
 
 from modal import pair
 from modal.report import Displayed, Summary, counted
+from modal.scene.laws import JointPart
 from modal.scene.points import CarrierEnd, End, LinkEnd
 from modal.symbolic.carriers import Chain, Coordinate, SymbolicCarrier, coordinate, time_derivative
+from modal.symbolic.laws import dissipation_of, potential_of
 
 Place = tuple[Any, ...]
 """Along the rail and down; in space also across."""
@@ -73,7 +75,8 @@ class Energy(NamedTuple):
 class SymbolicStructure(Displayed):
     """Carriers, chains with the points that they hang from, and springs with their two ends.
 
-    In space, of one support alone, `coordinates` are those along the rail and `azimuths` what is more.
+    In space, of one support alone, `coordinates` are those along the rail and `azimuths` what is more.  `laws` are those
+    of every joint, chain by chain, empty without any.
     """
 
     title: str
@@ -83,6 +86,12 @@ class SymbolicStructure(Displayed):
     pivot_ends: tuple[CarrierEnd, ...]
     spring_entries: tuple[JoinedSpring, ...] = ()
     spatial: bool = False
+    laws: tuple[tuple[tuple[JointPart, ...], ...], ...] = ()
+
+    @property
+    def without_laws(self) -> SymbolicStructure:
+        """The same without the laws of joints: all that has two routes to compare."""
+        return replace(self, laws=()) if self.laws else self
 
     def _summary(self) -> Summary:
         count = counted(len(self.coordinates), "coordinate", "coordinates")
@@ -144,8 +153,8 @@ class SymbolicStructure(Displayed):
 
     @property
     def has_joint_forces(self) -> bool:
-        """Whether there is a spring or a damper at a joint."""
-        return any(any(chain.stiffness) or any(chain.damping) for chain in self.chains)
+        """Whether there is a spring, a damper or a law at a joint."""
+        return any(any(chain.stiffness) or any(chain.damping) for chain in self.chains) or bool(self.laws)
 
     @cached_property
     def b(self) -> list[Any]:
@@ -265,7 +274,7 @@ class SymbolicStructure(Displayed):
         places = [(c.mass, c.place(c.centre)[1] - c.position[1]) for c in self.carriers if c.mass != 0]
         for number, (p, i) in enumerate(self.links):
             places.append((self.chains[p].mass[i], self.on_link(number, None)[1] - self._at_rest(self.pivots[p])[1]))
-        joints = (self.at_joints(p, chain.stiffness) for p, chain in enumerate(self.chains))
+        joints = map(self.joint_energy, range(len(self.chains)))
         weights = (-m * self.gravity * z for m, z in places)
         return sp.Add(*weights, *self.carrier_energies, *joints, *(spring.V for spring in self.spring_energies))
 
@@ -289,7 +298,7 @@ class SymbolicStructure(Displayed):
             T += b[i] * carrier.speed_across(pivot_end.where, angle.q) * angle.v + A[i, i] * angle.v**2 / 2
             T += sp.Add(*(A[i, j] * sp.cos(angle.q - angles[j].q) * angle.v * angles[j].v for j in range(i)))
             V -= self.gravity * b[i] * sp.cos(angle.q)
-        V += self.at_joints(p, chain.stiffness)
+        V += self.joint_energy(p)
         where = f" on {carrier.name}" if carrier.coordinates else ""
         return Energy(f"pendulum {p + 1}{where}", sp.expand(T), V)
 
@@ -304,6 +313,18 @@ class SymbolicStructure(Displayed):
             upper = straight
         return relative
 
+    def joint_energy(self, p: int) -> Any:
+        """What the springs and laws at the joints of a chain store, in symbols."""
+        laws = zip(self.laws[p], self.joints(p), strict=True) if self.laws else ()
+        potentials = (potential_of(part, gamma) for parts, gamma in laws for part in parts)
+        return sp.Add(self.at_joints(p, self.chains[p].stiffness), *potentials)
+
+    def joint_dissipation(self, p: int) -> Any:
+        """The function R of the dampers and laws at the joints of a chain, whose slopes by rates are torques."""
+        laws = zip(self.laws[p], self.joints(p), self.joints(p, "v"), strict=True) if self.laws else ()
+        functions = (dissipation_of(part, gamma, rate) for parts, gamma, rate in laws for part in parts)
+        return sp.Add(self.at_joints(p, self.chains[p].damping, "v"), *functions)
+
     def at_joints(self, p: int, strength: Sequence[Any], part: str = "q") -> Any:
         """½ Σ k γ² of a chain, γ its angles at joints from rest or (`part` v) their rates."""
         return sp.Add(*(k * gamma**2 / 2 for k, gamma in zip(strength, self.joints(p, part), strict=True)))
@@ -317,8 +338,7 @@ class SymbolicStructure(Displayed):
         for carrier in self.carriers:
             v = sp.Matrix([c.v for c in carrier.coordinates])
             yield sp.expand((v.T * carrier.damping * v)[0]) / 2 if v else sp.S.Zero
-        for p, chain in enumerate(self.chains):
-            yield self.at_joints(p, chain.damping, "v")
+        yield from map(self.joint_dissipation, range(len(self.chains)))
         for spring in self.springs:
             rates = [self.rate(part) for part in spring.between] if spring.rest is None else [spring.ell.v]
             yield from (spring.damping * rate**2 / 2 for rate in rates)
@@ -431,12 +451,13 @@ class SymbolicStructure(Displayed):
 
     def _add_curvature(self, A: Any, f: Any, by: str = "q") -> None:
         """Second derivatives of a function at rest, by the coordinates or by their rates, term by term."""
+        rest = {**self.rest, **{c.v: sp.S.Zero for c in self.coordinates}}
         for term in sp.Add.make_args(sp.sympify(f)):
             coordinates = self._coordinates_in(term)
             for i, c in coordinates:
                 slope = sp.diff(term, getattr(c, by))
                 for j, other_coordinate in coordinates:
-                    A[i, j] += sp.diff(slope, getattr(other_coordinate, by)).xreplace(self.rest)
+                    A[i, j] += sp.diff(slope, getattr(other_coordinate, by)).xreplace(rest)
 
     @cached_property
     def conditions(self) -> dict[Any, Any]:

@@ -11,6 +11,7 @@ from modal import pair
 from modal.errors import SceneError
 from modal.exact import exact, exact_links
 from modal.scene import ModalSupport, Pendulum, Scene, require, title_of
+from modal.scene.laws import JointPart
 from modal.scene.points import CarrierEnd, End, hanging_points, joined_points
 from modal.scene.supports import Fixed
 from modal.scene.validation import Part
@@ -66,7 +67,19 @@ def symbolic_structure(scene: Scene, symbolic: tuple[str, ...] = ()) -> Symbolic
     pivot_ends = tuple(map(_exact, hanging_points(scene)))
     spring_entries = tuple(_joining_spring(scene, entry, ends, symbolic) for entry, ends in joined_points(scene))
     chains, in_space = chains_of(scene, symbolic), scene.space == "space"
-    return SymbolicStructure(title_of(scene), gravity, carriers, chains, pivot_ends, spring_entries, in_space)
+    laws = _laws_of(scene) if "law" in scene.features else ()
+    return SymbolicStructure(title_of(scene), gravity, carriers, chains, pivot_ends, spring_entries, in_space, laws)
+
+
+def _laws_of(scene: Scene) -> tuple[tuple[tuple[JointPart, ...], ...], ...]:
+    """The laws of every joint, chain by chain, but for drives."""
+    chains = [
+        tuple(
+            tuple(part for part in link.laws if not part.law.is_drive) for link in pendulum.links for _ in range(link.count)
+        )
+        for pendulum in scene.pendulum
+    ]
+    return tuple(laws for laws, pendulum in zip(chains, scene.pendulum, strict=True) for _ in range(pendulum.count))
 
 
 def _carrier(support: Any, name: str, index: tuple[str, ...], symbolic: tuple[str, ...]) -> SymbolicCarrier:
@@ -147,14 +160,14 @@ def chains_of(scene: Scene, symbolic: tuple[str, ...]) -> tuple[Chain, ...]:
 
 def _chain_of(pendulum: Pendulum, prefix: str, symbolic: tuple[str, ...]) -> Chain:
     links = [link for link in pendulum.links for _ in range(link.count)]
-    mass, length, centre, inertia, stiffness, sigma = map(list, zip(*exact_links(pendulum), strict=True))
+    mass, length, centre, inertia, _, sigma = map(list, zip(*exact_links(pendulum), strict=True))
     for i, link in enumerate(links):
         if "masses" in symbolic:
             mass[i] = symbol(f"m_{prefix}{i + 1}")
         if "lengths" in symbolic:
             length[i] = symbol(f"l_{prefix}{i + 1}")
         centre[i], inertia[i] = link.proportions(mass[i], length[i], exact)
-    damping = [exact(link.damping) for link in links]
+    damping, stiffness = ([exact(getattr(link, name)) for link in links] for name in ("damping", "stiffness"))
     columns = (mass, length, centre, inertia, damping, stiffness, map(int, sigma))
     return Chain(*(tuple(map(sp.sympify, values)) for values in columns))
 

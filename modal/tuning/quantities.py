@@ -20,7 +20,7 @@ from math import inf, isfinite
 from modal.errors import SceneError, spelling_hint
 from modal.report import Displayed
 from modal.scene import Scene
-from modal.scene.parameters import Place, find_places, number_at, unit_at, vary, with_numbers
+from modal.scene.parameters import Place, find_places, law_parameter, number_at, unit_at, vary, with_numbers
 
 KINDS = ("peak", "rms", "residual", "damping", "settling")
 POSITIVE = ("mass", "length", "centre", "inertia", "gravity")
@@ -250,7 +250,8 @@ def _refuse(scene: Scene, place: Place) -> None:
     key, path = key_of(place), with_numbers(place)
     if key == "count":
         raise SceneError([f"{path}: is a count, and only continuous numbers are tuned: tune a scene for each value"])
-    if "start" in place or key not in (*POSITIVE, *CAN_VANISH):
+    is_of_law = law_parameter(scene, place) is not None
+    if "start" in place or (key not in (*POSITIVE, *CAN_VANISH) and not is_of_law):
         keys = (*POSITIVE, *CAN_VANISH)
         raise SceneError([f"{path}: is not a number that can be tuned: {', '.join(keys)}{spelling_hint(key, keys)}"])
     value = number_at(scene, place)

@@ -8,12 +8,12 @@ from contextlib import contextmanager
 from math import prod
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from modal.extend.measures import taken_by
 from multipendula.command import CREW, SCENE, Command, Option, formats, kwargs_of, option, refuse, report_file
 from multipendula.commands.runs import ELSEWHERE, start_of, tell_of_start
 from multipendula.commands.shared import bar, crew_of, draw_in, in_a_folder, picture, remark, say
-from multipendula.completion import words
+from multipendula.completion import extensions
 from multipendula.options import integer, number
-from nonlinear.measures import taken_by
 
 if TYPE_CHECKING:
     from modal.report import Result
@@ -39,8 +39,8 @@ BY_ENERGY, BY_STROBES = ("--energy", "--crossing"), ("--phase-deg", "--spread", 
 
 def measured(verb: str, usual: str, **how: Any) -> Option:
     """What is measured of every member; the `usual` measure ends the words."""
-    known = taken_by(verb)
-    return option(f"--measure: {', '.join(known)} (default {usual}", completion=words(known, ""), **how)
+    known, completion = taken_by(verb, discover=False), extensions("measure", lambda known: verb not in known.refused)
+    return option(f"--measure: {', '.join(known)} (default {usual}", completion=completion, **how)
 
 
 def strobed(transient: str) -> tuple[str, ...]:

@@ -35,7 +35,7 @@ from multipendula.commands.shared import (
     remark,
     say,
 )
-from multipendula.completion import words
+from multipendula.completion import extensions, words
 
 if TYPE_CHECKING:
     from modal.scene import Scene
@@ -89,10 +89,10 @@ def export(options: argparse.Namespace) -> StateSpace | VaryingModel:
     model: VaryingModel | StateSpace
     if scene.is_hoisted:
         model = _varying(scene, options)
-        content = target.write_varying(model)
+        content = target.content(model, is_varying=True)
     else:
         model = _sampled(model_of(scene, options), options)
-        content = target.write(model)
+        content = target.content(model)
     with whole_file(name) as stream:
         stream.write(content)
     inputs, outputs = map(_listed, (model.inputs, model.outputs))
@@ -105,6 +105,7 @@ def export(options: argparse.Namespace) -> StateSpace | VaryingModel:
 def _format(options: argparse.Namespace) -> str:
     """The format that was asked for, or that in which the name of the file ends, which is not that of another."""
     from modal.errors import SceneError
+    from modal.exports import find_format
     from modal.scene import STANDARD
 
     by_name = format_of_file(options.output or "")
@@ -113,8 +114,8 @@ def _format(options: argparse.Namespace) -> str:
         ends = f"the name must end in {', '.join(every[:-1])} or {every[-1]}"
         asked = f"-o {options.output}: {ends}" if options.output else f"-o FILE: is required, and {ends}"
         raise SceneError([f"{asked}; or give --to FORMAT"])
-    if options.to in FORMATS and options.output != STANDARD and is_new(options.output):
-        extension = FORMATS[options.to].extension
+    if options.to and options.output != STANDARD and is_new(options.output):
+        extension = find_format(options.to).extension
         if not options.output.lower().endswith(extension[extension.rindex(".") :]):
             raise SceneError([f"-o {options.output}: the name must end in {extension}, that of --to {options.to}"])
     return str(options.to or by_name)
@@ -310,7 +311,7 @@ COMMANDS = (
             *SIGNALS,
             option(
                 f"--to: {', '.join(list(FORMATS)[:-1])} or {list(FORMATS)[-1]} (default that of --output)",
-                completion=words(tuple(FORMATS), ""),
+                completion=extensions("format"),
             ),
             main_file("the model", tuple(form.extension.removeprefix(".") for form in FORMATS.values())),
             "--discrete: the model is discretized, its inputs held between samples (zero-order hold)",

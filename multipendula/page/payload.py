@@ -15,6 +15,7 @@ from modal.scene.points import PendulumPoint, parse_point
 from modal.structure import structure_of
 from modal.types import Floats
 from multipendula.page.prescribed import MOST_PIECES, long_ones
+from multipendula.page.structure import is_structural
 from multipendula.page.whole import MOST_LINKS_RUBBED
 
 if TYPE_CHECKING:
@@ -35,7 +36,7 @@ def scene_data(scene: Scene) -> dict[str, Any]:
     if problems := list(_problems(scene)):
         raise SceneError(problems)
     data = describe(scene)
-    if scene.is_structured:
+    if is_structural(scene):
         if "support" not in data:
             data["support"] = describe(scene.supports[0])
         _renumber(data, scene)
@@ -64,7 +65,7 @@ def _problems(scene: Scene) -> Iterator[str]:
     for k, force in enumerate(scene.force):
         if force.kind in long:
             yield f'force[{k}].kind = "{force.kind}": {words}'
-    if scene.is_structured:
+    if is_structural(scene):
         yield from _structure_problems(scene)
     elif (scene.has_friction or scene.force) and scene.n_links > MOST_LINKS_RUBBED:
         what = "dry friction" if scene.has_friction else "forces"
@@ -128,6 +129,8 @@ def recording_of(trajectory: Trajectory) -> dict[str, Any]:
     first, rate = motion.cart, motion.cart_rate
     if trajectory.scene.is_structured:
         first, rate = motion.supports, motion.support_rates
+    elif is_structural(trajectory.scene) and not trajectory.scene.cart:
+        first, rate = np.zeros((2, len(times), 0))
     rows = np.column_stack((first, motion.links, rate, motion.link_rates, motion.work))
     width = rows.shape[1]
     stride = -(-len(times) * (width + 1) // MOST_NUMBERS)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -25,18 +26,23 @@ if TYPE_CHECKING:
     from nonlinear.system import System
 
 NONE = "export const structure = null;"
-FUNCTIONS = "const { sin, cos, sqrt, atan: arctan } = Math;\nconst where = (x, a, b) => (x > 0 ? a : b);"
+FUNCTIONS = "const { sin, cos, sqrt, exp, log, tanh, atan: arctan } = Math;\nconst where = (x, a, b) => (x > 0 ? a : b);"
 UNITS = {"m": "m", "rad": "rad"}
+
+
+def is_structural(scene: Scene) -> bool:
+    """Whether the page has the equations of a scene as those of one structure: also of laws of joints, on any support."""
+    return scene.is_structured or "law" in scene.features
 
 
 def structure_module(scene: Scene) -> str:
     """The text of the module of a scene."""
-    if not scene.is_structured:
+    if not is_structural(scene):
         return NONE
     from nonlinear.dynamics import structure_steps
-    from nonlinear.system import constants_of, entries_of, prescribed_places, structure_places, system_of
+    from nonlinear.system import constants_of, entries_of, law_places, prescribed_places, structure_places, system_of
 
-    system = system_of(scene)
+    system = replace(system_of(scene), is_structured=True)
     structure = system.structure
     assert structure is not None
     steps = structure_steps(system)
@@ -46,7 +52,7 @@ def structure_module(scene: Scene) -> str:
         "entries": entries_of(system),
         "kept": steps.entry_numbers,
         "prescribed": constants_of(system),
-        "places": [[k, list(place)] for k, place in structure_places(scene)],
+        "places": [[k, list(place)] for k, place in (*structure_places(scene), *law_places(scene, system))],
         "constants": [[list(place), unit] for place, unit in prescribed_places(scene, system)],
         "motions": [list(place) for place in scene.motion_places],
         "leading": leading(system),
@@ -91,13 +97,11 @@ def _bases(structure: Structure) -> list[int]:
 
 def _start(scene: Scene, system: System) -> list[float] | None:
     """The y at which the scene starts; None at rest."""
-    from nonlinear.system import has_start, initial_state
+    from nonlinear.system import Layout, has_start, initial_state
 
     if not has_start(scene):
         return None
-    state = initial_state(scene)
-    parts = (state.supports, state.links, state.support_rates, state.link_rates, [0.0])
-    y = np.concatenate([np.asarray(part, dtype=float) for part in parts])
+    y = Layout(system.n_links, 1, system.first, True, scene.is_structured).begin(initial_state(scene))
     return None if _rests(y, system) else [float(value) for value in y]
 
 

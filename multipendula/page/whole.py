@@ -15,7 +15,7 @@ from typing import Any
 from modal.scene import Scene
 from multipendula.page.prescribed import leading
 from multipendula.page.scalars import HELPERS, functions_of
-from multipendula.page.structure import FUNCTIONS
+from multipendula.page.structure import FUNCTIONS, is_structural
 
 NONE = "export const whole = null;"
 MOST_LINKS_RUBBED = 12
@@ -30,7 +30,7 @@ LISTS = frozenset({"inputs"})
 
 def is_whole(scene: Scene) -> bool:
     """Whether the page has the equations of a scene as one text."""
-    return not scene.is_structured and (scene.has_friction or bool(scene.force))
+    return not is_structural(scene) and (scene.has_friction or bool(scene.force))
 
 
 def whole_module(scene: Scene) -> str:

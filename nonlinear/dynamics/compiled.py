@@ -19,12 +19,13 @@ from nonlinear.dynamics.compiled_structure import FlatStructure, flat_of, link_a
 from nonlinear.dynamics.compiling import available, compiled, in_place
 from nonlinear.dynamics.forces import joint_law
 from nonlinear.dynamics.minimal import Minimal
+from nonlinear.dynamics.programs import programs_of, run_program
 from nonlinear.dynamics.recursion import Answer, Turn, link_acceleration, link_response, links_of, tip_response
 from nonlinear.dynamics.text import sincos
 from nonlinear.system import System
 
 CONSTANTS, TURNS = 12, 5
-Arguments = tuple[Floats, Ints, Floats, float, bool, bool, FlatStructure | None]
+Arguments = tuple[Floats, Floats, Ints, Floats, float, bool, bool, FlatStructure | None]
 NEAR = 1e6  # rad, up to which `sincos` reduces angles exactly
 
 
@@ -51,30 +52,33 @@ def _sines(angles, sin, cos):  # type: ignore[no-untyped-def]
 
 
 @in_place
-def _joint(links, angles, rates, i, top):  # type: ignore[no-untyped-def]
-    """Moment (N m) on link i of the spring, damper and drive above it, and the power (W) of the latter two."""
-    stiffness, damping, rest, strength, curb = links[i, 7], links[i, 8], links[i, 9], links[i, 10], links[i, 11]
+def _joint(links, laws, angles, rates, i, top):  # type: ignore[no-untyped-def]
+    """Moment (N m) on link i of the spring, damper and laws above it, and the power (W) of what does work."""
+    stiffness, damping, rest, start, end = links[i, 7], links[i, 8], links[i, 9], int(links[i, 10]), int(links[i, 11])
     angle, speed = angles[i], rates[i]
     if not top:
         angle, speed = angle - angles[i - 1], speed - rates[i - 1]
-    elastic, working = _joint_law(angle - rest, speed, stiffness, damping, strength, curb)
+    elastic, working = _joint_law(angle - rest, speed, stiffness, damping)
+    if end:
+        conserved, driving = run_program(laws, start, end, angle - rest, speed)
+        elastic, working = elastic + conserved, working + driving
     return elastic + working, working * speed
 
 
 @partial(in_place, forceinline=True)
 def rate(  # type: ignore[no-untyped-def]
-    y, links, first, cart, gravity, has_joint_torques, works, structure, turns, derivative
+    y, links, laws, first, cart, gravity, has_joint_torques, works, structure, turns, derivative
 ):
     """The whole of `Minimal.derivative`, into `derivative`.
 
-    `first` are the first links of the pendula, `cart` holds mass, damper and spring, or is empty; where not
-    `has_joint_torques`, no joint has a spring, damper or drive.  `turns` (5, L) is room for sin, cos, and hx, hz, e
+    `laws` are the programs of the joints, `first` the first links of the pendula, `cart` holds mass, damper and spring, or is empty; where not
+    `has_joint_torques`, no joint has a spring, damper or law.  `turns` (5, L) is room for sin, cos, and hx, hz, e
     over D, whose divisions overlap on the way up.
     """
     if structure is not None:
         d, half = len(structure.kind), len(structure.kind) + len(links)
         _sines(y[d:half], turns[0], turns[1])
-        rate_on_carriers(y, links, first, gravity, has_joint_torques, works, structure, turns, derivative)
+        rate_on_carriers(y, links, laws, first, gravity, has_joint_torques, works, structure, turns, derivative)
         return
     on_cart = int(cart.size > 0)
     half = on_cart + len(links)
@@ -90,7 +94,7 @@ def rate(  # type: ignore[no-untyped-def]
         for i in range(first[p + 1] - 1, first[p] - 1, -1):
             Q = 0.0
             if has_joint_torques:
-                hinge, joint_power = _joint(links, angles, rates, i, i == first[p])
+                hinge, joint_power = _joint(links, laws, angles, rates, i, i == first[p])
                 Q, hinge_below, power = hinge - hinge_below, hinge, power + joint_power
             if i == first[p + 1] - 1:
                 answer, turn = _tip_response(link_at(links, i), sin[i], cos[i], rates[i], Q)
@@ -132,18 +136,20 @@ class Compiled(Minimal):
 
     @property
     def scene(self) -> Arguments:
-        """Arguments of `rate`: constants, first links, cart, gravity, whether joints act, y has work, a structure.
+        """Arguments of `rate`: constants, laws, first links, cart, gravity, whether joints act, y has work, a structure.
 
-        The room of a structure is the caller's own.
+        The room of a structure and the rows of laws are the caller's own.
         """
-        constants, structure = self._constants, self._constants[-1]
-        return (*constants[:-1], None if structure is None else with_own_room(structure))
+        links, laws, *others, structure = self._constants
+        return (links, laws.copy(), *others, None if structure is None else with_own_room(structure))
 
     @cached_property
     def _constants(self) -> Arguments:
         cart = self.system.cart
+        laws, places = programs_of(self.system)
         return (
-            _rows(self.system),
+            _rows(self.system, places),
+            laws,
             np.append(np.flatnonzero(np.diff(self.system.pendulum, prepend=-1)), self.system.n_links),
             np.array(cart or (), dtype=float),
             self.system.gravity,
@@ -167,12 +173,10 @@ class Compiled(Minimal):
         return slopes
 
 
-def _rows(system: System) -> Floats:
+def _rows(system: System, places: Floats) -> Floats:
     """The constants of every link in the order of the file, (L, 12)."""
     rows = np.empty((system.n_links, CONSTANTS))
     for group in system.groups:
-        none = np.zeros_like(group.joint_rest)
-        drive = (group.excitation.strength, group.excitation.curb) if group.excitation else (none, none)
-        joints = group.block.stiffness, group.block.damping, group.joint_rest, *drive
+        joints = group.block.stiffness, group.block.damping, group.joint_rest, *np.moveaxis(places[group.index], -1, 0)
         rows[group.index] = np.stack((*np.swapaxes(links_of(group), 0, 1), *joints), axis=-1)
     return rows

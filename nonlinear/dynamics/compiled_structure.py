@@ -18,6 +18,7 @@ from modal.structure.carriers import turn_displacement, turn_point
 from modal.types import Booleans, Floats, Ints
 from nonlinear.dynamics.compiling import in_place
 from nonlinear.dynamics.forces import joint_law
+from nonlinear.dynamics.programs import run_program
 from nonlinear.dynamics.recursion import (
     Answer,
     RecursiveLink,
@@ -311,7 +312,7 @@ def _carrier_terms(F, y, half, gravity):  # type: ignore[no-untyped-def]
                 F.bias[0, c], F.bias[1, c] = bias
         bx, bz = _slope(F, y, half, c, s, h)
         for k in range(F.first[c], F.first[c + 1]):
-            elastic, working = _joint_law(y[k], y[half + k], F.law[k, 0], F.law[k, 1], 0.0, 0.0)
+            elastic, working = _joint_law(y[k], y[half + k], F.law[k, 0], F.law[k, 1])
             ax, az = bx, bz - gravity
             if F.kind[k] != STRAIGHT:
                 ax, az = 0.0, -gravity
@@ -333,15 +334,18 @@ def link_at(links, i):  # type: ignore[no-untyped-def]
 
 
 @in_place
-def _hinge(F, links, y, half, i, top, c):  # type: ignore[no-untyped-def]
-    """Moment (N m) on link i of the spring, damper and drive above it, and the power (W) of the latter two."""
+def _hinge(F, links, laws, y, half, i, top, c):  # type: ignore[no-untyped-def]
+    """Moment (N m) on link i of the spring, damper and laws above it, and the power (W) of what does work."""
     at, law = len(F.kind) + i, links[i]
     bend, speed = y[at], y[half + at]
     if i > top:
         bend, speed = bend - y[at - 1], speed - y[half + at - 1]
     elif F.angle[c] >= 0:
         bend, speed = bend - y[F.angle[c]], speed - y[half + F.angle[c]]
-    elastic, working = _joint_law(bend - law[9], speed, law[7], law[8], law[10], law[11])
+    elastic, working = _joint_law(bend - law[9], speed, law[7], law[8])
+    if law[11]:
+        conserved, driving = run_program(laws, int(law[10]), int(law[11]), bend - law[9], speed)
+        elastic, working = elastic + conserved, working + driving
     return elastic + working, working * speed
 
 
@@ -359,7 +363,7 @@ def _project(F, y, half, gravity, p, part):  # type: ignore[no-untyped-def]
 
 
 @in_place
-def _climb(y, links, first, half, gravity, has_joint_torques, F, turns, torque):  # type: ignore[no-untyped-def]
+def _climb(y, links, laws, first, half, gravity, has_joint_torques, F, turns, torque):  # type: ignore[no-untyped-def]
     """The upward pass of all pendula; `torque` is that of springs between angles.  The power (W) of joints."""
     d, power = len(F.kind), 0.0
     rates, sin, cos, hx, hz, e = y[half + d : 2 * half], turns[0], turns[1], turns[2], turns[3], turns[4]
@@ -370,7 +374,7 @@ def _climb(y, links, first, half, gravity, has_joint_torques, F, turns, torque):
         for i in range(first[p + 1] - 1, first[p] - 1, -1):
             Q = 0.0
             if has_joint_torques:
-                hinge, joint_power = _hinge(F, links, y, half, i, first[p], c)
+                hinge, joint_power = _hinge(F, links, laws, y, half, i, first[p], c)
                 Q, hinge_below, power = hinge - hinge_below, hinge, power + joint_power
             if F.pulls:
                 ax, az = links[i, 1] * tx + F.loads[2, i], links[i, 1] * tz + F.loads[3, i]
@@ -410,7 +414,7 @@ def _descend(y, links, first, half, gravity, F, turns, slopes):  # type: ignore[
 
 
 @in_place
-def rate_on_carriers(y, links, first, gravity, has_joint_torques, works, F, turns, slopes):  # type: ignore[no-untyped-def]
+def rate_on_carriers(y, links, laws, first, gravity, has_joint_torques, works, F, turns, slopes):  # type: ignore[no-untyped-def]
     """The whole of `Minimal.derivative` on a structure, into `slopes`; `turns` as in `nonlinear.dynamics.compiled`."""
     d = len(F.kind)
     half = d + len(links)
@@ -424,7 +428,7 @@ def rate_on_carriers(y, links, first, gravity, has_joint_torques, works, F, turn
                 torque[i] = F.loads[0, i] = F.loads[1, i] = F.loads[2, i] = F.loads[3, i] = 0.0
             _chain_motion(F, y, links, first, half, turns[0], turns[1])
         power += _spring_forces(F, y, half, turns[0], turns[1], torque)
-    power += _climb(y, links, first, half, gravity, has_joint_torques, F, turns, torque)
+    power += _climb(y, links, laws, first, half, gravity, has_joint_torques, F, turns, torque)
     for c in range(len(F.angle)):
         _eliminate(F.A, F.right, F.first[c], F.first[c + 1])
     for k in range(d):

@@ -2,10 +2,10 @@
 
 At a joint, or between cart and rail, they depend on the displacement γ from the relaxed position and on its rate:
 
-    −k γ + (e − curb γ² − d) γ'
+    −k γ − d γ' + τ(γ, γ')
 
-The first term is conservative, the second does work; γ of a joint is the angle between two neighbouring links less its
-equilibrium value.  A load is a force on the cart and a moment on every link; dry friction acts as one (`contacts`).
+with any laws τ of joints (`modal.extend`).  The first term is conservative, the second does work; γ of a joint is the
+angle between two neighbouring links less its equilibrium value.  A load is a force on the cart and a moment on every link; dry friction acts as one (`contacts`).
 The damping ratios of modes are dampers on all coordinates together, a force −D_modal q' that is linear in the rates of
 x and of the angles θ, however large these are.
 
@@ -207,9 +207,9 @@ def _broadcast(constant: Any, like: Any) -> Any:
     return constant if np.ndim(constant) == 0 else constant.reshape(-1, *[1] * (like.ndim - 1))
 
 
-def joint_law(gamma: Any, rate: Any, stiffness: Any, damping: Any, strength: Any = 0.0, curb: Any = 0.0) -> Any:
-    """The conservative and the dissipative (or driving) part of the force: N at the rail, N m at a joint."""
-    return -stiffness * gamma, (strength - damping - curb * gamma**2) * rate
+def joint_law(gamma: Any, rate: Any, stiffness: Any, damping: Any) -> Any:
+    """The conservative and the dissipative part of the force: N at the rail, N m at a joint."""
+    return -stiffness * gamma, -damping * rate
 
 
 def cart_force(system: System, x: Any, rate: Any) -> Any:
@@ -254,10 +254,14 @@ def bending_torques(group: Group, angles: Any, rates: Any, base: Base | None = N
 def _bending(group: Group, angles: Any, rates: Any, base: Base | None = None) -> tuple[Any, Any, Any]:
     """Both parts of the torque of every joint, (n, P, ...), and the rate (rad/s) at which it bends."""
     base_angle, turning = base or (None, None)
-    block, drive, speed = group.block, group.excitation, relative(rates, turning)
-    drive_constants = (drive.strength, drive.curb) if group.has_van_der_pol and drive else ()
-    constants = (spread(constant, angles) for constant in (block.stiffness, block.damping, *drive_constants))
-    return *joint_law(bend(group, angles, base_angle), speed, *constants), speed
+    gamma, speed = bend(group, angles, base_angle), relative(rates, turning)
+    constants = (spread(constant, angles) for constant in (group.block.stiffness, group.block.damping))
+    elastic, working = joint_law(gamma, speed, *constants)
+    for term in group.laws:
+        at = term.rows, term.columns
+        parts = term.torques(gamma[at], speed[at])
+        elastic[at], working[at] = elastic[at] + parts[0], working[at] + parts[1]
+    return elastic, working, speed
 
 
 def modal_drag(system: System, rates: Any) -> Any:
@@ -281,8 +285,12 @@ def inertial_law(b: Any, sin: Any, cos: Any, support: Any) -> Any:
 
 
 def spring_energy(group: Group, angles: Floats, base: Any = None) -> Floats:
-    """Energy (J) of every joint spring, (n, P, ...)."""
-    return np.asarray(spread(group.block.stiffness, angles) * bend(group, angles, base) ** 2 / 2)
+    """Energy (J) of every joint spring and of laws with a potential, (n, P, ...)."""
+    gamma = bend(group, angles, base)
+    energy = np.asarray(spread(group.block.stiffness, angles) * gamma**2 / 2)
+    for term in group.laws:
+        energy[term.rows, term.columns] += term.energy(gamma[term.rows, term.columns])
+    return energy
 
 
 def relative(values: Any, base: Any = None) -> Any:

@@ -172,7 +172,8 @@ def without_springs(system: System) -> System:
     """The same system, none of whose springs pulls."""
     groups, structure = [], system.suspension
     for group in system.groups:
-        groups.append(replace(group, block=replace(group.block, stiffness=0.0 * group.block.stiffness)))
+        laws = tuple(replace(term, pulls=False) for term in group.laws)
+        groups.append(replace(group, block=replace(group.block, stiffness=0.0 * group.block.stiffness), laws=laws))
     carriers = [
         replace(
             carrier,

@@ -41,23 +41,25 @@ from typing import Any
 
 import numpy as np
 
+from modal.extend.laws import VanDerPolLaw
 from modal.scene import SineMotion
 from modal.vibration import prescribed_motion
 from nonlinear.dynamics.bearing import apply_inverse_mass
 from nonlinear.dynamics.forces import drag_law, inertial_law, joint_law
 from nonlinear.dynamics.forms import Form, TapedEquations, form_of
+from nonlinear.dynamics.hamiltonian import without_springs
 from nonlinear.dynamics.inputs import QUIET
 from nonlinear.dynamics.mechanics import energies
 from nonlinear.dynamics.minimal import Minimal
 from nonlinear.dynamics.recursion import Answer, RecursiveLink, Turn, link_acceleration, link_response
 from nonlinear.dynamics.tape import Tape, directional_derivatives
 from nonlinear.dynamics.text import Module
-from nonlinear.system import System, constants_of, entries_of, system_with
+from nonlinear.system import System, constants_of, entries_of
 from nonlinear.system.numbers import BEFORE, FIELDS, dampers_of
 
 LINK = (
-    *("mass", "length", "centre", "inertia", "damping", "stiffness", "strength", "curb", "drag", "quadratic"),
-    *("static", "sigma", "rest", "bent", "gravity"),
+    *("mass", "length", "centre", "inertia", "damping", "stiffness", "drag", "quadratic"),
+    *("strength", "angle_deg", "static", "sigma", "rest", "bent", "gravity"),
 )
 """The numbers p of a link; `static` is the first moment of it and all below, `bent` the relaxed angle at its joint."""
 CART = ("mass", "damping", "stiffness", "gravity")
@@ -76,7 +78,9 @@ def _lower_velocity(distance: Any, y: Any, upper: Any) -> tuple[Any, Any]:
 def _answer_step(link: Any, y: Any, u: Any, v: Any) -> list[Any]:
     theta, rate, _, _, moment, *frame = y[:9]
     s, c, support, wind = theta.sin(), theta.cos(), frame[:2], frame[2:]
-    elastic, working = joint_law(*_joint_bend(link, y), link.stiffness, link.damping, link.strength, link.curb)
+    bend, speed = _joint_bend(link, y)
+    elastic, working = joint_law(bend, speed, link.stiffness, link.damping)
+    working = working + VanDerPolLaw().torque(bend, speed, vars(link))
     torque, (tx, tz) = elastic + working, u[6:8]
     velocity = np.array(_lower_velocity(link.centre, y, v), dtype=object)
     fx, fz = drag_law(velocity + wind, link.drag, link.quadratic)
@@ -94,7 +98,7 @@ def _answer_step(link: Any, y: Any, u: Any, v: Any) -> list[Any]:
     )
     answer, turn = link_response(constants, Answer(*u[:5]), s, c, rate, moment + torque - u[5] + drag_torque)
     outside = moment + inertial_law(link.static, s, c, support)
-    power = u[8] + working * (rate - y[3]) + outside * rate + fx * velocity[0] + fz * velocity[1]
+    power = u[8] + working * speed + outside * rate + fx * velocity[0] + fz * velocity[1]
     return [*answer, torque, tx + fx, tz + fz, power, turn.hx, turn.hz, turn.e, turn.D]
 
 
@@ -146,7 +150,7 @@ def _record(names: tuple[str, ...], steps: Mapping[str, tuple[Step, tuple[int, i
     tape = Tape()
     p = dict(zip(names, tape.inputs("p", len(names)), strict=True))
     if linear:
-        p |= dict.fromkeys(p.keys() & {"strength", "curb", "quadratic"}, 0.0)
+        p |= dict.fromkeys(p.keys() & {"strength", "quadratic"}, 0.0)
     functions = {}
     for name, (step, sizes) in steps.items():
         kinds = [(kind, range(size)) for kind, size in zip("yuv", sizes, strict=True)]
@@ -190,8 +194,6 @@ def sine_steps() -> Module:
     return Module(tape, {"moved": outputs})
 
 
-LINEAR = ("strength", "curb", "quadratic_drag")
-"""The numbers of links that linear equations leave out."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,7 +229,7 @@ class StructureSteps:
         tape, half = equations.tape, equations.minimal.layout.half
         y, (q, v) = equations.y, (equations.y[:half], equations.y[half : 2 * half])
         x, z = ([tape.symbol("in", kind, k) for k in range(half)] for kind in "uv")
-        slow = _without(equations, LINEAR)
+        slow = _linearizable(equations)
         smooth = (
             Minimal(slow, equations.bodies, equations.minimal.load).rates(y, equations.instant)[: 2 * half].tolist()
         )
@@ -238,11 +240,16 @@ class StructureSteps:
         at_rest = replace(slow, support=None, forces=())
         power = Minimal(at_rest, equations.bodies, equations.minimal.load).rates(y, QUIET)[-1]
         mass, damping = (_second(tape, energy, v, x, z) for energy in (T, power))
+        stiffness = _second(tape, V, q, x, z)
+        if any(not term.law.has_potential for group in slow.groups for term in group.laws):
+            forces, _ = Minimal(without_springs(at_rest), equations.bodies, equations.minimal.load).forces(y, QUIET)
+            changes_of_forces = directional_derivatives(tape, forces.tolist(), q, x)
+            stiffness = stiffness - sum(a * b for a, b in zip(changes_of_forces, z, strict=True))
         functions = {
             "rates": equations.rates,
             "linear": [rate + change_of_rate for rate, change_of_rate in zip(smooth, changes, strict=True)],
             "stored": [T, V],
-            "paired": [mass, _second(tape, V, q, x, z), -0.5 * damping],
+            "paired": [mass, stiffness, -0.5 * damping],
         }
         if self.system.has_escapements:
             solvers = list(zip(equations.system.groups, equations.bodies, strict=True))
@@ -257,13 +264,13 @@ def structure_steps(system: System) -> StructureSteps:
     return StructureSteps(system)
 
 
-def _without(equations: TapedEquations, names: Sequence[str]) -> System:
-    """The system of these equations with 0 for these numbers of links."""
-    entries, links = [*equations.entries], equations.system.n_links
-    for name in names:
-        at = BEFORE + links * FIELDS.index(name)
-        entries[at : at + links] = [0.0] * links
-    return system_with(equations.system, entries)
+def _linearizable(equations: TapedEquations) -> System:
+    """The system of these equations without quadratic drag and drives."""
+    groups = (
+        replace(group, quadratic_drag=None, laws=tuple(term for term in group.laws if not term.law.is_drive))
+        for group in equations.system.groups
+    )
+    return replace(equations.system, groups=tuple(groups))
 
 
 def _second(tape: Any, value: Any, by: Any, x: Sequence[Any], z: Sequence[Any]) -> Any:

@@ -30,7 +30,7 @@ from modal.assembly import ARRAYS
 from modal.structure import scale_structure
 from modal.types import Floats, Ints
 from nonlinear.dynamics.contacts import contacts_of
-from nonlinear.dynamics.forces import link_torques
+from nonlinear.dynamics.forces import bend, link_torques
 from nonlinear.dynamics.minimal import Minimal, Recursion
 from nonlinear.system import Equations, Group, Load, Motion, State, System, motion_of, of_plane
 
@@ -104,7 +104,8 @@ def synchronous(system: System, start: State) -> Symmetry | None:
         index = len(link_numbers) + np.arange(group.n * len(first)).reshape(len(first), group.n).T
         pendula = sum(earlier.index.shape[1] for earlier in groups) + np.arange(len(first))
         excitation = group.excitation and group.excitation.take(first).times(count)
-        groups.append(Group(group.block.take(first).heavier(count), index, pendula, excitation))
+        laws = tuple(term.take(first).times(count) for term in group.laws)
+        groups.append(Group(group.block.take(first).heavier(count), index, pendula, excitation, laws=laws))
         sources[group.index] = index[:, place]
         link_numbers = np.concatenate((link_numbers, group.index[:, first].T.ravel()))
     if len(link_numbers) == system.n_links:
@@ -131,6 +132,10 @@ def _table(group: Group, start: State) -> Floats:
     if group.excitation:
         columns += list(group.excitation.table)
     columns += [part for part in (group.friction, group.quadratic_drag) if part is not None]
+    for term in group.laws:
+        for number in (1.0, *term.numbers, term.scale):
+            columns.append(np.zeros(group.index.shape))
+            columns[-1][term.rows, term.columns] = number
     return np.hstack([np.moveaxis(column, 1, 0).reshape(group.index.shape[1], -1) for column in columns])
 
 
@@ -207,8 +212,8 @@ def _unwind(system: System, links: Floats) -> Floats:
         bend = np.diff(angles, axis=0, prepend=0.0)
         above = np.zeros_like(within[0])
         keeps_bend = group.block.stiffness > 0
-        if group.excitation:
-            keeps_bend = keeps_bend | (group.excitation.curb > 0)
+        for term in group.laws:
+            keeps_bend[term.rows, term.columns] = True
         for links_within, link_bend, is_kept in zip(within, bend, keeps_bend, strict=True):
             links_within[is_kept] = (above + link_bend)[is_kept]
             above = links_within
@@ -240,7 +245,8 @@ def natural(system: System, start: State) -> Symmetry | None:
 def _in_units(group: Group, units: dict[str, float], moment: float) -> Group:
     numbers = {name: getattr(group.block, name) / unit for name, unit in units.items()}
     excitation = group.excitation and group.excitation.times(1 / moment)
-    return replace(group, block=replace(group.block, **numbers), excitation=excitation)
+    laws = tuple(term.times(1 / moment) for term in group.laws)
+    return replace(group, block=replace(group.block, **numbers), excitation=excitation, laws=laws)
 
 
 @dataclass(frozen=True, eq=False)
@@ -310,9 +316,10 @@ def is_unstable_equilibrium(system: System, start: State) -> bool:
     for group in system.groups:
         weight, group_angles = system.gravity * group.block.b, angles[group.index]
         remainder = np.abs(link_torques(group, group_angles, 0.0 * group_angles) - weight * np.sin(group_angles))
-        in_balance = remainder <= ROUNDING * (weight + group.block.stiffness) * (1 + np.abs(group_angles))
+        stiffness = _joint_stiffness(group, group_angles)
+        in_balance = remainder <= ROUNDING * (weight + np.abs(stiffness)) * (1 + np.abs(group_angles))
         verdicts.append(
-            (np.all(in_balance & is_still[group.index], axis=0), _falls(group, weight * np.cos(group_angles)))
+            (np.all(in_balance & is_still[group.index], axis=0), _falls(stiffness, weight * np.cos(group_angles)))
         )
     resting, falling = (np.concatenate(part) for part in zip(*verdicts, strict=True))
     if system.cart is None:
@@ -336,12 +343,19 @@ def _on_structure(system: System, start: State) -> bool:
     return bool(growing.real.max() > GROWS * np.abs(growing).max())
 
 
-def _falls(group: Group, weight: Floats) -> Any:
-    """Whether V'' of each chain, with `weight` (n, P) and the joint springs, has a negative pivot, (P,)."""
-    stiffness = group.block.stiffness
+def _joint_stiffness(group: Group, angles: Floats) -> Floats:
+    """The stiffness (N m/rad) of every joint at these angles, (n, P)."""
+    stiffness, gamma = group.block.stiffness + 0.0, bend(group, angles)
+    for term in group.laws:
+        stiffness[term.rows, term.columns] += term.stiffness(gamma[term.rows, term.columns])
+    return stiffness
+
+
+def _falls(stiffness: Floats, weight: Floats) -> Any:
+    """Whether V'' of each chain, with `weight` (n, P) and the joints' `stiffness`, has a negative pivot, (P,)."""
     pivot, falling = np.inf * weight[0], np.zeros(weight.shape[1], dtype=bool)
-    for at in range(group.n - 1, -1, -1):
-        below = stiffness[at + 1] if at + 1 < group.n else 0.0 * stiffness[0]
+    for at in range(len(weight) - 1, -1, -1):
+        below = stiffness[at + 1] if at + 1 < len(weight) else 0.0 * stiffness[0]
         pivot = weight[at] + stiffness[at] + below - below**2 / pivot
         falling |= pivot < 0
         pivot = np.where(pivot == 0, TINY, pivot)

@@ -90,9 +90,12 @@ class Symbol:
         return 0.0 if _is(other, 0) else self._with("/", other, self)
 
     def __pow__(self, power: int) -> Any:
-        if power not in {0, 1, 2}:
-            raise NotImplementedError
-        return 1.0 if power == 0 else self if power == 1 else self * self
+        if isinstance(power, Symbol) or power != int(power):
+            raise TypeError("a recorded number has whole powers: write others with exp, log and sqrt")
+        if power < 0:
+            return 1.0 / self**-power
+        half = 1.0 if power < 2 else self ** (power // 2)
+        return half * half * (self if power % 2 else 1.0)
 
     def __neg__(self) -> Any:
         return self.operation[1] if self.operation[0] == "neg" else self.tape.symbol("neg", self)
@@ -112,6 +115,18 @@ class Symbol:
     def arctan(self) -> Any:
         """The inverse tangent."""
         return self.tape.symbol("arctan", self)
+
+    def exp(self) -> Any:
+        """The exponential function."""
+        return self.tape.symbol("exp", self)
+
+    def log(self) -> Any:
+        """The natural logarithm."""
+        return self.tape.symbol("log", self)
+
+    def tanh(self) -> Any:
+        """The hyperbolic tangent."""
+        return self.tape.symbol("tanh", self)
 
     def where(self, a: Any, b: Any) -> Any:
         """The a where this is positive, elsewhere b."""
@@ -200,6 +215,9 @@ RULES: dict[str, Callable[..., Any]] = {
     "cos": lambda f, a, da: -(a.sin() * da),
     "sqrt": lambda f, a, da: 0.5 * da / (f + LEAST),
     "arctan": lambda f, a, da: da / (1.0 + a * a),
+    "exp": lambda f, a, da: f * da,
+    "log": lambda f, a, da: da / a,
+    "tanh": lambda f, a, da: (1.0 - f * f) * da,
     "where": lambda f, a, b, c, da, db, dc: a.where(db, dc),
 }
 """The derivative of f = operator(a, b) from the changes da and db of a and b."""

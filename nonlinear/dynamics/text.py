@@ -32,14 +32,16 @@ FUNCTIONS: dict[str, Mapping[str, Any]] = {
         "cos": math.cos,
         "sqrt": math.sqrt,
         "arctan": math.atan,
+        **{name: getattr(math, name) for name in ("exp", "log", "tanh")},
         "where": lambda x, a, b: a if x > 0 else b,
     },
-    "arrays": {"sin": np.sin, "cos": np.cos, "sqrt": np.sqrt, "arctan": np.arctan, "where": where},
+    "arrays": {**{name: getattr(np, name) for name in ("sin", "cos", "sqrt", "arctan", "exp", "log", "tanh")}, "where": where},
     "complex": {
         "sin": cmath.sin,
         "cos": cmath.cos,
         "sqrt": cmath.sqrt,
         "arctan": cmath.atan,
+        **{name: getattr(cmath, name) for name in ("exp", "log", "tanh")},
         "where": lambda x, a, b: a if x.real > 0 else b,
     },
 }
@@ -104,6 +106,9 @@ FUNCTIONS["columns"] = {
     "cos": lambda z: _sincos(z)[1],
     "sqrt": _first_order(_root, lambda x, value: 0.5 / (value + LEAST)),
     "arctan": _first_order(np.arctan, lambda x, value: 1 / (1 + x * x)),
+    "exp": _first_order(np.exp, lambda x, value: value),
+    "log": _first_order(np.log, lambda x, value: 1 / x),
+    "tanh": _first_order(np.tanh, lambda x, value: 1 - value * value),
     "where": where,
 }
 

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from modal.errors import ComputationError, SceneError
+from modal.extend.measures import columns_of, parse_request
 from modal.report import Form, ReportTable, finite, silent
 from modal.scene import InitialCondition, Pendulum, Scene, describe, require
 from modal.scene.doors import checked
@@ -28,7 +29,6 @@ from nonlinear.ensembles.measures import configurations
 from nonlinear.ensembles.running import Ensemble, EnsembleResult, ensemble
 from nonlinear.ensembles.runs import form_of
 from nonlinear.ensembles.strobes import MOST as LONGEST
-from nonlinear.measures import parse_request
 from nonlinear.reduction import usual_start
 from nonlinear.synchronization import agreement
 from nonlinear.synchronization.study import theory_of_scene
@@ -169,11 +169,7 @@ def find_basins(
         **options,
     ).require("start")
     names = _names(started) if measure == "configuration" else ()
-    column = (
-        EARLIEST
-        if measure == "first_turn"
-        else next((name for name in mapped.columns if name.startswith(measure)), measure)
-    )
+    column = EARLIEST if measure == "first_turn" else next(iter(columns_of(measure, mapped.columns)), measure)
     return Basins(mapped, column, names)
 
 

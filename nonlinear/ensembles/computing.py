@@ -12,7 +12,7 @@ from modal.types import Floats
 from nonlinear.dynamics import Lanes
 from nonlinear.ensembles import lanes, plain
 from nonlinear.ensembles.energies import Accounts
-from nonlinear.ensembles.measures import COLUMNS, Columns, Context
+from nonlinear.ensembles.measures import Columns, Context, columns_of_members
 from nonlinear.ensembles.members import RATIO, MemberBlock, MemberPart
 from nonlinear.ensembles.plain import state_columns
 from nonlinear.ensembles.question import LANES, PLAIN, EnsembleRequest
@@ -78,8 +78,7 @@ def _chunk(
 ) -> Chunk:
     ending, kept = _rows(question, results)
     columns: Columns = {"energy_drift": drift, "error_rad": results.error, "horizon_s": results.horizon}
-    for name in question.measures.names:
-        columns |= COLUMNS[name](context, results, ending)
+    columns |= columns_of_members(question.measures.names, context, results, ending)
     if question.keeps_end:
         columns |= states(context.layout, results.y.T)
     if question.times:

@@ -12,6 +12,7 @@ from modal.scene import CAPABILITIES, Scene, refusals
 from nonlinear.dynamics import Lanes
 from nonlinear.dynamics.generated import WRITTEN
 from nonlinear.dynamics.inputs import Inputs
+from nonlinear.ensembles.measures import why_one_by_one
 from nonlinear.ensembles.members import Members
 from nonlinear.ensembles.question import (
     COMPILED,
@@ -75,6 +76,7 @@ def choose_engine(
         return Decision(RETIRED, FOLDERS)
     if asked not in ("auto", *ENGINES):
         raise SceneError([f"engine {asked}: must be one of auto, {', '.join(ENGINES)}"])
+    why_not = why_not or why_one_by_one(measures)
     if asked == PLAIN:
         return Decision(PLAIN, "as asked for, one by one")
     if asked != "auto" and (reasons := refusals(members.scene, f"engine {asked}", *members.varied)):

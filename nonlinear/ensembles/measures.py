@@ -7,23 +7,23 @@ passed: `section:theta[1,1]=0`.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from math import ceil, pi, radians
 from typing import cast
 
 import numpy as np
 
-from modal.errors import ComputationError, SceneError
-from modal.scene import Scene, require
+from modal.errors import SceneError
+from modal.extend.measures import LAST_TENTH, WHOLE_MOTION, measure_for, taken_by
+from modal.extend.registry import mistake_of
+from modal.scene import Scene
 from modal.types import Complexes, Floats
 from nonlinear.averaging import AveragedEquations, RelativeEquilibrium, average, likeness, relative_equilibria
-from nonlinear.chaos import validate_duration
 from nonlinear.ensembles.energies import Accounts
 from nonlinear.ensembles.results import MemberResults, Passing, Wanted
-from nonlinear.integration import estimate_timescales
-from nonlinear.measures import LAST_TENTH, MEASURES, MOTION, measure_for, taken_by
+from nonlinear.integration import Trajectory, estimate_timescales, validate
 from nonlinear.synchronization import ENDING
 from nonlinear.synchronization.phases import from_rest, own_shapes
 from nonlinear.system import Layout, Numbers, System
@@ -47,6 +47,53 @@ class Context:
     begun: Floats
     wanted: Wanted
 
+    @property
+    def places(self) -> list[str]:
+        """Pendulum and link of every link, as in columns."""
+        return places(self.system)
+
+    def mean_energies(self, ending: Floats) -> Columns:
+        """The mean energies over the samples of the last tenth."""
+        sums: Floats = np.zeros((self.system.n_pendula, len(ending)))
+        carried: Floats = np.zeros(len(ending))
+        accounts = Accounts(self.numbers, self.layout)
+        times = ending_times(self.scene, self.wanted.duration) if self.system.hoisting else ()
+        for k in range(ending.shape[1]):
+            rows = np.ascontiguousarray(ending[:, k].T)
+            energies = accounts.energies(rows, time=times[k] if times else 0.0)
+            sums += energies.kinetic + energies.potential
+            carried += energies.cart_kinetic + energies.cart_potential
+        return energy_columns(self.system, sums / ending.shape[1], carried / ending.shape[1])
+
+    def order(self, ending: Floats) -> Floats:
+        """The order parameter of each member."""
+        z, weights = own_amplitudes(self, ending)
+        size = np.abs(z)
+        leading = np.argmax(np.sum(weights * np.mean(size**2, axis=1), axis=1), axis=1)
+        unit = np.divide(z, size, out=np.zeros_like(z), where=size > 0)
+        order = np.abs(unit.mean(2)).mean(1)
+        return np.asarray(order[np.arange(len(order)), leading])
+
+    def configuration(self, ending: Floats) -> Floats:
+        """The number of the configuration in which each member ends, 0 for none."""
+        known = configurations(self.scene)
+        if not known:
+            return np.zeros(len(ending))
+        overlaps, sizes = (np.zeros((len(ending), len(known))) for _ in range(2))
+        averaged = known[0].averaged
+        for k in range(ending.shape[1]):
+            z = _modal(averaged, self, ending[:, k])
+            weights = averaged.omega**2
+            norms = np.sqrt(weights @ np.abs(z) ** 2)
+            for number, state in enumerate(known):
+                overlaps[:, number] += likeness(state, z, ALIKE) / ending.shape[1]
+                sizes[:, number] += norms / np.sqrt(weights @ np.abs(state.z) ** 2) / ending.shape[1]
+        best = np.argmax(overlaps, axis=1)
+        rows = np.arange(len(ending))
+        like, size = overlaps[rows, best], sizes[rows, best]
+        fits = (like >= ALIKE) & (size > 1 / WITHIN) & (size < WITHIN)
+        return np.where(fits, best + 1.0, 0.0)
+
 
 def ending_times(scene: Scene, duration: float) -> tuple[float, ...]:
     """Samples (s) of the last tenth, some for each of the fastest periods."""
@@ -55,40 +102,10 @@ def ending_times(scene: Scene, duration: float) -> tuple[float, ...]:
     return tuple(np.linspace((1 - ENDING) * duration, duration, count).tolist())
 
 
-def _first_turn(context: Context, results: MemberResults, ending: Floats) -> Columns:
-    assert results.first_turns is not None
-    return {
-        f"first_turn_{place}_s": turn for place, turn in zip(places(context.system), results.first_turns, strict=True)
-    }
-
-
 def places(system: System) -> list[str]:
     """Pendulum and link of every link, counted from 1: 1_2."""
     labels = system.labels[system.first :]
     return [label[len("theta") :].strip("[]").replace(",", "_") for label in labels]
-
-
-def _lyapunov(context: Context, results: MemberResults, ending: Floats) -> Columns:
-    assert results.stretching is not None
-    return {"lyapunov_per_s": results.stretching / context.wanted.duration}
-
-
-def _largest_angle(context: Context, results: MemberResults, ending: Floats) -> Columns:
-    assert results.largest is not None
-    return {"largest_angle_deg": np.degrees(results.largest)}
-
-
-def _pendulum_energy(context: Context, results: MemberResults, ending: Floats) -> Columns:
-    sums: Floats = np.zeros((context.system.n_pendula, len(ending)))
-    carried: Floats = np.zeros(len(ending))
-    accounts = Accounts(context.numbers, context.layout)
-    times = ending_times(context.scene, context.wanted.duration) if context.system.hoisting else ()
-    for k in range(ending.shape[1]):
-        rows = np.ascontiguousarray(ending[:, k].T)
-        energies = accounts.energies(rows, time=times[k] if times else 0.0)
-        sums += energies.kinetic + energies.potential
-        carried += energies.cart_kinetic + energies.cart_potential
-    return energy_columns(context.system, sums / ending.shape[1], carried / ending.shape[1])
 
 
 def energy_columns(system: System, pendula: Floats, carried: Floats) -> Columns:
@@ -96,15 +113,6 @@ def energy_columns(system: System, pendula: Floats, carried: Floats) -> Columns:
     columns = {"pendula_energy_J": np.asarray(pendula.sum(0))}
     columns |= {f"pendulum_{p}_energy_J": energy for p, energy in enumerate(pendula, 1)}
     return columns | ({"cart_energy_J": np.asarray(carried)} if system.cart or system.structure else {})
-
-
-def _order(context: Context, results: MemberResults, ending: Floats) -> Columns:
-    z, weights = own_amplitudes(context, ending)
-    size = np.abs(z)
-    leading = np.argmax(np.sum(weights * np.mean(size**2, axis=1), axis=1), axis=1)
-    unit = np.divide(z, size, out=np.zeros_like(z), where=size > 0)
-    order = np.abs(unit.mean(2)).mean(1)
-    return {"order": order[np.arange(len(order)), leading]}
 
 
 def own_amplitudes(context: Context, rows: Floats) -> tuple[Complexes, Floats]:
@@ -128,26 +136,6 @@ def own_amplitudes(context: Context, rows: Floats) -> tuple[Complexes, Floats]:
     return z.reshape(members, times, *z.shape[1:]), weights
 
 
-def _configuration(context: Context, results: MemberResults, ending: Floats) -> Columns:
-    known = configurations(context.scene)
-    if not known:
-        return {"configuration": np.zeros(len(ending))}
-    overlaps, sizes = (np.zeros((len(ending), len(known))) for _ in range(2))
-    averaged = known[0].averaged
-    for k in range(ending.shape[1]):
-        z = _modal(averaged, context, ending[:, k])
-        weights = averaged.omega**2
-        norms = np.sqrt(weights @ np.abs(z) ** 2)
-        for number, state in enumerate(known):
-            overlaps[:, number] += likeness(state, z, ALIKE) / ending.shape[1]
-            sizes[:, number] += norms / np.sqrt(weights @ np.abs(state.z) ** 2) / ending.shape[1]
-    best = np.argmax(overlaps, axis=1)
-    rows = np.arange(len(ending))
-    like, size = overlaps[rows, best], sizes[rows, best]
-    fits = (like >= ALIKE) & (size > 1 / WITHIN) & (size < WITHIN)
-    return {"configuration": np.where(fits, best + 1.0, 0.0)}
-
-
 @lru_cache(maxsize=4)
 def configurations(scene: Scene) -> tuple[RelativeEquilibrium, ...]:
     """The stable relative equilibria of a scene, in the order of `sync`; ComputationError where there is no theory."""
@@ -164,24 +152,6 @@ def _modal(averaged: AveragedEquations, context: Context, rows: Floats) -> Compl
     return np.asarray((q @ averaged.dual - 1j * (v @ averaged.dual) / averaged.omega).T)
 
 
-def _section(context: Context, results: MemberResults, ending: Floats) -> Columns:
-    return {}
-
-
-COLUMNS: dict[str, Callable[[Context, MemberResults, Floats], Columns]] = {
-    "largest_angle": _largest_angle,
-    "first_turn": _first_turn,
-    "lyapunov": _lyapunov,
-    "order": _order,
-    "pendulum_energy": _pendulum_energy,
-    "configuration": _configuration,
-    "section": _section,
-}
-"""How each measure that an ensemble takes is read off what was found and samples of the last tenth."""
-ENDS = {name for name in COLUMNS if MEASURES[name].reads == LAST_TENTH}
-"""Those that are read off these samples."""
-
-
 @dataclass(frozen=True)
 class RequestedMeasures:
     """The measures asked for, by their names, and the section."""
@@ -192,7 +162,7 @@ class RequestedMeasures:
     @property
     def ends(self) -> bool:
         """Whether the last tenth is sampled."""
-        return bool(ENDS & {*self.names})
+        return any(measure_for("ensemble", name).reads == LAST_TENTH for name in self.names)
 
 
 def requested_measures(texts: Sequence[str], system: System) -> RequestedMeasures:
@@ -237,28 +207,31 @@ def section_of(text: str, system: System) -> Passing:
     return Passing(row, radians(value) if turns else value, DIRECTIONS[match[2]])
 
 
+def columns_of_members(
+    names: Sequence[str], context: Context, results: MemberResults, ending: Floats, run: Trajectory | None = None
+) -> Columns:
+    """The columns of these measures, (S, ...); those of a whole motion are read off the `run` of a single member."""
+    columns: Columns = {}
+    for name in names:
+        measure = measure_for("ensemble", name)
+        if run is not None and not measure.has("of_members"):
+            numbers = measure.values_of("of_motion", run, context.wanted.duration)
+            columns |= {column: np.array([number]) for column, number in numbers.items()}
+            continue
+        measured = measure.values_of("of_members", context, results, ending)
+        for column, values in measured.items():
+            if np.shape(values)[:1] != (len(ending),):
+                raise mistake_of(measure, f"of_members returned {column} for {np.shape(values)[:1]} of {len(ending)}")
+        columns |= measured
+    return columns
+
+
+def why_one_by_one(names: Sequence[str]) -> str:
+    """Why members that are measured so go one by one; "" where they can go side by side."""
+    alone = (name for name in names if not measure_for("ensemble", name).has("of_members"))
+    return next((f"measure {name}, which is read off {WHOLE_MOTION}" for name in alone), "")
+
+
 def validate_measures(names: Sequence[str], scene: Scene, seconds: float | None = None) -> None:
     """SceneError where a measure is none of such a scene, or not from so many seconds."""
-    problems: list[str] = []
-    if scene.space == "space":
-        problems += [
-            f"measure {name}: only for motion in the plane" for name in names if MEASURES[name].needs != MOTION
-        ]
-    if "order" in names and scene.is_hoisted:
-        problems.append("measure order: needs constant lengths, since modes change with them")
-    if "lyapunov" in names and not problems:
-        try:
-            if seconds is not None:
-                require(scene, "a Lyapunov exponent")
-                validate_duration(scene, seconds)
-        except SceneError as error:
-            problems += [f"measure lyapunov: {problem}" for problem in error.problems]
-    if "configuration" in names and not problems:
-        try:
-            if not scene.is_driven:
-                raise SceneError(["no drive keeps this scene swinging"])
-            configurations(scene)
-        except (ComputationError, SceneError) as error:
-            problems.append(f"measure configuration: {error}")
-    if problems:
-        raise SceneError(problems)
+    validate(*(partial(measure_for("ensemble", name).require, scene, seconds) for name in names))

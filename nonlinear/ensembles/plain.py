@@ -8,22 +8,23 @@ from typing import Any
 import numpy as np
 
 from modal.errors import SceneError
+from modal.extend.measures import LAST_TENTH, measure_for
 from modal.scene import Scene
 from modal.scene.doors import require_type
 from modal.types import Floats
 from nonlinear.ensembles.lanes import Watches, watches_of
 from nonlinear.ensembles.measures import (
-    COLUMNS,
-    ENDS,
     Columns,
     Context,
+    columns_of_members,
     ending_times,
     energy_columns,
     validate_measures,
+    why_one_by_one,
 )
 from nonlinear.ensembles.question import EnsembleRequest
 from nonlinear.ensembles.results import MemberResults, Wanted
-from nonlinear.integration import Trajectory
+from nonlinear.integration import Trajectory, sample_times
 from nonlinear.integration.readiness import reproducible
 from nonlinear.integration.within import Watch
 from nonlinear.postprocessing import largest_angle
@@ -57,6 +58,9 @@ def columns(question: EnsembleRequest, scene: Scene, start: State) -> Columns:
     """What is asked for of one member, each of shape (...); SimulationError where it cannot reach its end."""
     wanted, spatial = replace(question.wanted, times=()), scene.space == "space"
     needed = sorted({0.0, *question.wanted.times, question.duration})
+    if why_one_by_one(question.measures.names):  # a whole motion, as a sweep has it
+        usual = sample_times(scene, question.duration, 0.0, None)
+        needed = sorted({*needed, *usual.tolist(), *ending_times(scene, question.duration)})
     output: Any = None if spatial and wanted.largest else needed
     watches = Watches()
 
@@ -102,9 +106,8 @@ def _measured(
     ending = rows[np.searchsorted(sampled.times, question.ending)][None] if question.ending else rows[None, :0]
     whole = watches.added_to(MemberResults(rows[-1:].T, np.full(1, np.nan), np.full(1, np.nan)))
     context = Context(scene, run.system, numbers_of(scene), layout, rows[:1].T, question.wanted)
-    measured: Columns = {}
-    for measure in question.measures.names:
-        measured |= {name: values[0] for name, values in COLUMNS[measure](context, whole, ending).items()}
+    members = columns_of_members(question.measures.names, context, whole, ending, run)
+    measured: Columns = {name: values[0] for name, values in members.items()}
     if whole.crossed is not None:
         _, times, crossings = whole.crossed
         measured["crossing_time_s"] = times
@@ -121,6 +124,10 @@ def _in_space(question: EnsembleRequest, run: Trajectory, sampled: Trajectory) -
         measured["largest_angle_deg"] = np.array(np.degrees(largest_angle(run)))
     if "pendulum_energy" in question.measures.names:
         measured |= _energies(sampled.at(np.searchsorted(sampled.times, question.ending)))
+    for measure in (measure_for("ensemble", name) for name in question.measures.names):
+        if not measure.has("of_members"):
+            numbers = measure.values_of("of_motion", run, question.duration)
+            measured |= {column: np.array(number) for column, number in numbers.items()}
     return measured
 
 
@@ -135,8 +142,8 @@ def _energies(run: Trajectory) -> Columns:
 def measured_run(run: Trajectory, name: str) -> dict[str, float]:
     """A measure that is read off the last tenth of a run from t = 0 at `times_of` it, as an ensemble reads it."""
     require_type("run", run, "Trajectory")
-    if name not in ENDS:
-        raise SceneError([f"{name}: must be one of {', '.join(sorted(ENDS))}"])
+    if measure_for("ensemble", name).reads != LAST_TENTH:
+        raise SceneError([f"measure {name}: must be read off {LAST_TENTH}"])
     scene, duration = run.scene, float(run.times[-1])
     validate_measures((name,), scene)
     late = run.at(np.searchsorted(run.times, ending_times(scene, duration)))
@@ -148,5 +155,5 @@ def measured_run(run: Trajectory, name: str) -> dict[str, float]:
     context = Context(
         scene, run.system, numbers_of(scene), layout, ending[0, :1].T, Wanted(duration, run.run.tolerance)
     )
-    columns = COLUMNS[name](context, MemberResults(ending[0, -1:].T, none, none.copy()), ending)
+    columns = columns_of_members((name,), context, MemberResults(ending[0, -1:].T, none, none.copy()), ending)
     return {column: float(values[0]) for column, values in columns.items()}

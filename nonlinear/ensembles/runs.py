@@ -19,7 +19,7 @@ from nonlinear import chaos
 from nonlinear.dynamics import Lanes
 from nonlinear.ensembles.lanes import run as run_in_lanes
 from nonlinear.ensembles.lanes import task_of
-from nonlinear.ensembles.measures import COLUMNS, Context, ending_times, validate_measures
+from nonlinear.ensembles.measures import Context, columns_of_members, ending_times, validate_measures
 from nonlinear.ensembles.question import ROOM
 from nonlinear.ensembles.results import Wanted
 from nonlinear.ensembles.running import ensemble
@@ -142,7 +142,7 @@ def _measured(scenes: Sequence[Scene], seconds: float, name: str) -> dict[Scene,
     if outcome.reasons and len(scenes) == 1:
         raise ComputationError(outcome.reasons[0])
     context = Context(scenes[0], system_of(scenes[0]), numbers, lanes.layout, y, wanted)
-    columns = COLUMNS[name](context, outcome, np.empty((len(scenes), 0, len(y))))
+    columns = columns_of_members((name,), context, outcome, np.empty((len(scenes), 0, len(y))))
     return {
         scene: {column: float(values[k]) for column, values in columns.items()}
         for k, scene in enumerate(scenes)

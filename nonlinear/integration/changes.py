@@ -311,7 +311,7 @@ def compiled_source(at: Places, texts: dict[str, str]) -> str:
     All arguments but the columns, (k, size), are lists; `events` is one of tuples of four floats.
     """
     head = [
-        "from math import atan as arctan, cos, inf as INF, nan as NAN, sin, sqrt",
+        "from math import atan as arctan, cos, exp, inf as INF, log, nan as NAN, sin, sqrt, tanh",
         "from typing import Any",
         "NOTHING = (0.0,)",
     ]

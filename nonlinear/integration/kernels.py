@@ -35,7 +35,7 @@ MAKING = Lock()
 HEAD = '"""Written by multipendula, which runs what it has written and no other file of this name."""'
 IMPORTED = """from math import floor, inf, log, sqrt
 from typing import Any
-from numpy import isfinite, spacing, zeros
+from numpy import exp, isfinite, spacing, tanh, zeros
 from nonlinear.dynamics.compiling import compiled, part, vectorized_part"""
 ERRORS = """
 @vectorized_part

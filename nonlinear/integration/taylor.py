@@ -260,7 +260,7 @@ def expressions(module: Module, size: int, pieces: Sequence[Polynomials] = ()) -
     """
     heyoka = _heyoka()
     y = [heyoka.expression(f"y{i:03d}") for i in range(size)]
-    functions = {"sin": heyoka.sin, "cos": heyoka.cos, "sqrt": heyoka.sqrt}
+    functions = {name: getattr(heyoka, name) for name in ("sin", "cos", "sqrt", "exp", "log", "tanh")}
     rates = module.generic_function("rates", [heyoka.par[k] for k in range(len(module.names))], functions)
     u, at = [] if pieces else [heyoka.time] * module.sizes.get("u", 0), len(module.names)
     for piece in pieces:

@@ -8,14 +8,13 @@ interrupted sweep can resume.  Start with `measures` and `study`; `running` runs
 from nonlinear.ensembles.executors import WorkerPool
 from nonlinear.sweeps.checkpoint import Checkpoint, RowFolder, open_checkpoint
 from nonlinear.sweeps.files import KINDS, load, save
-from nonlinear.sweeps.measures import COMPUTATIONS, parse_measures
+from nonlinear.sweeps.measures import parse_measures
 from nonlinear.sweeps.running import MEMBERS, Sweep, chaos_by_energy, reasons, sweep, sweep_text
 from nonlinear.sweeps.spread import Spread, find_spread, motion_words, spread_table
 from nonlinear.sweeps.study import CHAOTIC, ENERGY, LYAPUNOV, Study
 
 __all__ = [
     "CHAOTIC",
-    "COMPUTATIONS",
     "ENERGY",
     "KINDS",
     "LYAPUNOV",

@@ -1,8 +1,9 @@
-"""How a sweep computes the measures of `nonlinear.measures` at a point: of a scene, or of a run from its start.
+"""What a sweep gives the measures at a point: the modes of a scene, a run from its start, what members know of it.
 
 The name of a quantity ends in its unit, `omega_1_rad_per_s`, unless it is dimensionless, `damping_ratio_1`.  Some are
 computed from the oscillating modes, Im λ ≠ 0, others from a run of some seconds from the scene's own start, or else,
-at every point, that of `nonlinear.reduction.usual_start`.  What an ensemble measures too is its function, here too.
+at every point, that of `nonlinear.reduction.usual_start`.  What an ensemble measures is
+measured of members here, too.
 
 All points of a sweep number their modes as in the table of the original scene, so that curves continue smoothly where
 dampers appear and where frequencies become equal: the k-th oscillating mode, counting copies, is the k-th there, and
@@ -12,12 +13,11 @@ quantity beyond double precision is NaN.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
 from itertools import islice
-from math import inf, nan, pi
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,19 +25,16 @@ from numpy.typing import NDArray
 from modal.assembly import can_stack
 from modal.coupling import passes_energy
 from modal.errors import ComputationError, MultipendulaError, SceneError
-from modal.modes import UNCERTAIN, natural_frequencies, natural_modes, number_labels
+from modal.extend.measures import LAST_TENTH, WHOLE_MOTION, Measure, parse_request
+from modal.modes import UNCERTAIN, Modes, natural_frequencies, natural_modes, number_labels
 from modal.report import counted
-from modal.scene import Scene, require
-from modal.vibration import ParametricStability, parametric_stability, stabilities, vertical_sine
+from modal.scene import Scene
+from modal.vibration import ParametricStability, parametric_stability, stabilities
 from nonlinear.chaos import usual_duration
-from nonlinear.ensembles import measured_run, measured_together, run_together, times_of, validate_measures
+from nonlinear.ensembles import measured_run, measured_together, run_together, times_of
 from nonlinear.integration import Trajectory, validate
-from nonlinear.measures import LAST_TENTH, WHOLE_MOTION, Measure, parse_request
-from nonlinear.postprocessing import extremes
-from nonlinear.postprocessing import largest_angle as widest
 from nonlinear.reduction import usual_start
 from nonlinear.simulation import simulate
-from nonlinear.synchronization import find_survival
 
 Values = NDArray[np.complex128]
 
@@ -81,6 +78,14 @@ class Portion:
         known = self._members[name, seconds].get(scene)
         return known or measured_together([scene], seconds or usual_duration(scene), name)[scene]
 
+    def ending(self, scene: Scene, seconds: float, name: str) -> dict[str, float]:
+        """A measure that ensembles read off the last tenth, of the run."""
+        return measured_run(self.run(scene, seconds), name)
+
+    def modes(self, scene: Scene) -> Modes:
+        """The modes of a scene."""
+        return natural_modes(scene)
+
     @cached_property
     def _modes(self) -> dict[Scene, Swinging]:
         if not self.scenes or not can_stack(self.scenes):
@@ -102,6 +107,44 @@ class Portion:
         numbers, wanted = self.swinging(scene)[1], self.swinging(self.table)[1]
         return wanted if len(numbers) == len(wanted) else numbers
 
+    def number_in_table(self, scene: Scene, number: int) -> int:
+        """The number in the table of a mode that oscillates, by that of the scene itself; itself for another."""
+        numbers = self.swinging(scene)[1]
+        return self.numbers(scene)[numbers.index(number)] if number in numbers else number
+
+    def slowest(self, scene: Scene, count: int) -> Iterator[tuple[str, np.complex128]]:
+        """So many oscillating modes, |λ| ascending: the label of each, and λ."""
+        return islice(zip(number_labels(self.numbers(scene)), self.swinging(scene)[0], strict=True), count)
+
+    def passes(self, scene: Scene, number: int) -> bool:
+        """Whether a mode and the next pass energy of some pendulum there and back: 4 w_1 w_2 of it, by its shares w."""
+        order = np.argsort(self.swinging(scene)[0].imag, kind="stable").tolist()
+        numbers, rows = self.numbers(scene), self.swinging(scene)[1]
+        last = max(place for place, at in enumerate(order) if numbers[at] == number)
+        modes = natural_modes(scene)
+        sizes = [pendulum.n_links for pendulum in scene.pendulum for _ in range(pendulum.count)]
+        first = np.cumsum([0, *sizes[:-1]])
+        shares = [
+            np.add.reduceat(
+                sum(modes.shape(n, copy).kinetic_energy_share for copy in range(modes.multiplicity[n])), first
+            )
+            for n in (rows[order[last]] - 1, rows[order[last + 1]] - 1)
+        ]
+        return passes_energy(*shares)
+
+    def gap(self, scene: Scene, number: int) -> tuple[int, float]:
+        """A mode's number (0: the first that oscillates), and the gap in Im λ (rad/s) from its last copy onwards."""
+        values, listed = self.swinging(scene)[0].imag, self.numbers(scene)
+        order = np.argsort(values, kind="stable")
+        omega, numbers = values[order], [listed[place] for place in order]
+        number = number or next(iter(numbers), 0)
+        last = max((place for place, listed_number in enumerate(numbers) if listed_number == number), default=-1)
+        if last < 0:
+            raise ComputationError(f"mode {number} of the table does not oscillate: {_those(numbers)}")
+        if last + 1 == len(numbers):
+            raise ComputationError(f"no mode oscillates after mode {number} of the table: {_those(numbers)}")
+        return number, float(omega[last + 1] - omega[last])
+
     @cached_property
     def _stability(self) -> dict[Scene, ParametricStability]:
         with suppress(SceneError, ComputationError):  # each tells its own reason
@@ -115,13 +158,9 @@ class Portion:
 
 @dataclass(frozen=True)
 class RequestedMeasure:
-    """A measure with its N, and how it is computed of a scene, of N, 0 where it chooses one itself, and a portion.
-
-    The function is at module level, so that other processes can import it.
-    """
+    """A measure with its N, 0 where it chooses one itself; its class is at module level, for other processes."""
 
     measure: Measure
-    function: Callable[[Scene, float, Portion], dict[str, float]]
     number: float
 
     def __post_init__(self) -> None:
@@ -145,7 +184,7 @@ class RequestedMeasure:
 
     def of(self, scene: Scene, table: Scene | None = None) -> dict[str, float]:
         """Its values for a scene; modes are numbered as in the table of `table`, by default of the scene itself."""
-        return self.function(scene, self.number, Portion([scene], table or scene))
+        return self.measure.of_scene(scene, self.number, Portion([scene], table or scene))
 
 
 @lru_cache(maxsize=2)
@@ -163,140 +202,14 @@ def _run_of(scene: Scene, seconds: float) -> Trajectory:
     return trajectory
 
 
-_survival = lru_cache(maxsize=1)(find_survival)
-
-
-def frequencies(scene: Scene, count: float, portion: Portion) -> dict[str, float]:
-    """The lowest natural frequencies |λ|."""
-    return {f"omega_{name}_rad_per_s": float(abs(value)) for name, value in _first(scene, count, portion)}
-
-
-def damping(scene: Scene, count: float, portion: Portion) -> dict[str, float]:
-    """The damping ratios −Re λ/|λ| of these modes."""
-    return {f"damping_ratio_{name}": float(-v.real / abs(v) + 0.0) for name, v in _first(scene, count, portion)}
-
-
-def _first(scene: Scene, count: float, portion: Portion) -> Iterator[tuple[str, np.complex128]]:
-    return islice(zip(number_labels(portion.numbers(scene)), portion.swinging(scene)[0], strict=True), int(count))
-
-
-def splitting(scene: Scene, number: float, portion: Portion) -> dict[str, float]:
-    """The frequency gap from one mode to the next."""
-    name, gap = _gap(scene, int(number), portion)
-    return {f"splitting_{name}_rad_per_s": gap}
-
-
-def beat(scene: Scene, number: float, portion: Portion) -> dict[str, float]:
-    """The beat period 2π/Δω of a mode and the next; infinite where they pass no energy between pendula."""
-    name, gap = _gap(scene, int(number), portion)
-    return {f"beat_{name}_s": 2 * pi / gap if gap and _passes(scene, name, portion) else inf}
-
-
-def _passes(scene: Scene, number: int, portion: Portion) -> bool:
-    """Whether a mode and the next pass energy of some pendulum there and back: 4 w_1 w_2 of it, by their shares w."""
-    order = np.argsort(portion.swinging(scene)[0].imag, kind="stable").tolist()
-    numbers, rows = portion.numbers(scene), portion.swinging(scene)[1]
-    last = max(place for place, at in enumerate(order) if numbers[at] == number)
-    modes = natural_modes(scene)
-    sizes = [pendulum.n_links for pendulum in scene.pendulum for _ in range(pendulum.count)]
-    first = np.cumsum([0, *sizes[:-1]])
-    shares = [
-        np.add.reduceat(sum(modes.shape(n, copy).kinetic_energy_share for copy in range(modes.multiplicity[n])), first)
-        for n in (rows[order[last]] - 1, rows[order[last + 1]] - 1)
-    ]
-    return passes_energy(*shares)
-
-
-def _gap(scene: Scene, number: int, portion: Portion) -> tuple[int, float]:
-    """A mode's number (0: the first oscillating one), and the gap in Im λ (rad/s) from its last copy to the next."""
-    values, listed = portion.swinging(scene)[0].imag, portion.numbers(scene)
-    order = np.argsort(values, kind="stable")
-    omega, numbers = values[order], [listed[place] for place in order]
-    number = number or next(iter(numbers), 0)
-    last = max((place for place, listed_number in enumerate(numbers) if listed_number == number), default=-1)
-    if last < 0:
-        raise ComputationError(f"mode {number} of the table does not oscillate: {_those(numbers)}")
-    if last + 1 == len(numbers):
-        raise ComputationError(f"no mode oscillates after mode {number} of the table: {_those(numbers)}")
-    return number, float(omega[last + 1] - omega[last])
-
-
 def _those(numbers: list[int]) -> str:
     range_of = f", from {min(numbers)} to {max(numbers)}" if numbers else ""
     return counted(len(numbers), "mode oscillates", "modes oscillate") + range_of
 
 
-def energy_drift(scene: Scene, seconds: float, portion: Portion) -> dict[str, float]:
-    """The energy drift of the run, relative."""
-    return {"energy_drift": portion.run(scene, seconds).energy_drift()}
-
-
-def largest_angle(scene: Scene, seconds: float, portion: Portion) -> dict[str, float]:
-    """The largest angle of any link from the downward vertical, also at turning points between the samples."""
-    return {"largest_angle_deg": float(np.degrees(widest(portion.run(scene, seconds))))}
-
-
-def cart_travel(scene: Scene, seconds: float, portion: Portion) -> dict[str, float]:
-    """The peak-to-peak travel of the cart, also at turning points between the samples."""
-    run = portion.run(scene, seconds)
-    left, right = extremes(run.times, run.motion.cart, run.motion.cart_rate)
-    return {"cart_travel_m": float(right - left)}
-
-
-def survivor(scene: Scene, seconds: float, portion: Portion) -> dict[str, float]:
-    """The number in the table of the mode with most energy at the end, and its share."""
-    survival = _survival(portion.run(scene, seconds))
-    number, numbers = survival.number, portion.swinging(scene)[1]
-    if number in numbers:
-        number = portion.numbers(scene)[numbers.index(number)]
-    return {"survivor": float(number), "survivor_share": survival.survivor_share}
-
-
-def locking(scene: Scene, seconds: float, portion: Portion) -> dict[str, float]:
-    """The time from which all other rows hold less than 1 % together; NaN if never."""
-    time = _survival(portion.run(scene, seconds)).locking_time()
-    return {"locking_time_s": nan if time is None else time}
-
-
-def floquet(scene: Scene, number: float, portion: Portion) -> dict[str, float]:
-    """The largest Floquet multiplier of small angles on a support that moves up and down, and what it means."""
-    stability = portion.stability(scene)
-    return {
-        "largest_multiplier": stability.largest,
-        "growth_rate_per_s": stability.growth_rate,
-        "kind": float(stability.number),
-    }
-
-
-def read_off_end(name: str, scene: Scene, seconds: float, portion: Portion) -> dict[str, float]:
-    """A measure that ensembles read off the last tenth, of the run."""
-    return measured_run(portion.run(scene, seconds), name)
-
-
-def read_off_member(name: str, scene: Scene, seconds: float, portion: Portion) -> dict[str, float]:
-    """A measure of ensembles, of the scene as a member."""
-    return portion.member(scene, seconds, name)
-
-
-FLOQUET, OF_MEMBERS = "floquet", ("first_turn", "order", "configuration")
-FUNCTIONS = (
-    *(frequencies, damping, splitting, beat, floquet),
-    *(largest_angle, cart_travel, energy_drift, survivor, locking),
-)
-COMPUTATIONS: dict[str, Callable[[Scene, float, Portion], dict[str, float]]] = {
-    **{function.__name__: function for function in FUNCTIONS},
-    **{name: partial(read_off_end, name) for name in ("order", "pendulum_energy", "configuration")},
-    **{name: partial(read_off_member, name) for name in ("first_turn", "lyapunov")},
-}
-"""How each measure that a sweep takes is computed."""
-
-
 def validate_requests(requests: Sequence[RequestedMeasure], scene: Scene) -> None:
     """SceneError where a scene has nothing of what is measured, before anything is computed."""
-    names = [request.name for request in requests]
-    checks: list[Callable[[], object]] = [partial(vertical_sine, scene)] * (FLOQUET in names)
-    checks += [partial(require, scene, "a Lyapunov exponent")] * ("lyapunov" in names)
-    validate(*checks, partial(validate_measures, [name for name in names if name in OF_MEMBERS], scene))
+    validate(*(partial(request.measure.require, scene, 0.0) for request in requests))
 
 
 def parse_measures(texts: Sequence[str], verb: str = "sweep") -> tuple[RequestedMeasure, ...]:
@@ -310,7 +223,7 @@ def parse_measures(texts: Sequence[str], verb: str = "sweep") -> tuple[Requested
     for text in texts:
         try:
             measure, number = parse_request(verb, text)
-            request = RequestedMeasure(measure, COMPUTATIONS[measure.name], number)
+            request = RequestedMeasure(measure, number)
             name = request.text if measure.whole else measure.name
             if name in requests:
                 raise SceneError([f"measure {text}: {name} is requested twice"])

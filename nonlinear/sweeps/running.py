@@ -25,7 +25,7 @@ from nonlinear.ensembles.executors import DIED, PATIENCE, STARTING, Crew, comput
 from nonlinear.ensembles.store import validate_store
 from nonlinear.integration import validate, validate_whole
 from nonlinear.sweeps.checkpoint import Checkpoint, RowFolder
-from nonlinear.sweeps.measures import FLOQUET, parse_measures
+from nonlinear.sweeps.measures import parse_measures
 from nonlinear.sweeps.study import ENERGY, LYAPUNOV, PointChunk, Row, Study, SweepTask, measure_chunk, measure_each
 
 MEMBERS = 50
@@ -77,7 +77,7 @@ class Sweep(Drawable, TextResult):
         Traced by continuation from the grid of the sweep, accurate beyond it; amplitudes in m, frequencies in Hz.
         """
         study = self.study
-        if FLOQUET not in [request.name for request in study.measures]:
+        if "floquet" not in [request.name for request in study.measures]:
             return ()
         sine, places = vertical_sine(study.scene), vertical_places(study.scene)
         values: dict[str, Any] = {"amplitude": sine.amplitude, "frequency_hz": sine.frequency_hz}
@@ -276,7 +276,7 @@ def _lines(sweep: Sweep) -> Iterator[str]:
     yield from notes(sweep)
     if sweep.study.members:
         yield DRAWN.format(sweep.study.members, sweep.study.seed)
-    elif any(request.measure.numbered for request in sweep.study.measures):
+    elif any(request.measure.is_numbered for request in sweep.study.measures):
         yield NUMBERED
 
 
@@ -299,7 +299,7 @@ def reasons(sweep: Sweep) -> Iterator[str]:
 def notes(sweep: Sweep) -> tuple[str, ...]:
     """What frequencies and damping ratios leave out anywhere in the sweep, a sentence each."""
     study = sweep.study
-    if not any(request.measure.numbered and not request.runs for request in study.measures):
+    if not any(request.measure.is_numbered and not request.runs for request in study.measures):
         return ()
     scenes = [study.scene]
     with suppress(SceneError):

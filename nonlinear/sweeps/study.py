@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from modal.errors import MultipendulaError, SceneError
+from modal.extend.measures import SCENE_ITSELF, columns_of
 from modal.report import Displayed
 from modal.scene import Scene, describe, require, scene_from
 from modal.scene.parameters import Variable, Variation, validate_variations
@@ -32,7 +33,6 @@ from nonlinear.ensembles.question import seconds_each
 from nonlinear.ensembles.runs import together
 from nonlinear.integration import validate, validate_whole
 from nonlinear.integration.readiness import reproducible
-from nonlinear.measures import MEASURES, SCENE_ITSELF, columns_of
 from nonlinear.sweeps.measures import Portion, RequestedMeasure, parse_measures, validate_requests
 
 MOST_AXES, MOST_POINTS = 3, 1_000_000
@@ -245,7 +245,7 @@ def _row(task: SweepTask, index: int, scene: Scene | Exception, portion: Portion
             raise scene
         with reproducible(task.size):
             for request in task.measures:
-                measured = request.function(scene, request.number, portion)
+                measured = request.measure.of_scene(scene, request.number, portion)
                 numbers |= {name: float(number) for name, number in measured.items()}
     except MultipendulaError as error:
         return Row(index, {}, " ".join(str(error).split()))
@@ -264,7 +264,7 @@ def validate_energies(scene: Scene, requests: Sequence[RequestedMeasure], member
         lambda: require(scene, CAPABILITY),
         lambda: validate_whole(1, members=members),
         lambda: validate_whole(0, seed=seed),
-        *(partial(_of_starts, name) for name in names),
+        *(partial(_of_starts, request) for request in requests),
     )
     if members > MOST_MEMBERS:
         raise SceneError([f"members {members}: must be at most {MOST_MEMBERS}"])
@@ -274,10 +274,10 @@ def validate_energies(scene: Scene, requests: Sequence[RequestedMeasure], member
             validate_measures((LYAPUNOV,), scene, request.number)
 
 
-def _of_starts(name: str) -> None:
+def _of_starts(request: RequestedMeasure) -> None:
     """SceneError for a measure that an ensemble does not take."""
-    if why := MEASURES[name].refused.get("ensemble"):
-        raise SceneError([f"measure {name}: cannot be measured of starts drawn at an energy: {why}"])
+    if why := request.measure.refused.get("ensemble"):
+        raise SceneError([f"measure {request.name}: cannot be measured of starts drawn at an energy: {why}"])
 
 
 def measured_at(scene: Scene, points: Sequence[tuple[int, float]], task: SweepTask) -> dict[int, Measured]:

@@ -404,7 +404,7 @@ def _energies(study: SynchronizationStudy) -> Iterator[str]:
 
 def _others(system: System, work: float) -> str:
     """A clause on other drives and dampers, with their work (J)."""
-    if any(group.excitation and group.excitation.steady for group in system.groups):
+    if any(group.has_active_laws for group in system.groups):
         return f", van der Pol drives and dampers together did {work:.6g} J of work"
     what = "dampers, friction and drag" if system.rubs or system.has_drag else "dampers"
     return f", {what} took {-work:.6g} J" if system.dissipates else ""

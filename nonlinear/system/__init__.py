@@ -21,6 +21,7 @@ from nonlinear.system.numbers import (
     Numbers,
     constants_of,
     entries_of,
+    law_places,
     numbers_of,
     numbers_of_all,
     prescribed_places,
@@ -44,7 +45,7 @@ from nonlinear.system.state import (
     unit_vectors,
     velocities,
 )
-from nonlinear.system.system import Group, System, system_of
+from nonlinear.system.system import Group, JointTerm, System, system_of
 from nonlinear.system.translations import translations
 
 __all__ = [
@@ -61,6 +62,7 @@ __all__ = [
     "Group",
     "Hoisting",
     "Hoists",
+    "JointTerm",
     "Kicks",
     "Layout",
     "Load",
@@ -77,6 +79,7 @@ __all__ = [
     "entries_of",
     "has_start",
     "initial_state",
+    "law_places",
     "level_crossing",
     "motion_of",
     "numbers_of",

@@ -1,35 +1,37 @@
 """The numbers of a scene as a list, of which many members may each have their own.
 
-The list is gravity, then of every link in the order of the file its mass, length, centre, inertia, damper, spring, the
-two constants of its drive, and its drag, field by field; then those of what carries the pendula: of every
+The list is gravity, then of every link in the order of the file its mass, length, centre, inertia, damper, spring and
+its drag, field by field; then those of what carries the pendula: of every
 carrier its place, mass, inertia, rods, centre, springs and dampers (of a modal one M, K, D and its points), of
-every entry of pendula where it hangs, of every spring its two numbers and its ends.  Beside it
+every entry of pendula where it hangs, of every spring its two numbers and its ends; last the parameters of laws of
+joints, term by term.  Beside it
 stand the entries of D_modal and the constants of sines that move the support, and of sines and constants that act as
 forces.  Where members differ an entry is an array (S,), elsewhere one number.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import radians
 from typing import Any
 
 import numpy as np
 
 from modal.report import Displayed
-from modal.scene import AnyLink, Body, Escapement, Scene, validate_scene, validate_scenes
+from modal.extend import Parameter
+from modal.scene import AnyLink, Body, Scene, validate_scene, validate_scenes
 from modal.scene.doors import checked
+from modal.scene.laws import JointPart
 from modal.scene.parameters import Place
 from modal.structure import CarrierEnd, CarrierNumbers, End, GroundEnd, LinkEnd, Structure, structure_of
 from modal.types import Floats
-from nonlinear.system.system import Group, System, system_of
+from nonlinear.system.system import Group, JointTerm, System, system_of
 
 BEFORE = 1  # entries before those of links
-FIELDS = ("mass", "length", "centre", "inertia", "damping", "stiffness", "strength", "curb", "drag", "quadratic_drag")
+FIELDS = ("mass", "length", "centre", "inertia", "damping", "stiffness", "drag", "quadratic_drag")
 DRAG = ("drag", "quadratic_drag")
-WORKING = ("damping", "strength", *DRAG)
+WORKING = ("damping", *DRAG)
 Values = Mapping[Place, Floats]
 
 
@@ -61,6 +63,7 @@ class Numbers(Displayed):
         outside = any(part is not None for part in (system.modal_damping, system.hoisting))
         first = BEFORE + len(FIELDS) * system.n_links
         outside = outside or any(self._is_set(first + k) for k in dampers_of(system.suspension))
+        outside = outside or any(not term.law.is_conservative for group in system.groups for term in group.laws)
         return outside or bool(system.prescribed_motions) or system.has_escapements or self._any_of(WORKING)
 
     @cached_property
@@ -132,7 +135,41 @@ def numbers_of(
     rest = numbers_of_structure(base.suspension)
     for k, names in enumerate(_places_of_structure(scene, base.suspension)):
         rest[k] = next((replacements[name] for name in names if name in replacements), rest[k])
-    return Numbers(base, (replacements.get(("gravity",), scene.gravity), *fields, *rest), constants)
+    laws = _law_numbers(scene, base, replacements)
+    return Numbers(base, (replacements.get(("gravity",), scene.gravity), *fields, *rest, *laws), constants)
+
+
+def _law_numbers(scene: Scene, system: System, replacements: Values) -> list[Any]:
+    """The parameters of the laws of joints, term by term, with other values at some of their places."""
+    return [
+        replacements.get((*place, parameter.name), getattr(part, parameter.name))
+        for place, part, parameter in _law_entries(scene, system)
+    ]
+
+
+def law_places(scene: Scene, system: System) -> list[tuple[int, Place]]:
+    """Which entries are parameters of laws, the last of a system's own, and their places in the scene."""
+    places = [(*place, parameter.name) for place, _, parameter in _law_entries(scene, system)]
+    return [*enumerate(places, len(entries_of(system)) - len(places))]
+
+
+def _law_entries(scene: Scene, system: System) -> Iterator[tuple[Place, JointPart, Parameter]]:
+    if not scene.has_laws:
+        return
+    links = [
+        (("pendulum", p, "links", i), link)
+        for p, pendulum in enumerate(scene.pendulum)
+        for _ in range(pendulum.count)
+        for i, link in enumerate(pendulum.links)
+        for _ in range(link.count)
+    ]
+    for group in system.groups:
+        for term in group.laws:
+            for parameter in term.law.parameters:
+                for number in group.index[term.rows, term.columns].tolist():
+                    place, link = links[number]
+                    step, part = link.placed_laws[term.order]
+                    yield (*place, *step), part, parameter
 
 
 @checked
@@ -189,13 +226,17 @@ def entries_of(system: System) -> list[float]:
     """The list of a system's own numbers."""
     fields = np.zeros((len(FIELDS), system.n_links))
     for group in system.groups:
-        drive, quadratic = group.excitation, group.quadratic_drag
+        quadratic = group.quadratic_drag
         law = {name: getattr(group.block, name) for name in FIELDS if hasattr(group.block, name)}
-        law |= {"strength": drive.strength, "curb": drive.curb} if drive else {}
         law |= {} if quadratic is None else {"quadratic_drag": quadratic}
         for name, values in law.items():
             fields[FIELDS.index(name), group.index] = values
-    return [system.gravity, *fields.ravel().tolist(), *numbers_of_structure(system.suspension)]
+    laws = [value for term in _terms(system) for number in term.numbers for value in number.tolist()]
+    return [system.gravity, *fields.ravel().tolist(), *numbers_of_structure(system.suspension), *laws]
+
+
+def _terms(system: System) -> Iterator[JointTerm]:
+    return (term for group in system.groups for term in group.laws)
 
 
 def numbers_of_all(scenes: Sequence[Scene]) -> Numbers:
@@ -225,20 +266,17 @@ def _row(link: AnyLink, replacements: Mapping[tuple[Any, ...], Floats]) -> list[
         centre, inertia = (replacements.get((name,), getattr(link, name)) for name in ("centre", "inertia"))
     else:
         centre, inertia = link.proportions(mass, length)
-    strength: Any = 0.0
-    curb: Any = 0.0
-    if link.drive is not None and not isinstance(link.drive, Escapement):
-        strength = replacements.get(("drive", "strength"), link.drive.strength)
-        curb = strength / (replacements.get(("drive", "angle_deg"), link.drive.angle_deg) * radians(1)) ** 2
     drag = (replacements.get((name,), getattr(link, name)) for name in DRAG)
-    return [mass, length, centre, inertia, damping, stiffness, strength, curb, *drag]
+    return [mass, length, centre, inertia, damping, stiffness, *drag]
 
 
 def system_with(system: System, entries: Sequence[Any], tail: bool = False) -> System:
     """The same system with other entries: numbers, symbols, or with a `tail` arrays of one length or 1 a field."""
     links = system.n_links
     fields = [_stack(entries[at : at + links], tail) for at in range(BEFORE, BEFORE + len(FIELDS) * links, links)]
-    groups = tuple(_group(group, dict(zip(FIELDS, fields, strict=True)), tail) for group in system.groups)
+    law_count = sum(len(term.numbers) * len(term.rows) for term in _terms(system))
+    law_numbers = iter(entries[len(entries) - law_count :])
+    groups = tuple(_group(group, dict(zip(FIELDS, fields, strict=True)), law_numbers, tail) for group in system.groups)
     suspension = structure_with(system.suspension, entries[BEFORE + len(FIELDS) * links :])
     return replace(system, gravity=entries[0], suspension=suspension, groups=groups)
 
@@ -404,10 +442,17 @@ def _stack(entries: Sequence[Any], tail: bool = False) -> Any:
     return stack
 
 
-def _group(group: Group, fields: Mapping[str, Any], tail: bool) -> Group:
+def _group(group: Group, fields: Mapping[str, Any], law_numbers: Iterator[Any], tail: bool) -> Group:
     values_of = {name: values[group.index] for name, values in fields.items()}
-    strength, curb, quadratic = (values_of.pop(name) for name in ("strength", "curb", "quadratic_drag"))
+    quadratic = values_of.pop("quadratic_drag")
+    laws = tuple(_term(term, law_numbers, tail) for term in group.laws)
     sigma = group.block.sigma[..., None] if tail else group.block.sigma
-    drive = group.excitation and replace(group.excitation, strength=strength, curb=curb)
     block = replace(group.block, sigma=sigma, **values_of)
-    return replace(group, block=block, excitation=drive, quadratic_drag=quadratic if np.any(quadratic) else None)
+    return replace(group, block=block, laws=laws, quadratic_drag=quadratic if np.any(quadratic) else None)
+
+
+def _term(term: JointTerm, numbers: Iterator[Any], tail: bool) -> JointTerm:
+    columns = [[next(numbers) for _ in term.rows] for _ in term.numbers]
+    if tail:
+        columns = [[*np.broadcast_arrays(*column)] for column in columns]
+    return replace(term, numbers=tuple(_stack(column, tail) for column in columns))

@@ -26,7 +26,9 @@ from modal.assembly import (
     rig_of,
 )
 from modal.report import Displayed, Summary, counted
-from modal.scene import Escapement, Pendulum, Scene, VanDerPol, validate_scene
+from modal.extend import JointLaw
+from modal.extend.laws import STEP
+from modal.scene import Escapement, Pendulum, Scene, validate_scene
 from modal.structure import Structure, is_damped
 from modal.types import Floats, Ints
 from nonlinear.system.prescribed import ActingForce, MovingSupport, acting_forces, moving_support
@@ -35,61 +37,118 @@ from nonlinear.system.springs import slack_of
 if TYPE_CHECKING:
     from modal.vibration import Course, PrescribedMotion
 
-NONE = (0.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
 class Excitation:
-    """Self-excitation at the joints of P pendula of n links; each array is (n, P), 0 at joints without any.
+    """Kicks at the joints of P pendula of n links; each array is (n, P), 0 at joints without any.
 
-    `strength` e and `curb` e/γ₀² (N m s/rad, N m s/rad³) give the torque (e − curb γ²) γ'; a kick has an `impulse`
-    (N m s) and comes at an `angle` (rad).
+    A kick has an `impulse` (N m s) and comes at an `angle` (rad).
     """
 
-    strength: Floats
-    curb: Floats
     impulse: Floats
     angle: Floats
 
     @property
-    def steady(self) -> bool:
-        """Whether any joint has a van der Pol torque."""
-        return bool(self.strength.any())
-
-    @property
-    def kicks(self) -> bool:
-        """Whether any joint has an escapement."""
-        return bool(self.impulse.any())
-
-    @property
     def table(self) -> Floats:
-        """All four arrays, (4, n, P)."""
-        return np.array([self.strength, self.curb, self.impulse, self.angle])
+        """Both arrays, (2, n, P)."""
+        return np.array([self.impulse, self.angle])
 
     def take(self, columns: Ints) -> Excitation:
         """The excitation of the pendula in these columns."""
         return Excitation(*self.table[:, :, columns])
 
     def times(self, factor: Any) -> Excitation:
-        """The excitation with torques and kicks multiplied by a factor."""
-        return Excitation(self.strength * factor, self.curb * factor, self.impulse * factor, self.angle)
+        """The excitation with kicks multiplied by a factor."""
+        return Excitation(self.impulse * factor, self.angle)
 
 
 def excitation_of(pendula: Sequence[Pendulum]) -> Excitation | None:
-    """The excitation of pendula with equally many links, one column each; None where there is none."""
-    if not any(link.drive for pendulum in pendula for link in pendulum.links):
-        return None
-    numbers = [[_numbers(link.drive) for link in pendulum.links for _ in range(link.count)] for pendulum in pendula]
-    return Excitation(*np.ascontiguousarray(np.array(numbers).transpose(2, 1, 0)))
+    """The kicks of pendula with equally many links, one column each; None where there are none."""
+    drives = [[link.drive for link in pendulum.links for _ in range(link.count)] for pendulum in pendula]
+    numbers = [
+        [(drive.impulse, radians(drive.angle_deg)) if isinstance(drive, Escapement) else (0.0, 0.0) for drive in chain]
+        for chain in drives
+    ]
+    excitation = Excitation(*np.ascontiguousarray(np.array(numbers).transpose(2, 1, 0)))
+    return excitation if excitation.impulse.any() else None
 
 
-def _numbers(drive: VanDerPol | Escapement | None) -> tuple[float, float, float, float]:
-    if drive is None:
-        return NONE
-    angle = radians(drive.angle_deg)
-    if isinstance(drive, Escapement):
-        return 0.0, 0.0, drive.impulse, angle
-    return drive.strength, drive.strength / angle**2, 0.0, 0.0
+@dataclass(frozen=True, eq=False)
+class JointTerm:
+    """A law at the joints (rows, columns) of a group, (C,) each, with its parameters `numbers`, (C, ...) each.
+
+    Its torques are multiplied by `scale`; `order` is its place among the laws of these links.  One that does not
+    `pull` has no torque of its potential.
+    """
+
+    law: JointLaw
+    order: int
+    rows: Ints
+    columns: Ints
+    numbers: tuple[Any, ...]
+    scale: Any = 1.0
+    pulls: bool = True
+
+    def torques(self, bends: Any, rates: Any) -> tuple[Any, Any]:
+        """What its potential accounts for and what does work (N m), (C, ...), of these joints' bends and rates."""
+        elastic, working = self.law.torques(bends, rates, self._parameters(bends))
+        return self._times_scale(elastic) if self.pulls else 0.0, self._times_scale(working)
+
+    def energy(self, bends: Any) -> Any:
+        """The energy (J) of its potential, (C, ...)."""
+        return self._times_scale(self.law.potential(bends, self._parameters(bends))) if self.law.has_potential else 0.0
+
+    def _times_scale(self, values: Any) -> Any:
+        return values * _beside(np.asarray(self.scale), values) if np.any(self.scale != 1.0) else values
+
+    def _parameters(self, like: Any) -> dict[str, Any]:
+        names = (parameter.name for parameter in self.law.parameters)
+        return {name: _beside(number, like) for name, number in zip(names, self.numbers, strict=True)}
+
+    def stiffness(self, bends: Floats) -> Floats:
+        """The stiffness (N m/rad) at these bends, (C,), by a complex step."""
+        return -np.imag(sum(self.torques(bends + 1j * STEP, 0.0 * bends))) / STEP
+
+    def take(self, columns: Ints) -> JointTerm:
+        """The term of the pendula in these columns, as many as there are."""
+        places = [(j, k) for k, column in enumerate(columns.tolist()) for j in np.flatnonzero(self.columns == column)]
+        which, new_columns = np.array(places, dtype=np.int64).reshape(-1, 2).T
+        scale = self.scale[which] if np.ndim(self.scale) else self.scale
+        numbers = tuple(number[which] for number in self.numbers)
+        return replace(self, rows=self.rows[which], columns=new_columns, numbers=numbers, scale=scale)
+
+    def at(self, which: int) -> JointTerm:
+        """The term of one of its joints."""
+        one = slice(which, which + 1)
+        scale = self.scale[one] if np.ndim(self.scale) else self.scale
+        numbers = tuple(number[one] for number in self.numbers)
+        return replace(self, rows=self.rows[one], columns=self.columns[one], numbers=numbers, scale=scale)
+
+    def times(self, factor: Any) -> JointTerm:
+        """The term with so many times the torques, one number or one for every pendulum."""
+        return replace(self, scale=self.scale * (factor[self.columns] if np.ndim(factor) else factor))
+
+
+def _beside(number: Any, like: Any) -> Any:
+    """A number of every joint beside values with further axes."""
+    return number.reshape(*number.shape, *[1] * (np.ndim(like) - np.ndim(number)))
+
+
+def joint_terms(pendula: Sequence[Pendulum]) -> tuple[JointTerm, ...]:
+    """The laws at the joints of pendula with equally many links, one column each: in the order of columns and links."""
+    places: dict[tuple[type[JointLaw], int], list[tuple[int, int, dict[str, float]]]] = {}
+    for column, pendulum in enumerate(pendula):
+        links = [link for link in pendulum.links for _ in range(link.count)]
+        for row, link in enumerate(links):
+            for k, part in enumerate(link.laws):
+                places.setdefault((type(part.law), k), []).append((row, column, part.numbers))
+    terms = []
+    for (law, order), entries in places.items():
+        rows, columns, numbers = zip(*entries, strict=True)
+        arrays = tuple(np.array([values[parameter.name] for values in numbers]) for parameter in law.parameters)
+        terms.append(JointTerm(law(), order, np.array(rows), np.array(columns), arrays))
+    return tuple(terms)
 
 
 def _link_numbers(pendula: Sequence[Pendulum], name: str) -> Floats | None:
@@ -104,8 +163,8 @@ def _link_numbers(pendula: Sequence[Pendulum], name: str) -> Floats | None:
 class Group:
     """P pendula of n links: their arrays (n, P), the position of every link in the file (n, P), their numbers (P,).
 
-    `excitation` is the drive of their joints, `friction` their dry friction (N m) and `quadratic_drag` (N s²/m²) that
-    of their links, both (n, P); each may be None.
+    `excitation` are the kicks of their joints, `friction` their dry friction (N m) and `quadratic_drag` (N s²/m²) that
+    of their links, both (n, P); each may be None.  `laws` act at their joints beside springs and dampers.
     """
 
     block: Block
@@ -114,6 +173,7 @@ class Group:
     excitation: Excitation | None = None
     friction: Floats | None = None
     quadratic_drag: Floats | None = None
+    laws: tuple[JointTerm, ...] = ()
 
     @property
     def n(self) -> int:
@@ -149,13 +209,13 @@ class Group:
 
     @cached_property
     def sprung(self) -> bool:
-        """Whether any joint has a spring."""
-        return bool(self.block.stiffness.any())
+        """Whether any joint has a spring, or a law with a potential."""
+        return bool(self.block.stiffness.any()) or any(term.law.has_potential for term in self.laws)
 
     @cached_property
     def has_dampers(self) -> bool:
-        """Whether any joint has a damper."""
-        return bool(self.block.damping.any())
+        """Whether any joint has a damper, or a law that dissipates."""
+        return bool(self.block.damping.any()) or any(term.law.is_dissipative for term in self.laws)
 
     @cached_property
     def has_drag(self) -> bool:
@@ -163,19 +223,19 @@ class Group:
         return self.quadratic_drag is not None or bool(self.block.drag.any())
 
     @cached_property
-    def has_van_der_pol(self) -> bool:
-        """Whether any joint has a van der Pol torque."""
-        return self.excitation is not None and self.excitation.steady
+    def has_active_laws(self) -> bool:
+        """Whether any joint has a law that may supply energy."""
+        return any(not (term.law.is_conservative or term.law.is_dissipative) for term in self.laws)
 
     @property
     def has_escapements(self) -> bool:
         """Whether any joint has an escapement."""
-        return self.excitation is not None and self.excitation.kicks
+        return self.excitation is not None
 
     @cached_property
     def has_joint_torques(self) -> bool:
         """Whether the joints exert torques between kicks."""
-        return self.sprung or self.has_dampers or self.has_van_der_pol
+        return self.sprung or self.has_dampers or bool(self.laws)
 
 
 class Rail(NamedTuple):
@@ -338,7 +398,7 @@ class System(Displayed):
     @property
     def excites(self) -> bool:
         """Whether any joint is self-excited."""
-        return self.has_escapements or any(group.has_van_der_pol for group in self.groups)
+        return self.has_escapements or any(group.has_active_laws for group in self.groups)
 
     @property
     def has_escapements(self) -> bool:
@@ -421,7 +481,8 @@ def system_of(scene: Scene, hoists: Hoists | None = None) -> System:
     1
     """
     validate_scene(scene)
-    rig = rig_of(scene.replace(force=()) if scene.force else scene)
+    lawless = scene.without_laws
+    rig = rig_of(lawless.replace(force=()) if scene.force else lawless)
     hanging = [pendulum for pendulum in scene.pendulum for _ in range(pendulum.count)]
     sizes = np.array([rig.blocks[block].n for block, _, copies in rig.members for _ in range(copies)])
     columns = np.array([(block, column) for block, column, copies in rig.members for _ in range(copies)])
@@ -432,9 +493,10 @@ def system_of(scene: Scene, hoists: Hoists | None = None) -> System:
         index = first[pendula] + np.arange(block.n)[:, None]
         alike = [hanging[p] for p in pendula]
         excitation = excitation_of(alike) if scene.is_driven else None
+        laws = joint_terms(alike) if scene.has_laws else ()
         friction = _link_numbers(alike, "friction") if scene.has_friction else None
         drag = _link_numbers(alike, "quadratic_drag") if scene.has_drag else None
-        groups.append(Group(block.take(columns[pendula, 1]), index, pendula, excitation, friction, drag))
+        groups.append(Group(block.take(columns[pendula, 1]), index, pendula, excitation, friction, drag, laws))
     modal = _modal_dampers(scene) if scene.has_modal_damping and not rig.spatial else None
     labels, hoisting = coordinate_labels(rig), hoisting_of(scene, hoists)
     sources = modal, hoisting, _support(scene), _rail(scene), acting_forces(scene)

@@ -12,15 +12,15 @@ import pytest
 import sweep_measures
 
 from modal import ComputationError, SceneError, load
+from modal.extend import registration
 from modal.scene.parameters import parse_variations, vary
 from multipendula.cli import main
 from multipendula.commands import command_named
 from multipendula.commands.sweeps import sweep
 from nonlinear.ensembles import bifurcations
-from nonlinear.measures import MEASURES
 from nonlinear.reduction import usual_start
 from nonlinear.simulation import simulate
-from nonlinear.sweeps import COMPUTATIONS, Study, parse_measures
+from nonlinear.sweeps import Study, parse_measures
 from nonlinear.sweeps import files as sweep_files
 from nonlinear.sweeps import sweep as swept
 
@@ -54,20 +54,19 @@ def test_ctrl_c_leaves_a_journal_that_the_same_command_goes_on_from(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("SWEEP_LOG", str(tmp_path / "log"))
-    monkeypatch.setitem(MEASURES, "interrupted", sweep_measures.INTERRUPTED.measure)
-    monkeypatch.setitem(COMPUTATIONS, "interrupted", sweep_measures.INTERRUPTED.function)
     kept = tmp_path / "m.csv"
-    asked = options("support.mass=1,2,3", measure=["interrupted:3"], output=str(kept))
-    monkeypatch.setenv("SWEEP_INTERRUPTS", "1")
-    with pytest.raises(KeyboardInterrupt):
+    with registration(sweep_measures.Interrupted):
+        asked = options("support.mass=1,2,3", measure=["interrupted:3"], output=str(kept))
+        monkeypatch.setenv("SWEEP_INTERRUPTS", "1")
+        with pytest.raises(KeyboardInterrupt):
+            sweep(asked)
+        assert not kept.exists()
+        assert f"{kept}.journal" in capsys.readouterr().err
+        monkeypatch.delenv("SWEEP_INTERRUPTS")
         sweep(asked)
-    assert not kept.exists()
-    assert f"{kept}.journal" in capsys.readouterr().err
-    monkeypatch.delenv("SWEEP_INTERRUPTS")
-    sweep(asked)
-    assert sweep_measures.logged() == ["1", "2", "3"]
-    assert np.array_equal(sweep_files.load(kept).values("product_kg"), [1, 2, 3])
-    assert not (tmp_path / "m.csv.journal").exists()
+        assert sweep_measures.logged() == ["1", "2", "3"]
+        assert np.array_equal(sweep_files.load(kept).values("product_kg"), [1, 2, 3])
+        assert not (tmp_path / "m.csv.journal").exists()
 
 
 def test_loci_are_told_kept_and_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -40,7 +40,7 @@ def chains(system: System) -> list[tuple[list[int], list[dict[str, float]]]]:
     """Of every pendulum the places of its links, and their numbers p by name."""
     pairs = []
     for group in system.groups:
-        block, drive = group.block, group.excitation
+        block = group.block
         for p in range(group.index.shape[1]):
             links = []
             for i in range(group.n):
@@ -48,9 +48,11 @@ def chains(system: System) -> list[tuple[list[int], list[dict[str, float]]]]:
                 numbers = {
                     name: float(np.broadcast_to(getattr(block, name), group.index.shape)[i, p]) for name in names
                 }
-                numbers |= {"strength": 0.0, "curb": 0.0, "quadratic": 0.0, "static": float(block.b[i, p])}
-                if drive is not None:
-                    numbers |= {"strength": float(drive.strength[i, p]), "curb": float(drive.curb[i, p])}
+                numbers |= {"strength": 0.0, "angle_deg": 180.0, "quadratic": 0.0, "static": float(block.b[i, p])}
+                for term in group.laws:
+                    for number in np.flatnonzero((term.rows == i) & (term.columns == p)):
+                        named = zip(("strength", "angle_deg"), term.numbers, strict=True)
+                        numbers |= {name: float(values[number]) for name, values in named}
                 if group.quadratic_drag is not None:
                     numbers["quadratic"] = float(group.quadratic_drag[i, p])
                 numbers |= {"rest": float(system.rest[group.index[i, p]]), "bent": float(group.joint_rest[i, p])}

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from live import NEEDS_NODE, assert_rows, said_by_node
+from support.magnets import lawful_scene
 
 from modal import natural_modes
 from modal.assembly import matrices
@@ -23,7 +24,7 @@ from multipendula.page import LARGEST_OF_STRUCTURES, joined, page, recording_of,
 from multipendula.page.document import PHYSICS
 from nonlinear import simulate
 from nonlinear.dynamics import Mechanics, Minimal, Recursion
-from nonlinear.system import Motion, initial_state, system_of
+from nonlinear.system import Layout, initial_state, system_of
 
 pytestmark = NEEDS_NODE
 
@@ -53,7 +54,12 @@ ZOO: dict[str, Any] = {
         }
         | {"start": {"angles_deg": [20.0, -30.0], "rates_deg": [0.0, 50.0]}},
         {"on": "rocker", "position": [0.2, 0.1], "start": {"angles_deg": [-25.0]}}
-        | {"links": [{"kind": "bob", "mass": 0.8, "length": 0.7, "stiffness": 0.3, "damping": 0.02, "drag": 0.05}]},
+        | {
+            "links": [
+                {"kind": "bob", "mass": 0.8, "length": 0.7, "stiffness": 0.3, "damping": 0.02, "drag": 0.05}
+                | {"law": [{"kind": "magnet", "strength": 0.4}, {"kind": "grease", "strength": 0.1, "pull": 0.2}]}
+            ]
+        },
         {"on": "frame[0]", "count": 2, "start": {"angles_deg": [15.0]}}
         | {
             "links": [
@@ -70,7 +76,7 @@ SHAKEN: dict[str, Any] = {
     "spring": [ZOO["spring"][k] for k in (0, 1, 3)],
     "pendulum": ZOO["pendulum"][:2],
 }
-NAMES = (*SHIPPED, "zoo", "shaken")
+NAMES = (*SHIPPED, "zoo", "shaken", "lawful")
 CHANGES: dict[str, list[tuple[list[Any], float]]] = {
     "two-bobs": [(["pendulum", 1, "links", 0, "mass"], 1.7), (["spring", 0, "stiffness"], 9.0)],
     "tower": [(["support", 0, "mass"], 3.0e5), (["pendulum", 0, "links", 0, "length"], 2.4), (["gravity"], 9.0)],
@@ -79,6 +85,7 @@ CHANGES: dict[str, list[tuple[list[Any], float]]] = {
     "zoo": [
         (["support", 1, "inertia"], 1.1),
         (["spring", 3, "stiffness"], 2.6),
+        (["pendulum", 1, "links", 0, "law", 0, "strength"], 0.9),
         (["pendulum", 0, "links", 0, "length"], 0.7),
     ],
 }
@@ -127,6 +134,8 @@ return {
 
 @cache
 def scene_of(name: str) -> Scene:
+    if name == "lawful":
+        return scene_from(scene_data(lawful_scene()))
     return load(name) if name in SHIPPED else scene_from({"zoo": ZOO, "shaken": SHAKEN}[name])
 
 
@@ -177,15 +186,7 @@ def test_energies_are_those_of_the_mechanics(answers: dict[str, Any], name: str)
     system = system_of(scene_of(name))
     first, half = system.first, system.first + system.n_links
     y = states_of(name)[:, 1:]
-    motion = Motion(
-        links=y[:, first:half],
-        link_rates=y[:, half + first : 2 * half],
-        cart=np.zeros(3),
-        cart_rate=np.zeros(3),
-        work=y[:, -1],
-        supports=y[:, :first],
-        support_rates=y[:, half : half + first],
-    )
+    motion = Layout(system.n_links, 1, first, True, system.is_structured).read(y)
     theirs = Mechanics(system, motion).energies
     for energies, kinetic, potential in zip(answers[name]["energies"], *theirs, strict=True):
         size = kinetic + abs(potential)
@@ -219,8 +220,8 @@ def test_modes_are_those_of_the_table_also_after_changes(answers: dict[str, Any]
 @EVERY
 def test_motions_are_pythons(answers: dict[str, Any], name: str) -> None:
     run = simulate(scene_of(name), SECONDS, tolerance=1e-12)
-    final = run.final
-    expected = np.concatenate([final.supports, final.links, final.support_rates, final.link_rates])
+    layout = Layout(run.system.n_links, 1, run.system.first, False, run.system.is_structured)
+    expected = layout.begin(run.final)
     mine = np.array(answers[name]["y"])
     assert mine[:-1] == pytest.approx(expected, abs=1e-9)
     assert mine[-1] == pytest.approx(run.motion.work[-1], rel=1e-8, abs=1e-9)
@@ -269,8 +270,9 @@ def test_a_scene_file_of_the_page_reads_back_with_its_state(answers: dict[str, A
     if name == "zoo":  # its copies are named by a spring
         assert text.startswith("# Springs or forces name pendula")
         return
-    state = initial_state(parse(text.encode()))
-    expected = np.concatenate([state.supports, state.links, state.support_rates, state.link_rates])
+    again = parse(text.encode())
+    system = system_of(again)
+    expected = Layout(system.n_links, 1, system.first, False, again.is_structured).begin(initial_state(again))
     assert expected == pytest.approx(mine[:-1], rel=1e-13, abs=1e-15)
 
 

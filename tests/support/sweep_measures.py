@@ -6,8 +6,8 @@ import os
 import time
 from pathlib import Path
 
+from modal.extend.measures import SCENE_ITSELF, SECONDS, Measure
 from modal.scene import Cart, Scene
-from nonlinear.measures import Measure
 from nonlinear.sweeps.measures import Portion, RequestedMeasure
 
 
@@ -26,36 +26,52 @@ def logged() -> list[str]:
     return path.read_text(encoding="utf-8").split() if path.exists() else []
 
 
-def product(scene: Scene, number: float, portion: Portion) -> dict[str, float]:
-    cart = cart_of(scene)
-    log(f"{cart.mass:g}")
-    return {"product_kg": number * cart.mass + cart.damping}
+class Product(Measure):
+    name, words, columns, needs, usual = "product", "for tests", ("product_kg",), "a cart", 1.0
+    reads = SCENE_ITSELF
+    counts = SECONDS
+
+    def of_scene(self, scene: Scene, number: float, portion: Portion) -> dict[str, float]:
+        cart = cart_of(scene)
+        log(f"{cart.mass:g}")
+        return {"product_kg": number * cart.mass + cart.damping}
 
 
-def failing(scene: Scene, number: float, portion: Portion) -> dict[str, float]:
-    if cart_of(scene).mass == number:
-        raise RuntimeError("nothing\nto see")
-    return product(scene, 1.0, portion)
+class Failing(Product):
+    name = "failing"
+
+    def of_scene(self, scene: Scene, number: float, portion: Portion) -> dict[str, float]:
+        if cart_of(scene).mass == number:
+            raise RuntimeError("nothing\nto see")
+        return super().of_scene(scene, 1.0, portion)
 
 
-def dying(scene: Scene, number: float, portion: Portion) -> dict[str, float]:
-    if cart_of(scene).mass == number:
-        os._exit(7)
-    return product(scene, 1.0, portion)
+class Dying(Product):
+    name = "dying"
+
+    def of_scene(self, scene: Scene, number: float, portion: Portion) -> dict[str, float]:
+        if cart_of(scene).mass == number:
+            os._exit(7)
+        return super().of_scene(scene, 1.0, portion)
 
 
-def interrupted(scene: Scene, number: float, portion: Portion) -> dict[str, float]:
-    if cart_of(scene).mass == number and os.environ.get("SWEEP_INTERRUPTS"):
-        raise KeyboardInterrupt
-    return product(scene, 1.0, portion)
+class Interrupted(Product):
+    name = "interrupted"
+
+    def of_scene(self, scene: Scene, number: float, portion: Portion) -> dict[str, float]:
+        if cart_of(scene).mass == number and os.environ.get("SWEEP_INTERRUPTS"):
+            raise KeyboardInterrupt
+        return super().of_scene(scene, 1.0, portion)
 
 
-def slow(scene: Scene, number: float, portion: Portion) -> dict[str, float]:
-    time.sleep(number)
-    return product(scene, 1.0, portion)
+class Slow(Product):
+    name = "slow"
+
+    def of_scene(self, scene: Scene, number: float, portion: Portion) -> dict[str, float]:
+        time.sleep(number)
+        return super().of_scene(scene, 1.0, portion)
 
 
 PRODUCT, FAILING, DYING, INTERRUPTED, SLOW = (
-    RequestedMeasure(Measure(function.__name__, "for tests", ("product_kg",), "a cart", usual=1.0), function, 1.0)
-    for function in (product, failing, dying, interrupted, slow)
+    RequestedMeasure(measure(), 1.0) for measure in (Product, Failing, Dying, Interrupted, Slow)
 )

@@ -16,6 +16,7 @@ import pytest
 from nonlinear.integration import readiness
 
 KERNELS = {
+    "nonlinear.dynamics.programs": (),
     "nonlinear.dynamics.compiled_structure": (),
     "nonlinear.dynamics.compiled": ("one_rate",),
     "nonlinear.integration.compiled": ("steps",),

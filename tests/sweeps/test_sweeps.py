@@ -23,6 +23,8 @@ from forged import forged, with_record
 
 from modal import Bob, Cart, ComputationError, Fixed, Pendulum, Scene, SceneError, load, matrices, natural_modes
 from modal.errors import MissingExtraError
+from modal.extend import registered, registration
+from modal.extend.measures import taken_by
 from modal.scene import InitialCondition
 from modal.scene.parameters import (
     MOST_VALUES,
@@ -35,11 +37,10 @@ from modal.scene.parameters import (
 )
 from nonlinear.ensembles import WorkerPool
 from nonlinear.ensembles.cluster import cluster
-from nonlinear.measures import MEASURES, taken_by
 from nonlinear.plotting import draw_sweep
 from nonlinear.plotting.sweeps import label, sweep_figure
 from nonlinear.simulation import simulate
-from nonlinear.sweeps import COMPUTATIONS, Study, Sweep, open_checkpoint, parse_measures, sweep
+from nonlinear.sweeps import Study, Sweep, open_checkpoint, parse_measures, sweep
 from nonlinear.sweeps import files as sweep_files
 from nonlinear.sweeps.measures import RequestedMeasure
 from nonlinear.sweeps.running import DIED
@@ -267,7 +268,7 @@ def test_bad_measures_are_refused(text: str) -> None:
 
 def test_every_measure_has_words_and_a_usual_number() -> None:
     assert tuple(request.name for request in parse_measures(taken_by("sweep"))) == taken_by("sweep")
-    assert all(measure.words and measure.columns and measure.needs for measure in MEASURES.values())
+    assert all(measure.words and measure.columns and measure.needs for measure in registered("measure").values())
     with pytest.raises(SceneError, match="requested twice"):
         parse_measures(["frequencies", "frequencies:4"])
     with pytest.raises(SceneError, match="largest_angle is requested twice"):
@@ -519,15 +520,14 @@ def both_ways() -> list[Sweep]:
 
 
 @pytest.mark.parametrize("kind", ["npz", "csv"])
-def test_what_is_read_is_what_was_saved(kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(MEASURES, "failing", sweep_measures.FAILING.measure)
-    monkeypatch.setitem(COMPUTATIONS, "failing", sweep_measures.FAILING.function)
-    for saved in both_ways():
-        path = tmp_path / f"s.{kind}"
-        sweep_files.save(saved, path)
-        read = sweep_files.load(path)
-        assert (read.study, read.rows, read.interrupted) == (saved.study, saved.rows, saved.interrupted)
-        assert read.columns == saved.columns
+def test_what_is_read_is_what_was_saved(kind: str, tmp_path: Path) -> None:
+    with registration(sweep_measures.Failing):
+        for saved in both_ways():
+            path = tmp_path / f"s.{kind}"
+            sweep_files.save(saved, path)
+            read = sweep_files.load(path)
+            assert (read.study, read.rows, read.interrupted) == (saved.study, saved.rows, saved.interrupted)
+            assert read.columns == saved.columns
 
 
 def test_files_name_axes_and_units(tmp_path: Path) -> None:

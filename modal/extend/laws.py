@@ -1,0 +1,259 @@
+"""Laws of joints and forces on centres of mass: plain arithmetic over any scalar, with what follows from it.
+
+A law of a joint gives the torque τ(γ, γ') on the link below, and reversed on what is above, γ being the angle of the
+joint from equilibrium.  With a potential V the part τ(γ, 0) = −V'(γ) conserves energy, and the rest of the torque does
+work; without one all of it does.  About equilibrium
+
+    stiffness = −∂τ/∂γ,    damping = −∂τ/∂γ'    at (0, 0),
+
+by complex steps [Squire1998].  A point force F(v) acts on the centre of mass of a link that has the velocity v.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from math import isfinite, radians
+from typing import Any, ClassVar
+
+from modal.extend.parameters import Parameter
+from modal.extend.registry import Extension, call, mistake_of, register
+from modal.extend.scalars import sqrt
+
+Values = Mapping[str, Any]
+"""The parameters of a law by name: floats, arrays or symbols."""
+STEP = 1e-100
+"""Tolerance: of complex steps, whose square is nothing beside any float."""
+PROBE = 0.25
+"""Physics: an angle (rad) and a rate (rad/s) at which a law is compared with what it says of itself."""
+SMALL = 1e-5
+"""Tolerance: an angle (rad) whose square and whose rounding error, divided by it, are both nothing beside 1e-9."""
+AGREEMENT = 1e-9
+"""Tolerance: of that comparison, far above rounding."""
+
+
+class Law(Extension):
+    """What laws of joints and point forces have in common: parameters by name, and what they say of themselves."""
+
+    parameters: ClassVar[tuple[Parameter, ...]] = ()
+    is_smooth: ClassVar[bool] = True
+    """Whether it has all derivatives everywhere."""
+
+    @classmethod
+    def mistakes(cls) -> Iterator[str]:
+        """Parameters without names of their own."""
+        names = [parameter.name for parameter in cls.parameters]
+        if len(set(names)) < len(names) or not all(name.isidentifier() and name != "kind" for name in names):
+            yield f"parameters must have different names, which are words and not kind: {', '.join(names)}"
+
+
+class JointLaw(Law):
+    """A torque at a joint, `torque(angle, rate, parameters)`, and where it has one its `potential`.
+
+    Parameters arrive as a mapping by name.  Write plain arithmetic with the functions of `modal.extend`.
+
+    >>> from modal.extend import JointLaw, Parameter, sin
+    >>> class Magnet(JointLaw):
+    ...     name = "magnet"
+    ...     parameters = (Parameter("strength", "N m"),)
+    ...     is_odd = True
+    ...     def torque(self, angle, rate, parameters):
+    ...         return -parameters["strength"] * sin(3 * angle)
+    >>> stiffness, damping = Magnet().linear_coefficients({"strength": 2.0})
+    >>> round(stiffness, 12), damping
+    (6.0, 0.0)
+    """
+
+    kind = "joint law"
+    is_odd: ClassVar[bool] = False
+    """Whether the mirrored motion has the mirrored torque."""
+    is_dissipative: ClassVar[bool] = False
+    """Whether it never supplies energy."""
+    is_drive: ClassVar[bool] = False
+    """Whether it sustains a swing: linear models leave it out."""
+
+    @classmethod
+    def mistakes(cls) -> Iterator[str]:
+        """Mistakes of parameters, and a missing torque."""
+        yield from super().mistakes()
+        if cls.torque is JointLaw.torque:
+            yield "has no torque"
+
+    def torque(self, angle: Any, rate: Any, parameters: Values) -> Any:
+        """The torque (N m) on the link below, of the joint's angle (rad) from equilibrium and its rate (rad/s)."""
+        raise NotImplementedError
+
+    def potential(self, angle: Any, parameters: Values) -> Any:
+        """The energy (J) that it stores."""
+        raise NotImplementedError
+
+    @property
+    def has_potential(self) -> bool:
+        """Whether it stores energy."""
+        return type(self).potential is not JointLaw.potential
+
+    @property
+    def is_conservative(self) -> bool:
+        """Whether it does no work but that of its potential: whether its torque leaves the rate alone."""
+        return self.has_potential and not self.is_dissipative
+
+    def torques(self, angle: Any, rate: Any, parameters: Values) -> tuple[Any, Any]:
+        """The part that its potential accounts for, 0 without one, and the rest, which does work."""
+        total = call(self, "torque", angle, rate, parameters)
+        if not self.has_potential:
+            return 0.0, total
+        if self.is_conservative:
+            return total, 0.0
+        elastic = call(self, "torque", angle, 0.0 * rate, parameters)
+        return elastic, total - elastic
+
+    def linear_coefficients(self, parameters: Values) -> tuple[float, float]:
+        """Stiffness (N m/rad) and damping (N m s/rad) about equilibrium."""
+        steps = ((complex(0.0, STEP), 0.0), (0.0, complex(0.0, STEP)))
+        stiffness, damping = (-complex(call(self, "torque", *step, parameters)).imag / STEP for step in steps)
+        return stiffness + 0.0, damping + 0.0
+
+    def coefficient_slopes(self, parameters: Values) -> dict[str, tuple[float, float]]:
+        """How stiffness and damping change with every parameter: complex steps of it, between two small motions.
+
+        >>> from modal.extend.laws import DamperLaw
+        >>> DamperLaw().coefficient_slopes({"damping": 4.0})["damping"]
+        (0.0, 1.0)
+        """
+
+        def slope(name: str, *motion: float) -> float:
+            changed = {**parameters, name: complex(parameters[name], STEP)}
+            ends = (call(self, "torque", *(sign * part for part in motion), changed) for sign in (1.0, -1.0))
+            above, below = (complex(end).imag / STEP for end in ends)
+            return (below - above) / (2 * SMALL) + 0.0
+
+        return {name: (slope(name, SMALL, 0.0), slope(name, 0.0, SMALL)) for name in parameters}
+
+    def judge(self, parameters: Values) -> None:
+        """ExtensionError where it is not what it says: at rest, mirrored, by its potential, by its power."""
+        at_rest = call(self, "torque", 0.0, 0.0, parameters, shape=())
+        if abs(at_rest) > 0:
+            raise mistake_of(self, f"torque is {float(at_rest):g} N m at rest: must be 0 at angle 0 and rate 0")
+        if not all(map(isfinite, self.linear_coefficients(parameters))):
+            raise mistake_of(self, "torque has no derivative at rest")
+        places = [(sign * PROBE, other * PROBE) for sign in (1, -1) for other in (1, -1)]
+        torques = [float(call(self, "torque", *place, parameters)) for place in places]
+        size = max(map(abs, torques))
+        if self.is_odd and abs(torques[0] + torques[3]) + abs(torques[1] + torques[2]) > AGREEMENT * size:
+            raise mistake_of(self, "says that it is odd, and torque(−γ, −γ') is not −torque(γ, γ')")
+        elastic = [0.0] * len(places)
+        if self.has_potential:
+            for k, (angle, _) in enumerate(places):
+                slope = complex(call(self, "potential", complex(angle, STEP), parameters)).imag / STEP
+                elastic[k] = float(call(self, "torque", angle, 0.0, parameters))
+                if abs(slope + elastic[k]) > AGREEMENT * max(size, abs(slope)):
+                    words = f"its potential's slope is {slope:g} N m at {angle:g} rad, its torque {elastic[k]:g} N m"
+                    raise mistake_of(self, words)
+        works = [(total - part) * rate for total, part, (_, rate) in zip(torques, elastic, places, strict=True)]
+        if self.is_conservative and any(abs(work) > AGREEMENT * size for work in works):
+            raise mistake_of(self, "has a potential and a torque that depends on the rate: say is_dissipative = True")
+        if self.is_dissipative and max(works) > AGREEMENT * size:
+            raise mistake_of(self, "says that it is dissipative, and supplies energy")
+
+
+class PointForce(Law):
+    """A force on the centre of mass of a link, `force(velocity, parameters)`, against still air.
+
+    The velocity is a list of its components (m/s), the force (N) one of as many.
+
+    >>> from modal.extend import Parameter, PointForce
+    >>> class Wake(PointForce):
+    ...     name = "wake"
+    ...     parameters = (Parameter("drag", "N s/m", low=0.0),)
+    ...     def force(self, velocity, parameters):
+    ...         return [-parameters["drag"] * component for component in velocity]
+    >>> Wake().force([2.0, 0.0], {"drag": 0.5})
+    [-1.0, -0.0]
+    """
+
+    kind = "point force"
+
+    def force(self, velocity: Any, parameters: Values) -> Any:
+        """The force (N) at a velocity (m/s), component by component."""
+        raise NotImplementedError
+
+
+# ------------------------------------------------------------------------------------------------------------- ours
+
+
+class SpringLaw(JointLaw):
+    """A spring at a joint or between a carrier and the ground.
+
+    >>> from modal.extend.laws import SpringLaw
+    >>> SpringLaw().torque(0.5, 0.0, {"stiffness": 4.0})
+    -2.0
+    """
+
+    name = "spring"
+    parameters = (Parameter("stiffness", "N m/rad", low=0.0),)
+    is_odd = True
+
+    def torque(self, angle: Any, rate: Any, parameters: Values) -> Any:
+        """Against the angle."""
+        return -parameters["stiffness"] * angle
+
+    def potential(self, angle: Any, parameters: Values) -> Any:
+        """Half the stiffness times the square of the angle."""
+        return parameters["stiffness"] * angle**2 / 2
+
+
+class DamperLaw(JointLaw):
+    """A damper at a joint or between a carrier and the ground.
+
+    >>> from modal.extend.laws import DamperLaw
+    >>> DamperLaw().torque(0.0, 0.5, {"damping": 4.0})
+    -2.0
+    """
+
+    name = "damper"
+    parameters = (Parameter("damping", "N m s/rad", low=0.0),)
+    is_odd, is_dissipative = True, True
+
+    def torque(self, angle: Any, rate: Any, parameters: Values) -> Any:
+        """Against the rate."""
+        return -parameters["damping"] * rate
+
+
+class VanDerPolLaw(JointLaw):
+    """The torque e (1 − (γ/γ₀)²) γ', which supplies energy within γ₀ and dissipates it beyond.
+
+    >>> from modal.extend.laws import VanDerPolLaw
+    >>> VanDerPolLaw().torque(0.0, 0.5, {"strength": 4.0, "angle_deg": 10.0})
+    2.0
+    """
+
+    name = "van-der-pol"
+    parameters = (Parameter("strength", "N m s/rad", low=0.0), Parameter("angle_deg", "°", low=1e-6, high=180.0))
+    is_odd, is_drive = True, True
+
+    def torque(self, angle: Any, rate: Any, parameters: Values) -> Any:
+        """With the rate within γ₀, against it beyond."""
+        curb = parameters["strength"] / (parameters["angle_deg"] * radians(1)) ** 2
+        return (parameters["strength"] - curb * angle**2) * rate
+
+
+class DragLaw(PointForce):
+    """The force −(drag + quadratic_drag |v|) v [Landau1987, §§20 and 45].
+
+    >>> from modal.extend.laws import DragLaw
+    >>> DragLaw().force([3.0, 4.0], {"drag": 1.0, "quadratic_drag": 0.2})
+    [-6.0, -8.0]
+    """
+
+    name = "drag"
+    parameters = (Parameter("drag", "N s/m", low=0.0), Parameter("quadratic_drag", "N s²/m²", low=0.0, default=0.0))
+    is_smooth = False
+
+    def force(self, velocity: Any, parameters: Values) -> Any:
+        """Against the velocity."""
+        quadratic = parameters["quadratic_drag"]
+        strength = parameters["drag"] + quadratic * sqrt(sum(component * component for component in velocity))
+        return [-(strength * component) for component in velocity]
+
+
+for _law in (SpringLaw, DamperLaw, VanDerPolLaw, DragLaw):
+    register(_law)

@@ -1,0 +1,110 @@
+"""Measures of others: what they state, which verbs take them, and whose mistakes are told as whose."""
+
+from __future__ import annotations
+
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+import pytest
+
+from modal import load, natural_frequencies
+from modal.errors import ExtensionError, SceneError
+from modal.extend import Measure, registration
+from modal.extend.measures import measure_for, taken_by
+from modal.testing import MeasureTests
+from nonlinear.measures import CartTravel, Frequencies, LargestAngle
+from nonlinear.sweeps import sweep
+
+OMEGA = np.sort(natural_frequencies(load("chain-2").replace(gravity=9.81)))
+
+
+class Ratio(Measure):
+    """The ratio of the two lowest frequencies."""
+
+    name, words, columns = "ratio", "the second frequency over the first", ("frequency_ratio",)
+
+    def of_modes(self, modes: Any, number: float) -> float:
+        return float(modes[1].omega / modes[0].omega)
+
+
+class Swings(Measure):
+    """How the last link moved."""
+
+    name, words = "swings", "the largest angle of the last link, and how often it passes the vertical"
+    columns = ("last_angle_rad", "passages")
+
+    def of_motion(self, run: Any, seconds: float) -> tuple[float, float]:
+        angles = run.motion.links[:, -1]
+        return np.abs(angles).max(), float((angles[1:] * angles[:-1] < 0).sum())
+
+
+class TestRatio(MeasureTests):
+    extension = Ratio
+    expected = MappingProxyType({"frequency_ratio": float(OMEGA[-1] / OMEGA[-2])})
+
+
+class TestSwings(MeasureTests):
+    extension = Swings
+
+
+class TestFrequencies(MeasureTests):
+    """Ours is held to the same."""
+
+    extension = Frequencies
+
+
+class TestCartTravel(MeasureTests):
+    extension, scene = CartTravel, "paper-cart-2"
+
+
+class TestLargestAngle(MeasureTests):
+    extension = LargestAngle
+
+
+def failing(**functions: Any) -> type[Measure]:
+    return type("Failing", (Measure,), {"name": "failing", "words": "w", "columns": ("a", "b"), **functions})
+
+
+@pytest.mark.parametrize(
+    ("returned", "words"),
+    [
+        (1.0, "of_motion returned 1 values: must be 2, of a, b"),
+        ([1.0, "x"], "of_motion returned what is no number"),
+        ([1.0, [2.0, 3.0]], "of_motion returned what is no number"),
+    ],
+)
+def test_a_wrong_shape_is_the_extensions_own_error(returned: Any, words: str) -> None:
+    with pytest.raises(ExtensionError, match=rf"extension failing \(package tests\): {words}"):
+        failing(of_motion=lambda self, run, seconds: returned)().values_of("of_motion", None, 1.0)
+
+
+def test_what_it_raises_is_told_with_its_name() -> None:
+    def of_modes(self: Measure, modes: Any, number: float) -> float:
+        raise ZeroDivisionError("no modes")
+
+    with registration(failing(of_modes=of_modes)):
+        swept = sweep(load("chain-1"), "gravity=9.8,9.9", measures="failing", workers=1)
+    assert {*swept.failures.values()} == {
+        "extension failing (package tests): of_modes raised ZeroDivisionError: no modes"
+    }
+
+
+def test_errors_of_ours_stay_ours() -> None:
+    with pytest.raises(SceneError, match="^trajectory: a Trajectory is required"):
+        LargestAngle().values_of("of_motion", None, 1.0)
+    with pytest.raises(AttributeError):
+        CartTravel().values_of("of_motion", None, 1.0)
+
+
+def test_what_it_does_not_state_is_told_when_it_is_registered() -> None:
+    for wrong, words in (
+        (failing(), "has none of of_modes, of_motion and of_members"),
+        (failing(words="", of_modes=max), "has no words"),
+        (failing(name="Not A Name", of_modes=max), "its name 'Not A Name' must be small letters"),
+        (failing(name="beat", of_modes=max), "a measure of this name exists, of nonlinear"),
+    ):
+        with pytest.raises(ExtensionError, match=words), registration(wrong):
+            pass
+    assert "beat" in taken_by("sweep")
+    assert type(measure_for("sweep", "beat")).__module__ == "nonlinear.measures"
