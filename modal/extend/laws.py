@@ -15,6 +15,8 @@ from collections.abc import Iterator, Mapping
 from math import isfinite, radians
 from typing import Any, ClassVar
 
+import numpy as np
+
 from modal.extend.parameters import Parameter
 from modal.extend.registry import Extension, call, mistake_of, register
 from modal.extend.scalars import sqrt
@@ -130,11 +132,20 @@ class JointLaw(Law):
 
     def judge(self, parameters: Values) -> None:
         """ExtensionError where it is not what it says: at rest, mirrored, by its potential, by its power."""
+        with np.errstate(all="ignore"):
+            self._judge(parameters)
+
+    def _judge(self, parameters: Values) -> None:
         at_rest = call(self, "torque", 0.0, 0.0, parameters, shape=())
         if abs(at_rest) > 0:
             raise mistake_of(self, f"torque is {float(at_rest):g} N m at rest: must be 0 at angle 0 and rate 0")
-        if not all(map(isfinite, self.linear_coefficients(parameters))):
-            raise mistake_of(self, "torque has no derivative at rest")
+        for k, coefficient in enumerate(self.linear_coefficients(parameters)):
+            motions = [[sign * SMALL * (k == j) for j in (0, 1)] for sign in (1, -1)]
+            above, below = (float(call(self, "torque", *motion, parameters)) for motion in motions)
+            slope = (below - above) / (2 * SMALL)
+            agrees = abs(slope - coefficient) <= SMALL * (1 + abs(slope))
+            if not isfinite(coefficient) or (self.is_smooth and not agrees):
+                raise mistake_of(self, "torque has no derivative at rest: say is_smooth = False where it has a kink")
         places = [(sign * PROBE, other * PROBE) for sign in (1, -1) for other in (1, -1)]
         torques = [float(call(self, "torque", *place, parameters)) for place in places]
         size = max(map(abs, torques))

@@ -183,7 +183,9 @@ def _laws(value: Any) -> list[JointPart]:
 def _springs(value: Any) -> bool:
     """Whether a joint has a spring, or a law that acts as one."""
     is_number = isinstance(value, float)
-    return value > 0 if is_number else any(part.law.has_potential or part.linear_coefficients[0] for part in _laws(value))
+    return (
+        value > 0 if is_number else any(part.law.has_potential or part.linear_coefficients[0] for part in _laws(value))
+    )
 
 
 def _sustains(value: Any) -> bool:
@@ -246,9 +248,7 @@ FEATURES: dict[str, Feature] = {
     "escapement": Feature(
         "kicks of escapements", "remove the drives", lambda drive: isinstance(drive, Escapement), link=("drive",)
     ),
-    "van_der_pol": Feature(
-        "van der Pol drives", "remove the drives", _sustains, link=("drive", "law")
-    ),
+    "van_der_pol": Feature("van der Pol drives", "remove the drives", _sustains, link=("drive", "law")),
     "law": Feature("laws of joints", "remove the law", link=("law",)),
     "active_law": Feature("laws that supply energy", "remove the law", _is_active, link=("law",)),
     "kinked_law": Feature("laws that are not smooth", "remove the law", _is_kinked, link=("law",)),

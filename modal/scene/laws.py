@@ -7,12 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache, lru_cache
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 from modal.errors import SceneError
-from modal.extend import JointLaw, find_extension, registered
 from modal.scene.validation import LARGEST, Part, Schema, field, function_after, number, one_of
 from modal.scene.wording import suggestion
+
+if TYPE_CHECKING:
+    from modal.extend import JointLaw
 
 
 class JointPart(Part):
@@ -23,7 +25,10 @@ class JointPart(Part):
     {'strength': 0.1, 'angle_deg': 5.0}
     """
 
-    law: ClassVar[JointLaw]
+    @property
+    def law(self) -> JointLaw:
+        """The law itself."""
+        raise NotImplementedError
 
     @property
     def numbers(self) -> dict[str, float]:
@@ -32,9 +37,9 @@ class JointPart(Part):
 
     @property
     def linear_coefficients(self) -> tuple[float, float]:
-        """Stiffness (N m/rad) and damping (N m s/rad) about equilibrium; 0 of a drive, which linear models leave out."""
-        return (0.0, 0.0) if self.law.is_drive else _linear_coefficients(type(self.law), tuple(self.numbers.values()))
-
+        """Stiffness (N m/rad) and damping (N m s/rad) about equilibrium; 0 of a drive, which linear models have not."""
+        kind: Any = type(self.law)
+        return (0.0, 0.0) if self.law.is_drive else _linear_coefficients(kind, tuple(self.numbers.values()))
 
     @property
     def coefficient_slopes(self) -> dict[str, tuple[float, float]]:
@@ -47,24 +52,26 @@ class _NamedLaw(JointPart):
 
     def problems(self) -> Iterator[str]:
         """None, unless the law is not what it says: that is its own mistake."""
-        _judge(type(self.law), tuple(self.numbers.values()))
+        kind: Any = type(self.law)
+        _judge(kind, tuple(self.numbers.values()))
         return iter(())
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _restore, (type(self.law), self.numbers)
 
 
-def _restore(law: type[JointLaw], numbers: dict[str, float]) -> JointPart:
+def _restore(law: Any, numbers: dict[str, float]) -> JointPart:
     return part_of(law)(**numbers)
 
 
 @lru_cache(maxsize=4096)
-def _linear_coefficients(law: type[JointLaw], numbers: tuple[float, ...]) -> tuple[float, float]:
-    return law().linear_coefficients(_by_name(law, numbers))
+def _linear_coefficients(law: Any, numbers: tuple[float, ...]) -> tuple[float, float]:
+    coefficients: tuple[float, float] = law().linear_coefficients(_by_name(law, numbers))
+    return coefficients
 
 
 @lru_cache(maxsize=4096)
-def _judge(law: type[JointLaw], numbers: tuple[float, ...]) -> None:
+def _judge(law: Any, numbers: tuple[float, ...]) -> None:
     law().judge(_by_name(law, numbers))
 
 
@@ -73,7 +80,7 @@ def _by_name(law: type[JointLaw], numbers: Sequence[float]) -> dict[str, float]:
 
 
 @cache
-def part_of(law: type[JointLaw]) -> type[JointPart]:
+def part_of(law: Any) -> type[JointPart]:
     """The part of scenes with the parameters of a law.
 
     >>> from modal.extend.laws import SpringLaw
@@ -106,11 +113,13 @@ def _part(value: Any, place: str, problems: list[str]) -> Any:
     """The part of one table; its mistakes join the others."""
     if isinstance(value, JointPart):
         return value
+    from modal.extend import JointLaw, find_extension, registered
+
     names = sorted(registered(JointLaw.kind)) if not isinstance(value, Mapping) or "kind" not in value else ()
     if names or not isinstance(value["kind"], str):
         problems.append(f'{place}.kind: is required: write law = {{ kind = "…" }}, one of {", ".join(names)}')
         return None
-    law = find_extension(JointLaw.kind, value["kind"])
+    law: Any = find_extension(JointLaw.kind, value["kind"])
     if law is None:
         names = sorted(registered(JointLaw.kind))
         hint = suggestion(value["kind"], names)

@@ -16,11 +16,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from itertools import pairwise
-from typing import Any, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 from modal import pair
-from modal.extend import JointLaw
-from modal.extend.laws import VanDerPolLaw
+from modal.report import deferred
 from modal.scene.hoist import Hoist
 from modal.scene.laws import LAWS, JointPart
 from modal.scene.stored import Several
@@ -37,6 +36,9 @@ from modal.scene.validation import (
     one_of,
     optional,
 )
+
+if TYPE_CHECKING:
+    from modal.extend import JointLaw
 
 
 class LossTable(Part):
@@ -97,7 +99,11 @@ class VanDerPol(JointPart):
     strength: float = field(POSITIVE, "e", "N m s/rad")
     angle_deg: float = field(number(ge=1e-6, le=180), "γ₀", "°")
 
-    law = VanDerPolLaw()
+    @property
+    def law(self) -> JointLaw:
+        """The torque of any angle and rate."""
+        law: JointLaw = deferred("modal.extend.laws:VanDerPolLaw")()
+        return law
 
     def stronger(self, factor: float) -> VanDerPol:
         """So many times the torque."""
@@ -157,8 +163,12 @@ class Link(Part):
         """The same with the steps that lead to each."""
         several = isinstance(self.law, tuple)
         laws = self.law if isinstance(self.law, tuple) else (self.law,) if self.law else ()
-        placed = [(("law", k) if several else ("law",), part) for k, part in enumerate(laws)]
-        return [*placed, (("drive",), self.drive)] if isinstance(self.drive, VanDerPol) else placed  # type: ignore[list-item]
+        placed: list[tuple[tuple[str | int, ...], JointPart]] = []
+        for k, part in enumerate(laws):
+            placed.append((("law", k) if several else ("law",), part))
+        if isinstance(self.drive, VanDerPol):
+            placed.append((("drive",), self.drive))
+        return placed
 
     def laws_that(self, stays: Callable[[JointLaw], bool]) -> tuple[JointPart, ...] | None:
         """Those of `law` that stay."""

@@ -10,12 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from os import PathLike, fspath
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 from unicodedata import category
 
 from modal.errors import SceneError
 from modal.report import Displayed, Summary, deferred
-from modal.extend import JointLaw
 from modal.scene.features import DRAG, DRIVES, FRICTION, LOSS, features, hangs_plainly
 from modal.scene.links import AnyLink, Bob, Body, Link, Rod, is_lossy
 from modal.scene.motion import FORCE, AppliedForce, ConstantForce, Force, Ground, Moved, SupportMotion
@@ -61,6 +60,9 @@ from modal.scene.validation import (
     parts_or_none,
     text,
 )
+
+if TYPE_CHECKING:
+    from modal.extend import JointLaw
 
 MAX_CHAIN = 20_000
 MAX_LINKS = 10_000_000
@@ -389,9 +391,13 @@ class Scene(Displayed, Part):
     @property
     def conservative(self) -> Scene:
         """The same scene without all that does work: drives, losses and what acts in time."""
+        return self.timeless.workless
+
+    @property
+    def workless(self) -> Scene:
+        """The same scene without drives and losses; what acts in time stays."""
         none = {"drive": None, "damping": 0.0, "friction": 0.0, "drag": 0.0, "quadratic_drag": 0.0}
-        lawful = self.lossless.timeless._with_laws(lambda law: law.is_conservative)
-        loose = lawful._with(**none)
+        loose = self.lossless._with_laws(lambda law: law.is_conservative)._with(**none)
         springs = tuple(spring.replace(damping=0.0) for spring in loose.spring)
         return loose.replace(damping_ratio=0.0, spring=springs)._with_supports(_without_damping)
 

@@ -5,7 +5,8 @@ At a joint, or between cart and rail, they depend on the displacement γ from th
     −k γ − d γ' + τ(γ, γ')
 
 with any laws τ of joints (`modal.extend`).  The first term is conservative, the second does work; γ of a joint is the
-angle between two neighbouring links less its equilibrium value.  A load is a force on the cart and a moment on every link; dry friction acts as one (`contacts`).
+angle between two neighbouring links less its equilibrium value.  A load is a force on the cart and a moment on every
+link; dry friction acts as one (`contacts`).
 The damping ratios of modes are dampers on all coordinates together, a force −D_modal q' that is linear in the rates of
 x and of the angles θ, however large these are.
 

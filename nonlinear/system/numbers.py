@@ -18,8 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from modal.report import Displayed
 from modal.extend import Parameter
+from modal.report import Displayed
 from modal.scene import AnyLink, Body, Scene, validate_scene, validate_scenes
 from modal.scene.doors import checked
 from modal.scene.laws import JointPart

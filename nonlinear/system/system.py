@@ -24,9 +24,9 @@ from modal.assembly import (
     modal_dampers,
     rig_of,
 )
-from modal.report import Displayed, Summary, counted
 from modal.extend import JointLaw
 from modal.extend.laws import STEP
+from modal.report import Displayed, Summary, counted
 from modal.scene import Escapement, Pendulum, Scene, validate_scene
 from modal.structure import Structure, is_damped
 from modal.types import Floats, Ints
@@ -35,7 +35,6 @@ from nonlinear.system.springs import slack_of
 
 if TYPE_CHECKING:
     from modal.vibration import Course, PrescribedMotion
-
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +106,7 @@ class JointTerm:
 
     def stiffness(self, bends: Floats) -> Floats:
         """The stiffness (N m/rad) at these bends, (C,), by a complex step."""
-        return -np.imag(sum(self.torques(bends + 1j * STEP, 0.0 * bends))) / STEP
+        return np.asarray(-np.imag(sum(self.torques(bends + 1j * STEP, 0.0 * bends))) / STEP)
 
     def take(self, columns: Ints) -> JointTerm:
         """The term of the pendula in these columns, as many as there are."""

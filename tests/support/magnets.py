@@ -75,5 +75,3 @@ ENGINE = '{ kind = "engine", gain = 0.3, lead = 0.02 }'
 def lawful_scene(support: str = CART, laws: str = f"{GREASE}, {ENGINE}", way: str = "down") -> Scene:
     """Two links with laws at both joints."""
     return parse(FILE.format(support=support, laws=laws, way=way, start=-20.0 if way == "down" else 170.0).encode())
-
-
