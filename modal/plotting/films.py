@@ -12,12 +12,11 @@ from __future__ import annotations
 import base64
 import shutil
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import reduce
 from io import BytesIO
-from itertools import chain
 from os import PathLike
 from pathlib import Path
 from subprocess import DEVNULL, PIPE, Popen
@@ -225,15 +224,11 @@ def _write_html(film: MovingFigure, shot: Callable[[int], Image.Image], stream: 
     words |= {"WIDTH": str(film.canvas.get_width_height()[0]), "TITLE": html(film.title)}
     head, tail = (reduce(lambda text, pair: text.replace(*pair), words.items(), part) for part in PAGE.split("FRAMES"))
     stream.write(head.encode())
-    for part in chain.from_iterable(_embed(shot(k)) for k in range(film.count)):
-        stream.write(part)
+    for k in range(film.count):
+        buffer = BytesIO()
+        _on_paper(shot(k).quantize(COLOURS, dither=Image.Dither.NONE)).save(buffer, "PNG")
+        stream.write(b'"' + base64.b64encode(buffer.getvalue()) + b'",\n')
     stream.write(tail.encode())
-
-
-def _embed(image: Image.Image) -> Iterator[bytes]:
-    buffer = BytesIO()
-    _on_paper(image.quantize(COLOURS, dither=Image.Dither.NONE)).save(buffer, "PNG")
-    yield b'"' + base64.b64encode(buffer.getvalue()) + b'",\n'
 
 
 WRITERS = {"gif": _write_gif, "html": _write_html, "mp4": _write_mp4}

@@ -15,10 +15,10 @@ from modal.plotting.curves import RANGE, draw_curves
 from modal.plotting.layout import headline, legend, log_ticks, mark_modes, set_frame
 from modal.plotting.response import DEPTH_DB
 from modal.plotting.style import (
+    CURVE_POINTS,
     HUES,
     MARKED,
     MOST_CURVES,
-    POINTS,
     colour,
     ink,
     save,
@@ -162,7 +162,7 @@ def shock_figure(response: ShockResponse) -> Figure:
     """
     units = _units(response.outputs)
     combined_outputs = np.flatnonzero(~response.follows_support & (response.peaks[:, 0] > 0)).tolist()
-    rows = slice(None, None, -(-len(response.times) // POINTS))
+    rows = slice(None, None, -(-len(response.times) // CURVE_POINTS))
     times = response.times[rows]
     figure = sheet_of_rows(1 + len(units) + bool(combined_outputs))
     panels = figure.subplots(1 + len(units) + bool(combined_outputs), 1, squeeze=False)[:, 0]
