@@ -58,6 +58,8 @@ from modal.scene import kind_of, title_of, whole_file
 FORMS = ("gif", "mp4", "html")
 COLOURS = 64
 """Format: colours of a GIF: hues, greys and their mixtures at the edges of lines."""
+PAPER_LEVELS = 8
+"""Format: largest distance of a colour from the background, of 255, at which it is drawn as background."""
 FRAMES_MAX = 20_000
 """Limit: frames of a film: "must be at most 20000; use fewer seconds or fps"."""
 NO_FFMPEG = f"mp4 needs ffmpeg: install it, or the extra `video` ({installing('video')}); gif and html do not"
@@ -157,10 +159,11 @@ def _write_gif(film: MovingFigure, shot: Callable[[int], Image.Image], stream: I
 
 
 def _on_paper(image: Image.Image) -> Image.Image:
-    """The same palette with the colour nearest to the background replaced by it."""
+    """The same palette with colours close to the background replaced by it."""
     colours = np.array(image.getpalette(), dtype=np.uint8).reshape(-1, 3)
     plain = np.round(255 * np.array(to_rgb(paper()))).astype(np.uint8)
     blank = Image.new("RGB", (1, 1), tuple(plain.tolist())).quantize(palette=image, dither=Image.Dither.NONE)
+    colours[np.abs(colours.astype(int) - plain).max(1) <= PAPER_LEVELS] = plain
     colours[np.asarray(blank)] = plain
     image.putpalette(colours.tobytes())
     return image

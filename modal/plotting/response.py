@@ -323,8 +323,8 @@ def tuning_figure(tuning: Tuned) -> Figure:
     curves = tuning.curves()
     if not curves:
         raise ComputationError("no peak was tuned: there are no curves to draw")
-    if len(curves) > HUES:
-        raise ComputationError(f"{len(curves)} responses do not fit in a figure: choose at most {HUES}")
+    if len(curves) > HUES - 1:
+        raise ComputationError(f"{len(curves)} responses do not fit in a figure: choose at most {HUES - 1}")
     figure = sheet_of_rows(len(curves))
     panels = figure.subplots(len(curves), 1, squeeze=False)[:, 0]
     for axis, response in zip(panels, curves, strict=True):

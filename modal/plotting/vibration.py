@@ -104,10 +104,8 @@ def thermal_figure(noise: ThermalNoise, beside: RandomResponse | None = None, at
     from modal.vibration import thermal_frequencies
     from modal.vibration.report import named_modes
 
-    if len(noise.outputs) > HUES:
-        raise ComputationError(
-            f"{len(noise.outputs)} outputs do not fit in a figure: choose at most {HUES} with `outputs`"
-        )
+    if len(noise.outputs) > 4:
+        raise ComputationError(f"{len(noise.outputs)} outputs do not fit in a figure: choose at most 4 with `outputs`")
     f = thermal_frequencies(noise, beside, at)
     parts = np.sqrt(noise.budget(f))
     figure = sheet_of_rows(len(noise.outputs))
