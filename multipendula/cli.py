@@ -34,7 +34,7 @@ PLACE = re.compile(r"(pendulum\[|support\b|gravity\b)(?![^:\s]*=)")
 ENDING = ("SIGINT", "SIGTERM", "SIGHUP", "SIGALRM")
 SPELLED = "multipendula.spelled"
 """The error handler of `modal.report.spelling`, by its name: the module is loaded where a letter has to be spelled."""
-PATIENCE = 5.0
+INTERRUPT_SECONDS = 5.0
 """Format: seconds after which an interrupt that has not ended the command is raised again."""
 
 
@@ -62,7 +62,7 @@ def _stoppable(alone: bool) -> Iterator[list[int]]:
 
     def stop(number: int, frame: object) -> None:
         came.append(number)
-        _remind(PATIENCE)
+        _remind(INTERRUPT_SECONDS)
         raise KeyboardInterrupt
 
     def unheard(lost: sys.UnraisableHookArgs) -> None:

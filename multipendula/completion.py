@@ -10,7 +10,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any
 
-MOST_SHOWN = 30
+OFFERS_MAX = 30
 """Format: modes, and entries of a list in a scene, that are offered one by one."""
 
 Completer = Callable[..., Iterable[str]]
@@ -103,9 +103,9 @@ def mode_numbers(prefix: str, parsed_args: argparse.Namespace, **_: Any) -> list
     from modal import load, natural_modes
 
     scene = load(parsed_args.scene)
-    count = len(natural_modes(scene)) if scene.n_links <= 10 * MOST_SHOWN else 0
+    count = len(natural_modes(scene)) if scene.n_links <= 10 * OFFERS_MAX else 0
     before, colon, _last = prefix.rpartition(":")
-    return [f"{before}{colon}{number}" for number in range(int(before or 1), min(count, MOST_SHOWN) + 1)]
+    return [f"{before}{colon}{number}" for number in range(int(before or 1), min(count, OFFERS_MAX) + 1)]
 
 
 def places(prefix: str, parsed_args: argparse.Namespace, **_: Any) -> list[str]:
@@ -121,7 +121,7 @@ def _numbers(data: Any, place: str = "") -> Iterator[str]:
         for key, value in data.items():
             yield from _numbers(value, f"{place}.{key}".removeprefix("."))
     elif isinstance(data, list):
-        for index, value in enumerate(data[:MOST_SHOWN]):
+        for index, value in enumerate(data[:OFFERS_MAX]):
             yield from _numbers(value, f"{place}[{index}]")
     elif isinstance(data, int | float) and not isinstance(data, bool):
         yield place

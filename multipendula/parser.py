@@ -19,7 +19,7 @@ ANY = "…"
 """What stands for any value of an argument in a message."""
 PAGE_COLUMNS = 79
 """Format: columns of a page: a terminal of 80, less one for the cursor."""
-INDENT = 26
+HELP_INDENT = 26
 """Format: columns before what an option means."""
 SCREEN_LINES = 30
 """Format: lines of a screen, into which the page of `-h` fits."""
@@ -106,7 +106,8 @@ class Page(argparse.ArgumentParser):
             columns.add_arguments(actions)
             columns.end_section()
         title = "examples" if self.name else "first steps"
-        return f"{columns.format_help()}\n{title}:\n{shown(self.examples)}\n{self._further()}"
+        further = "" if self.name else "\nEvery command has its own help, for example `multipendula table --help`.\n"
+        return f"{columns.format_help()}\n{title}:\n{shown(self.examples)}\n{further}"
 
     def overview(self) -> str:
         """What there is, on one screen: the commands by topic, without what they do, and first steps."""
@@ -157,12 +158,16 @@ class Page(argparse.ArgumentParser):
             words = words.replace(STREAM, "").removeprefix(f"{FLAGS['--output'].meaning}: ")
         elif action.option_strings and action.choices:
             words = f"{', '.join(map(str, action.choices))}: {words}"
-        lines = textwrap.wrap(words, PAGE_COLUMNS - INDENT)
+        lines = textwrap.wrap(words, PAGE_COLUMNS - HELP_INDENT)
         if len(lines) > most:
-            cut = words[len(" ".join(lines[: most - 1])) :].lstrip()[: PAGE_COLUMNS - INDENT - 1]
+            cut = words[len(" ".join(lines[: most - 1])) :].lstrip()[: PAGE_COLUMNS - HELP_INDENT - 1]
             lines[most - 1 :] = [re.sub("[^ ,]*$", "…", cut, count=1)]
-        rest = [" " * INDENT + line for line in lines]
-        return [f"  {name:<{INDENT - 2}}{lines[0]}", *rest[1:]] if len(name) < INDENT - 3 else [f"  {name}", *rest]
+        rest = [" " * HELP_INDENT + line for line in lines]
+        return (
+            [f"  {name:<{HELP_INDENT - 2}}{lines[0]}", *rest[1:]]
+            if len(name) < HELP_INDENT - 3
+            else [f"  {name}", *rest]
+        )
 
     def _sections(self) -> Iterator[tuple[str | None, list[argparse.Action]]]:
         """Commands by topic, then arguments by title."""
@@ -171,9 +176,6 @@ class Page(argparse.ArgumentParser):
             yield from ((topic, [lines[name] for name in names]) for topic, names in self.topics.items())
         for group in (self.asked, self.motion, self.computed, self.written, self.more, self.numerics):
             yield group.title, group._group_actions
-
-    def _further(self) -> str:
-        return "" if self.name else "\nEvery command has its own help, for example `multipendula table --help`.\n"
 
     def in_options(self, line: str) -> str:
         """A line of a message of the packages, which do not know the options, in terms of this command's.
@@ -325,7 +327,7 @@ def _brief_name(action: argparse.Action) -> str:
 
 class _Columns(argparse.HelpFormatter):
     def __init__(self, prog: str, **words: Any) -> None:
-        super().__init__(prog, **{"width": PAGE_COLUMNS, "max_help_position": INDENT} | words)
+        super().__init__(prog, **{"width": PAGE_COLUMNS, "max_help_position": HELP_INDENT} | words)
 
 
 class Help(argparse.Action):

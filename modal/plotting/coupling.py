@@ -15,10 +15,10 @@ from matplotlib.lines import Line2D
 from modal.coupling import Coupling, Family, family_name
 from modal.plotting.layout import SMALL, drop_overlapping, em_of, headline, key, log_ticks, shorten
 from modal.plotting.style import (
-    BAND,
+    BAND_OPACITY,
+    CURVE_POINTS,
     LOG_RATIO,
     MARKED,
-    POINTS,
     QUIET,
     SOLVED_POINTS,
     VISIBLE_SHARE,
@@ -194,7 +194,7 @@ def draw_mass(axis: Axes, coupling: Coupling, s: int = 0) -> None:
         mass[:-1][leaps] = np.nan
     axis.plot(omega, np.clip(mass, -2 * top, 2 * top), color=curve(), zorder=3)
     if crowd:
-        axis.axvspan(poles[0], poles[-1], color=pole(), alpha=BAND, lw=0)
+        axis.axvspan(poles[0], poles[-1], color=pole(), alpha=BAND_OPACITY, lw=0)
         middle = float(np.sqrt(poles[0] * poles[-1]))
         axis.text(middle, top, f"{len(poles)} poles", color=pole(), fontsize=SMALL, ha="center", va="bottom")
         zeros = zeros[(zeros < poles[0]) | (zeros > poles[-1])]
@@ -225,7 +225,7 @@ def span(omega: Floats) -> tuple[float, float, bool]:
 
 def _grid(poles: Floats, zeros: Floats, low: float, high: float, is_logarithmic: bool) -> Floats:
     """Points evenly spaced along the axis and closer near poles and zeros."""
-    axis_points = np.geomspace(low, high, POINTS) if is_logarithmic else np.linspace(low, high, POINTS)
+    axis_points = np.geomspace(low, high, CURVE_POINTS) if is_logarithmic else np.linspace(low, high, CURVE_POINTS)
     poles_and_zeros = np.concatenate([poles, zeros])
     aside = np.geomspace(1e-7, 0.05, 120)
     close_points = np.outer(poles_and_zeros, np.concatenate([1 - aside, 1 + aside])).ravel()
@@ -328,7 +328,7 @@ def draw_limits(axis: Axes, coupling: Coupling) -> None:
     chosen = np.arange(omega.shape[1])
     if crowd:
         chosen = np.flatnonzero(((omega > poles[-1]) | (omega < poles[0])).any(axis=0))
-        axis.axhspan(poles[0], poles[-1], color=pole(), alpha=BAND, lw=0)
+        axis.axhspan(poles[0], poles[-1], color=pole(), alpha=BAND_OPACITY, lw=0)
         n_between = omega.shape[1] - len(chosen)
         words = f"band: {len(poles)} poles" + (
             f", with {n_between} modes that move the cart between them" if n_between else ""

@@ -16,7 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
 
 from modal.plotting.layout import even_choice
-from modal.plotting.style import BAND, colour, spots, thickness
+from modal.plotting.style import BAND_OPACITY, colour, spots, thickness
 from modal.types import Booleans, Floats, Ints
 
 CURVE_GAP_MAX = 0.004
@@ -210,7 +210,7 @@ def envelope(x: Floats, y: Floats, columns: int) -> tuple[Floats, Floats, Floats
 def _band(axis: Axes, edges: Floats, ends: tuple[Floats, Floats], name: str, hue: str) -> None:
     """The band of a curve, with its edges in full colour."""
     label = f"{name}: {RANGE}" if name else f"_{RANGE}"
-    axis.fill_between(edges, *ends, facecolor=to_rgba(hue, BAND), edgecolor=hue, lw=0.7, label=label)
+    axis.fill_between(edges, *ends, facecolor=to_rgba(hue, BAND_OPACITY), edgecolor=hue, lw=0.7, label=label)
 
 
 def _scaled_values(values: Floats, *, log: bool) -> Floats:

@@ -12,12 +12,11 @@ from __future__ import annotations
 import base64
 import shutil
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import reduce
 from io import BytesIO
-from itertools import chain
 from os import PathLike
 from pathlib import Path
 from subprocess import DEVNULL, PIPE, Popen
@@ -59,6 +58,8 @@ from modal.scene import kind_of, title_of, whole_file
 FORMS = ("gif", "mp4", "html")
 COLOURS = 64
 """Format: colours of a GIF: hues, greys and their mixtures at the edges of lines."""
+PAPER_LEVELS = 8
+"""Format: largest distance of a colour from the background, of 255, at which it is drawn as background."""
 FRAMES_MAX = 20_000
 """Limit: frames of a film: "must be at most 20000; use fewer seconds or fps"."""
 NO_FFMPEG = f"mp4 needs ffmpeg: install it, or the extra `video` ({installing('video')}); gif and html do not"
@@ -158,10 +159,11 @@ def _write_gif(film: MovingFigure, shot: Callable[[int], Image.Image], stream: I
 
 
 def _on_paper(image: Image.Image) -> Image.Image:
-    """The same palette with the colour nearest to the background replaced by it."""
+    """The same palette with colours close to the background replaced by it."""
     colours = np.array(image.getpalette(), dtype=np.uint8).reshape(-1, 3)
     plain = np.round(255 * np.array(to_rgb(paper()))).astype(np.uint8)
     blank = Image.new("RGB", (1, 1), tuple(plain.tolist())).quantize(palette=image, dither=Image.Dither.NONE)
+    colours[np.abs(colours.astype(int) - plain).max(1) <= PAPER_LEVELS] = plain
     colours[np.asarray(blank)] = plain
     image.putpalette(colours.tobytes())
     return image
@@ -225,15 +227,11 @@ def _write_html(film: MovingFigure, shot: Callable[[int], Image.Image], stream: 
     words |= {"WIDTH": str(film.canvas.get_width_height()[0]), "TITLE": html(film.title)}
     head, tail = (reduce(lambda text, pair: text.replace(*pair), words.items(), part) for part in PAGE.split("FRAMES"))
     stream.write(head.encode())
-    for part in chain.from_iterable(_embed(shot(k)) for k in range(film.count)):
-        stream.write(part)
+    for k in range(film.count):
+        buffer = BytesIO()
+        _on_paper(shot(k).quantize(COLOURS, dither=Image.Dither.NONE)).save(buffer, "PNG")
+        stream.write(b'"' + base64.b64encode(buffer.getvalue()) + b'",\n')
     stream.write(tail.encode())
-
-
-def _embed(image: Image.Image) -> Iterator[bytes]:
-    buffer = BytesIO()
-    _on_paper(image.quantize(COLOURS, dither=Image.Dither.NONE)).save(buffer, "PNG")
-    yield b'"' + base64.b64encode(buffer.getvalue()) + b'",\n'
 
 
 WRITERS = {"gif": _write_gif, "html": _write_html, "mp4": _write_mp4}

@@ -18,10 +18,10 @@ from matplotlib.patches import Circle, FancyArrowPatch, Rectangle
 
 from modal.plotting.free_body_diagrams import (
     HIGH,
-    LEFT,
+    LEFT_EDGE,
     LINK_INCHES,
     LOOKS,
-    RIGHT,
+    RIGHT_EDGE,
     Diagram,
     Lettering,
     Stroke,
@@ -56,14 +56,14 @@ def plot_free_body(scene: Scene, *, letters: str = "own", parts: str = "") -> Fi
     bodies = free_bodies(scene, letters)
     pictures, note = diagrams(bodies, parts)
     rows = _rows(pictures)
-    width, height = RIGHT - LEFT, 2 * HIGH
+    width, height = RIGHT_EDGE - LEFT_EDGE, 2 * HIGH
     figure = sheet(LINK_INCHES * width * COLUMNS, LINK_INCHES * height * len(rows) + HEAD)
     grid = figure.add_gridspec(len(rows), COLUMNS)
     for k, row in enumerate(rows):
         at = 0
         for diagram in row:
             axis = figure.add_subplot(grid[k, at : at + diagram.columns])
-            middle, half = (LEFT + RIGHT) / 2, width * diagram.columns / 2
+            middle, half = (LEFT_EDGE + RIGHT_EDGE) / 2, width * diagram.columns / 2
             axis.set(xlim=(middle - half, middle + half), ylim=(-HIGH, HIGH), aspect="equal")
             axis.set_axis_off()
             axis.set_title(diagram.title, loc="left")
@@ -93,9 +93,12 @@ def free_body_tikz(scene: Scene, letters: str = "own", parts: str = "") -> str:
     for k, row in enumerate(_rows(pictures)):
         at = 0
         for diagram in row:
-            shift = (at * (RIGHT - LEFT) + (diagram.columns - 1) * (RIGHT - LEFT) / 2, -k * (2 * HIGH + 0.2))
+            shift = (
+                at * (RIGHT_EDGE - LEFT_EDGE) + (diagram.columns - 1) * (RIGHT_EDGE - LEFT_EDGE) / 2,
+                -k * (2 * HIGH + 0.2),
+            )
             lines.append(rf"\begin{{scope}}[shift={{({shift[0]:.3f},{shift[1]:.3f})}}]")
-            lines.append(rf"\node[right] at ({LEFT:.3f},{HIGH:.3f}) {{{diagram.title}}};")
+            lines.append(rf"\node[right] at ({LEFT_EDGE:.3f},{HIGH:.3f}) {{{diagram.title}}};")
             lines += [_tikz(stroke) for stroke in diagram.strokes]
             lines += [
                 rf"\node[{_ANCHORS[lettering.side]}inner sep=1pt, text=fb{lettering.look}] "

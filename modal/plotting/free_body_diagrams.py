@@ -35,13 +35,13 @@ ARROW = 0.4
 """Format: length of the arrow of a force."""
 BOB = 0.1
 """Format: radius of bobs and wheels."""
-LEFT = -1.3
+LEFT_EDGE = -1.3
 """Format: left edge of a diagram, about the joint of its part."""
-RIGHT = 3.1
+RIGHT_EDGE = 3.1
 """Format: right edge of a diagram."""
 HIGH = 1.2
 """Format: half the height of a diagram."""
-BESIDE = LEFT + RIGHT
+BESIDE = LEFT_EDGE + RIGHT_EDGE
 """From a part to what its forces cause, so that the two stand in the middles of the diagram's halves."""
 TALL = 0.3
 """Format: height of a cart, and of the pins above its middle."""
@@ -381,9 +381,9 @@ def _cart(bodies: FreeBodies) -> Diagram:
     pieces += _on_cart(bodies, half, 0.0)
     ghost_place = half + 1.55
     pieces.append(Lettering("$=$", half + 0.85, 0.4))
-    ghost = [_faint_copy(piece, ghost_place) for piece in _box(0.45)]
+    ghost = [_shift(piece._replace(look="faint"), ghost_place) for piece in _box(0.45)]
     pieces += [*ghost, *_accelerating(bodies, bodies.support, np.array([ghost_place, 0.0]))]
-    middle = (LEFT + RIGHT) / 2 - (ghost_place + 0.9 - half) / 2
+    middle = (LEFT_EDGE + RIGHT_EDGE) / 2 - (ghost_place + 0.9 - half) / 2
     return _diagram("cart", [_shift(piece, middle) for piece in pieces], 2)
 
 
@@ -401,11 +401,6 @@ def _box(half: float, middle: float = 0.0) -> list[Stroke | Lettering]:
     box = Stroke("box", ((middle - half, -TALL / 2), (middle + half, TALL / 2)), "ink", 1.3)
     centres = [(x, -TALL / 2 - BOB) for x in wheels]
     return [box, *(Stroke("wheel", (place, (place[0] + BOB, place[1])), "ink", 1.3) for place in centres)]
-
-
-def _faint_copy(piece: Stroke | Lettering, shift: float) -> Stroke | Lettering:
-    """The same faint, so far to the right."""
-    return _shift(piece._replace(look="faint"), shift)
 
 
 def _shift(piece: Stroke | Lettering, across_shift: float, up: float = 0.0) -> Stroke | Lettering:
@@ -426,7 +421,7 @@ def _standing(bodies: FreeBodies) -> Diagram:
     is_fixed = bodies.support.kind == "fixed"
     words = "stands still: the ground holds it" if is_fixed else "moves as prescribed"
     pieces.append(Lettering(words, (left + right) / 2, -0.3))
-    middle = (LEFT + RIGHT) / 2
+    middle = (LEFT_EDGE + RIGHT_EDGE) / 2
     has_several = len(places) > 1
     return _diagram(bodies.support.words, [_shift(piece, middle) for piece in pieces], 2 if has_several else 1)
 
@@ -510,7 +505,7 @@ def _whole_scene(bodies: FreeBodies) -> Diagram:
     pieces.append(Lettering(f"${in_latex('m_c g')}$", -0.76, high - 0.63, "force"))
     has_carriage = bool(cart_strokes := list(_on_cart(bodies, right, high)))
     pieces += cart_strokes
-    middle = (LEFT + RIGHT) / 2 - (left + right) / 2 - 0.3 * has_carriage
+    middle = (LEFT_EDGE + RIGHT_EDGE) / 2 - (left + right) / 2 - 0.3 * has_carriage
     return _diagram(
         "whole scene", [_shift(piece, middle) for piece in pieces], 1 if right - left + 0.6 * has_carriage < 4.3 else 2
     )

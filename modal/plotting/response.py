@@ -20,11 +20,11 @@ from modal.modes import UNCERTAIN
 from modal.plotting.curves import RANGE, draw_curves
 from modal.plotting.layout import NAME_LETTERS, headline, key, log_ticks, mark_modes
 from modal.plotting.style import (
-    BAND,
+    BAND_OPACITY,
+    CURVE_POINTS,
     HUES,
     MARKED,
     MOST_CURVES,
-    POINTS,
     VISIBLE_SHARE,
     colour,
     save,
@@ -126,7 +126,7 @@ def _shade(axis: Axes, hertz: Floats, size: Floats, spread: Floats) -> None:
             below, above = (
                 np.clip(_decibel(np.maximum(magnitude + sign * std, smallest)), low, high) for sign in (-2, 2)
             )
-        axis.fill_between(hertz, below, above, color=colour(k), alpha=BAND, lw=0)
+        axis.fill_between(hertz, below, above, color=colour(k), alpha=BAND_OPACITY, lw=0)
 
 
 def draw_impulse(
@@ -207,7 +207,7 @@ def _sample(form: ModalForm, numbers: list[int], source: int, low: float, high: 
         with np.errstate(invalid="ignore"):
             rises = np.sign(np.diff(size, axis=1))
         turning = np.isfinite(size[:, :-2] + size[:, 1:-1] + size[:, 2:]) & (rises[:, 1:] * rises[:, :-1] < 0)
-        places = np.flatnonzero(turning.any(axis=0))[: POINTS // REFINED_POINTS]
+        places = np.flatnonzero(turning.any(axis=0))[: CURVE_POINTS // REFINED_POINTS]
         if not len(places):
             break
         part = np.linspace(0, 1, REFINED_POINTS + 2)[1:-1]
@@ -223,7 +223,7 @@ def _sample(form: ModalForm, numbers: list[int], source: int, low: float, high: 
 def _grid(form: ModalForm, low: float, high: float) -> Floats:
     """Points evenly spaced in log ω and closer near every mode, which is a point itself, within its width too."""
     moving = _moving(form)
-    aside = np.geomspace(1e-5, 0.03, max(6, min(60, POINTS // len(moving))))
+    aside = np.geomspace(1e-5, 0.03, max(6, min(60, CURVE_POINTS // len(moving))))
     close_points = np.outer(moving, np.concatenate([1 - aside, [1.0], 1 + aside])).ravel()
     damped_eigenvalues = form.modes.eigenvalue[(form.modes.eigenvalue.real != 0) & (form.modes.eigenvalue.imag > 0)]
     widths = np.concatenate(([0.0], np.geomspace(0.05, 30, 24)))
@@ -232,7 +232,9 @@ def _grid(form: ModalForm, low: float, high: float) -> Floats:
     )
     close_points = np.concatenate((close_points, within.ravel()))
     return np.unique(
-        np.concatenate([np.geomspace(low, high, POINTS), close_points[(close_points > low) & (close_points < high)]])
+        np.concatenate(
+            [np.geomspace(low, high, CURVE_POINTS), close_points[(close_points > low) & (close_points < high)]]
+        )
     )
 
 
@@ -321,8 +323,8 @@ def tuning_figure(tuning: Tuned) -> Figure:
     curves = tuning.curves()
     if not curves:
         raise ComputationError("no peak was tuned: there are no curves to draw")
-    if len(curves) > HUES:
-        raise ComputationError(f"{len(curves)} responses do not fit in a figure: choose at most {HUES}")
+    if len(curves) > HUES - 1:
+        raise ComputationError(f"{len(curves)} responses do not fit in a figure: choose at most {HUES - 1}")
     figure = sheet_of_rows(len(curves))
     panels = figure.subplots(len(curves), 1, squeeze=False)[:, 0]
     for axis, response in zip(panels, curves, strict=True):

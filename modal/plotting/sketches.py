@@ -307,7 +307,8 @@ def _labels(scaffold: Scaffold, pieces: list[Piece], push: str) -> Iterator[Labe
         (x, y), (end, _) = (scaffold.place(k, (s, level), at_rest)[0].tolist() for s in (left, right))
         if carrier.size:
             letter = "_c" if carrier.kind == "cart" else "_s"
-            yield Label("m" + (index or letter), _mass_place(carrier.kind, x, y))
+            places = {"platform": (x + 0.1, y), "swing": (x, y - 0.2)}  # by the left end of its body
+            yield Label("m" + (index or letter), places.get(carrier.kind, (x + 0.02, y + 0.2)))
         start = x + 0.2 if platform else (x + end) / 2 + 0.06
         for number, symbol in enumerate(symbols):
             place = (start, y + 0.2 if not platform else y + 0.16)
@@ -324,11 +325,6 @@ def _labels(scaffold: Scaffold, pieces: list[Piece], push: str) -> Iterator[Labe
         tall = height > 0.8 * width
         place = (float(x) + 0.17, float(y)) if tall else (float(x), float(y) + 0.16)
         yield Label(f"k_{{{number}}}" if len(springs) > 1 else "k", place)
-
-
-def _mass_place(kind: str, x: float, y: float) -> tuple[float, float]:
-    """Where the mass of a carrier is written, by the left end of its body."""
-    return {"platform": (x + 0.1, y), "swing": (x, y - 0.2)}.get(kind, (x + 0.02, y + 0.2))
 
 
 def _link(axis: Axes, sketched_link: _SketchedLink, lower_link: _SketchedLink | None, differ: dict[str, bool]) -> None:

@@ -34,11 +34,11 @@ KEPT = ("axes", "figure", "font", "grid", "hatch", "lines", "mathtext", "patch",
 """Groups of settings that a picture keeps: matplotlib creates ticks only when a figure is drawn."""
 HUES = 6
 """Format: colours of the cycle; curves drawn beside each other where a panel has many."""
-POINTS = 6000
+CURVE_POINTS = 6000
 """Format: points along a curve, so that a hundred swings have no corners."""
 SOLVED_POINTS = 200
 """Cost: points along a smooth curve each of which is an eigenvalue problem (`benchmarks/forms.py` for one of them)."""
-BAND = 0.2
+BAND_OPACITY = 0.2
 """Format: opacity of a band, through which curves and the grid are seen."""
 VISIBLE_SHARE = 1e-6
 """Format: share of the largest below which nothing is drawn: six decades, more than any axis here shows."""

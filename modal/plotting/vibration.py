@@ -15,10 +15,10 @@ from modal.plotting.curves import RANGE, draw_curves
 from modal.plotting.layout import headline, legend, log_ticks, mark_modes, set_frame
 from modal.plotting.response import DEPTH_DB
 from modal.plotting.style import (
+    CURVE_POINTS,
     HUES,
     MARKED,
     MOST_CURVES,
-    POINTS,
     colour,
     ink,
     save,
@@ -104,10 +104,8 @@ def thermal_figure(noise: ThermalNoise, beside: RandomResponse | None = None, at
     from modal.vibration import thermal_frequencies
     from modal.vibration.report import named_modes
 
-    if len(noise.outputs) > HUES:
-        raise ComputationError(
-            f"{len(noise.outputs)} outputs do not fit in a figure: choose at most {HUES} with `outputs`"
-        )
+    if len(noise.outputs) > 4:
+        raise ComputationError(f"{len(noise.outputs)} outputs do not fit in a figure: choose at most 4 with `outputs`")
     f = thermal_frequencies(noise, beside, at)
     parts = np.sqrt(noise.budget(f))
     figure = sheet_of_rows(len(noise.outputs))
@@ -162,7 +160,7 @@ def shock_figure(response: ShockResponse) -> Figure:
     """
     units = _units(response.outputs)
     combined_outputs = np.flatnonzero(~response.follows_support & (response.peaks[:, 0] > 0)).tolist()
-    rows = slice(None, None, -(-len(response.times) // POINTS))
+    rows = slice(None, None, -(-len(response.times) // CURVE_POINTS))
     times = response.times[rows]
     figure = sheet_of_rows(1 + len(units) + bool(combined_outputs))
     panels = figure.subplots(1 + len(units) + bool(combined_outputs), 1, squeeze=False)[:, 0]

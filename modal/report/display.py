@@ -23,15 +23,15 @@ from modal.report.fitting import breadth, cut, padded
 from modal.report.prose import WIDTH, short
 from modal.report.tables import NOTHING, widths_of
 
-MOST_LINES = 10
+PROMPT_LINES = 10
 """Format: lines that a result takes at the prompt."""
 TEXT_ROWS = 4
 """Format: rows of a table that are shown at the prompt."""
 HTML_ROWS = 10
 """Format: rows of a table that are shown in a notebook."""
-MOST_COLUMNS = 12
+TABLE_COLUMNS = 12
 """Format: columns of a table that are shown."""
-MOST_NUMBERS = 5
+ARRAY_NUMBERS = 5
 """Format: numbers of an array that are shown in full."""
 VALUE_LETTERS = 60
 """Format: letters of a text that are shown in full."""
@@ -57,7 +57,7 @@ class Summary:
     words: frozenset[int] = frozenset()
 
     def text(self) -> str:
-        """At most MOST_LINES lines of at most WIDTH columns.
+        """At most PROMPT_LINES lines of at most WIDTH columns.
 
         >>> rows = [("1", "0.5"), ("2", "1.2")]
         >>> print(Summary("2 modes", [("gravity", "9.81 m/s²")], ["mode", "f (Hz)"], rows, 2).text())
@@ -71,7 +71,7 @@ class Summary:
         told = wrap(facts, WIDTH - 2, max_lines=3, placeholder=" …", break_on_hyphens=False)
         lines = [visible(self.title), *(f"  {line}" for line in [*told, *self._grid()])]
         return "\n".join(
-            line if breadth(line) <= WIDTH else f"{next(cut(line, WIDTH - 1))}…" for line in lines[:MOST_LINES]
+            line if breadth(line) <= WIDTH else f"{next(cut(line, WIDTH - 1))}…" for line in lines[:PROMPT_LINES]
         )
 
     def html(self) -> str:
@@ -82,12 +82,12 @@ class Summary:
         return scrolled(*parts, self.table())
 
     def _cells(self, count: int) -> tuple[list[str], list[list[str]], int]:
-        """Headings, the first rows and how many more there are; columns beyond MOST_COLUMNS are left out."""
+        """Headings, the first rows and how many more there are; columns beyond TABLE_COLUMNS are left out."""
         rows = [list(map(visible, row)) for row in islice(self.rows, count)]
         headings = list(map(visible, self.headings))
-        if len(headings) > MOST_COLUMNS:
-            headings = [*headings[: MOST_COLUMNS - 1], f"… {len(headings) - MOST_COLUMNS + 1} more"]
-            rows = [[*row[: MOST_COLUMNS - 1], "…"] for row in rows]
+        if len(headings) > TABLE_COLUMNS:
+            headings = [*headings[: TABLE_COLUMNS - 1], f"… {len(headings) - TABLE_COLUMNS + 1} more"]
+            rows = [[*row[: TABLE_COLUMNS - 1], "…"] for row in rows]
         return headings, rows, max(0, self.total - len(rows))
 
     def _grid(self) -> list[str]:
@@ -185,7 +185,7 @@ def tabulated(title: str, facts: Facts, columns: Mapping[str, Any], words: Itera
            0     1
          0.5  0.25
     """
-    shown = list(columns.items())[:MOST_COLUMNS]
+    shown = list(columns.items())[:TABLE_COLUMNS]
     count = len(shown[0][1]) if shown else 0
     rows = ([brief(values[k]) for _, values in shown] for k in range(count))
     texts = frozenset(k for k, (name, _) in enumerate(shown) if name in set(words))
@@ -272,13 +272,13 @@ def first_line(value: Any) -> str:
 
 
 def _array(value: Any) -> str:
-    if value.ndim == 1 and value.size <= MOST_NUMBERS:
+    if value.ndim == 1 and value.size <= ARRAY_NUMBERS:
         return ", ".join(map(brief, value.tolist())) or "none"
     return f"{' × '.join(map(str, value.shape))} {'numbers' if value.ndim == 1 else 'array'}"
 
 
 def _several(values: Mapping[Any, Any] | Sequence[Any]) -> str:
-    few = [brief(value) for value in islice(values, MOST_NUMBERS)]
+    few = [brief(value) for value in islice(values, ARRAY_NUMBERS)]
     more = len(values) - len(few)
     written = ", ".join([*few, *[f"… {more} more"] * bool(more)]) or "none"
     return written if len(written) <= VALUE_LETTERS else f"{len(values)} of {type(next(iter(values))).__name__}"

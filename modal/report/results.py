@@ -15,7 +15,7 @@ from itertools import islice
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
-from modal.report.display import HTML_ROWS, MOST_LINES, TEXT_ROWS, Displayed, Summary, by_column, deferred, scrolled
+from modal.report.display import HTML_ROWS, PROMPT_LINES, TEXT_ROWS, Displayed, Summary, by_column, deferred, scrolled
 from modal.report.escaping import html, latex, visible
 from modal.report.fitting import TABLE_ROWS, TableLimit, fitted, folded
 from modal.report.prose import WIDTH
@@ -138,8 +138,8 @@ class TextResult(Displayed):
 
     def __repr__(self) -> str:
         with fitted(WIDTH, most=TableLimit(TABLE_ROWS)):
-            lines = list(islice(self._lines(), MOST_LINES + 1))
-        return "\n".join(lines if len(lines) <= MOST_LINES else [*lines[: MOST_LINES - 1], "…"])
+            lines = list(islice(self._lines(), PROMPT_LINES + 1))
+        return "\n".join(lines if len(lines) <= PROMPT_LINES else [*lines[: PROMPT_LINES - 1], "…"])
 
     def _repr_html_(self) -> str:
         with fitted(WIDTH, most=TableLimit(TABLE_ROWS)):

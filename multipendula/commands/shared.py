@@ -26,7 +26,7 @@ DAYS_MAX = 1e5
 """Limit: days of computing beyond which nothing is begun: "… are begun at most"."""
 COORDINATE_SECONDS = 9e-5
 """Cost: of the modes of a structure, over the square of its coordinates; `benchmarks/modes.py` measures it."""
-LATE = 1.0
+PROGRESS_SECONDS = 1.0
 """Format: seconds until progress is shown, and between two looks at it."""
 MEASURED = "{desc}{percentage:3.0f} % |{bar:24}| {remaining} left, {elapsed} passed"
 COUNTED = "{desc}{unit}: {n_fmt}, {elapsed} passed"
@@ -303,11 +303,13 @@ def bar(total: float, unit: str = "s", title: str = "") -> Iterator[Progress]:
 
     form = MEASURED if total else COUNTED
     ended = Event()
-    with tqdm(total=total or None, unit=unit, delay=LATE, leave=False, desc=title or None, bar_format=form) as shown:
+    with tqdm(
+        total=total or None, unit=unit, delay=PROGRESS_SECONDS, leave=False, desc=title or None, bar_format=form
+    ) as shown:
         progress = Progress(shown)
 
         def tick() -> None:
-            while not ended.wait(LATE):
+            while not ended.wait(PROGRESS_SECONDS):
                 progress.look(shown.n)
                 shown.refresh()
 

@@ -93,7 +93,8 @@ def _swing(best: Tuned, degrees: float) -> FiniteSwing:
             ["--largest-angle: forced orbits are computed under cart_force, or a force at a point, force:POINT"]
         )
     labels = ["x"] * (scene.cart is not None)
-    labels += [f"theta_{p}_{i}" for p, links in enumerate(_copies(scene), 1) for i in range(1, links + 1)]
+    counts = [pendulum.n_links for pendulum in scene.pendulum for _ in range(pendulum.count)]
+    labels += [f"theta_{p}_{i}" for p, links in enumerate(counts, 1) for i in range(1, links + 1)]
     if quantity.output not in labels:
         raise SceneError(
             [f"--largest-angle: forced orbits give the outputs {', '.join(labels[:6])}, not {quantity.output}"]
@@ -102,10 +103,6 @@ def _swing(best: Tuned, degrees: float) -> FiniteSwing:
     peaks = at.at[at.inside] / tau
     band = best.objective.quantities.setting.band or (peaks.min() / BAND_RATIO, peaks.max() * BAND_RATIO)
     return finite_swing(scene, on, direction, labels.index(quantity.output), radians(degrees), band)
-
-
-def _copies(scene: Any) -> list[int]:
-    return [sum(link.count for link in pendulum.links) for pendulum in scene.pendulum for _ in range(pendulum.count)]
 
 
 def _swing_record(swing: FiniteSwing, best: Tuned) -> dict[str, Any]:

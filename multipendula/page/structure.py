@@ -64,19 +64,16 @@ def structure_module(scene: Scene) -> str:
         "pushed": bool(system.forces) or any(motion.direction == "horizontal" for motion in scene.motions),
         "pieces": pieces,
     }
+    text = json.dumps(data, allow_nan=False).replace("<", "\\u003c")  # ends no element of the page
     return "\n".join(
         (
             "// Written by `multipendula.page.structure`.",
             FUNCTIONS,
             f"const steps = {steps.module.javascript()};",
             f"const drawing = {drawing.javascript()};",
-            f"export const structure = {{ ...{_inert(data)}, steps, drawing }};",
+            f"export const structure = {{ ...{text}, steps, drawing }};",
         )
     )
-
-
-def _inert(data: Any) -> str:
-    return json.dumps(data, allow_nan=False).replace("<", "\\u003c")
 
 
 def _coordinates(structure: Structure) -> Iterator[dict[str, Any]]:

@@ -68,7 +68,7 @@ class Scenery:
             _rail(axis, -0.17 * stage.depth)
         self.ceiling = None if stage.on_cart or stage.pieces else _Ceiling(axis, stage)
         self.structure = _Structure(axis, stage) if stage.pieces else None
-        points = _points_per_metre(axis, self.limits)
+        points = float(72 * axis.get_window_extent().width / axis.figure.dpi / self.limits.width)  # of a metre
         self.players = [_Player(axis, actor, colour(k), points, trail) for k, actor in enumerate(stage.actors)]
         if stage.floor is not None:
             _floor(axis, stage)
@@ -97,11 +97,6 @@ class Scenery:
             self.structure.show(frame)
         for player in self.players:
             player.show(frame)
-
-
-def _points_per_metre(axis: Axes, limits: ViewLimits) -> float:
-    pixels = axis.get_window_extent().width
-    return float(72 * pixels / axis.figure.dpi / limits.width)
 
 
 class _Cart:

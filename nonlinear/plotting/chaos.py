@@ -22,8 +22,8 @@ from modal.plotting import (
     save,
     secondary_colour,
 )
-from modal.plotting.style import BAND, sheet_of_rows
-from modal.scene import Scene, title_of
+from modal.plotting.style import BAND_OPACITY, sheet_of_rows
+from modal.scene import title_of
 
 if TYPE_CHECKING:
     from nonlinear.chaos import Case, Exponent, Finding
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     Rows = Sequence[tuple[Case, Exponent]]
 
 MARKERS = ("o", "s", "D", "^")
-NUDGE = 1.06
+CART_OFFSET_RATIO = 1.06
 """Format: factor by which series of carts are offset, to separate their error bars."""
 
 
@@ -50,7 +50,7 @@ def exponent_figure(exponent: Exponent) -> Figure:
         axis.plot(since, running[:, :MOST_CURVES], color=colour(0), lw=0.6, alpha=0.4, gid=QUIET)
     axis.plot([], [], color=colour(0), lw=0.8, label="single starts")
     half, words = exponent.half_width, "95 % interval of the mean"
-    axis.axhspan(exponent.value - half, exponent.value + half, color=colour(1), alpha=BAND, lw=0, label=words)
+    axis.axhspan(exponent.value - half, exponent.value + half, color=colour(1), alpha=BAND_OPACITY, lw=0, label=words)
     axis.plot(since, mean, color=colour(1), lw=2.2, label=f"mean of {exponent.ensemble}: {exponent.equation}")
     axis.plot(
         since, exponent.regular(since), ls=PREDICTED, color=secondary_colour(), lw=1.4, label="limit for regular motion"
@@ -79,7 +79,7 @@ def _chains(finding: Finding) -> Figure:
     left, right = figure.subplots(1, 2)
     for k, (name, rows) in enumerate(finding.series().items()):
         links = [float(exponent.scene.n_links) for _, exponent in rows]
-        rates = [_natural_rate(case.scene) for case, _ in rows]
+        rates = [(case.scene.gravity / case.scene.pendulum[0].links[0].length) ** 0.5 for case, _ in rows]  # sqrt(g/l)
         _points(left, links, rows, rates, k, name)
         _points(right, links, rows, [rate / n**0.5 for rate, n in zip(rates, links, strict=True)], k, name)
     left.set(title="links of one length l", ylabel="exponent λ √(l/g) (–)")
@@ -92,21 +92,18 @@ def _chains(finding: Finding) -> Figure:
     return figure
 
 
-def _natural_rate(scene: Scene) -> float:
-    """sqrt(g/l) of the first link (1/s)."""
-    return float(np.sqrt(scene.gravity / scene.pendulum[0].links[0].length))
-
-
 def _carts(finding: Finding) -> Figure:
     figure = sheet_of_rows(1)
     axis = figure.subplots()
     for k, (name, rows) in enumerate(finding.series().items()):
         fixed_exponent = next(exponent for case, exponent in rows if case.at is None)
         half = fixed_exponent.half_width
-        axis.axhspan(fixed_exponent.value - half, fixed_exponent.value + half, color=colour(k), alpha=BAND / 2, lw=0)
+        axis.axhspan(
+            fixed_exponent.value - half, fixed_exponent.value + half, color=colour(k), alpha=BAND_OPACITY / 2, lw=0
+        )
         axis.axhline(fixed_exponent.value, color=colour(k), ls=MARKED, lw=1.4)
         carts = [(case, exponent) for case, exponent in rows if case.at is not None]
-        masses = [(case.at or 0.0) * NUDGE ** (k - 1) for case, _ in carts]
+        masses = [(case.at or 0.0) * CART_OFFSET_RATIO ** (k - 1) for case, _ in carts]
         _points(axis, masses, carts, [1.0] * len(carts), k, name)
     axis.plot([], [], ls=MARKED, color=secondary_colour(), lw=1.4, label="the same on a fixed support")
     axis.set(xscale="log", xlabel="cart mass (kg)", ylabel="exponent λ (1/s)", ylim=(0, None))

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from modal.plotting import MARKED, colour, legend, rest, scale
-from modal.plotting.style import BAND, sheet_of_rows
+from modal.plotting.style import BAND_OPACITY, sheet_of_rows
 from nonlinear.chaos import regular_exponent, usual_duration
 from nonlinear.plotting.sweeps import label
 from nonlinear.sweeps import CHAOTIC, LYAPUNOV
@@ -30,7 +30,9 @@ def energies_figure(sweep: Sweep) -> Figure:
     axes = np.atleast_1d(figure.subplots(len(medians) + len(shares), 1, sharex=True))
     for axis, name in zip(axes, medians, strict=False):
         low, middle, high = (sweep.values(name.replace(MEDIAN, part)) for part in ("_q05", MEDIAN, "_q95"))
-        axis.fill_between(variation.values, low, high, color=colour(0), alpha=BAND, lw=0, label="5 to 95 % of starts")
+        axis.fill_between(
+            variation.values, low, high, color=colour(0), alpha=BAND_OPACITY, lw=0, label="5 to 95 % of starts"
+        )
         axis.plot(variation.values, middle, ".-", color=colour(0), label="median")
         if name.startswith(LYAPUNOV):
             _limit(axis, sweep)

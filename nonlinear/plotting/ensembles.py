@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from modal.plotting import HUES, colour, headline, key, legend, rest, save, scale, thickness
-from modal.plotting.style import BAND, LOG_RATIO, dot_size, sheet_of_rows
+from modal.plotting.style import BAND_OPACITY, LOG_RATIO, dot_size, sheet_of_rows
 from modal.scene import number_label, number_words, title_of
 from modal.types import Floats
 from nonlinear.plotting.sweeps import edges, label
@@ -140,7 +140,7 @@ def spread_figure(spread: Spread) -> Figure:
 def _bands(axis: Axes, spread: Spread) -> None:
     for link in range(min(spread.scene.n_links, HUES)):
         low, middle, high = spread.bands[..., link]
-        axis.fill_between(spread.times, low, high, color=colour(link), alpha=BAND, lw=0)
+        axis.fill_between(spread.times, low, high, color=colour(link), alpha=BAND_OPACITY, lw=0)
         words = f"link {link + 1}: median, 5 to 95 %"
         axis.plot(spread.times, middle, color=colour(link), lw=thickness(link), label=words)
     axis.set(xlabel="time (s)", ylabel="angle (°)", xlim=(0, spread.times[-1]))

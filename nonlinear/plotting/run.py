@@ -29,7 +29,7 @@ from modal.plotting import (
     secondary_colour,
     set_frame,
 )
-from modal.plotting.style import POINTS, VISIBLE_SHARE, sheet_of_rows
+from modal.plotting.style import CURVE_POINTS, VISIBLE_SHARE, sheet_of_rows
 from modal.scene import Scene, title_of
 from modal.scene.doors import require_type
 from modal.types import Floats
@@ -100,9 +100,9 @@ def run_figure(trajectory: Trajectory) -> Figure:
 def _smooth(trajectory: Trajectory) -> Trajectory:
     """The run with points between its samples, where these are so few that corners would show."""
     times = trajectory.times
-    if len(times) >= POINTS or POINTS * trajectory.system.n_links > ANGLES_AT_ONCE:
+    if len(times) >= CURVE_POINTS or CURVE_POINTS * trajectory.system.n_links > ANGLES_AT_ONCE:
         return trajectory
-    fine = np.linspace(times[0], times[-1], POINTS)
+    fine = np.linspace(times[0], times[-1], CURVE_POINTS)
     try:
         return replace(trajectory, times=fine, motion=resample(times, trajectory.motion, fine))
     except ComputationError:

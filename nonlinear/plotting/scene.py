@@ -135,7 +135,10 @@ def stage_of(trajectory: Trajectory, at: Floats) -> Stage:
         centre = np.where(system.hoisting.moving, length, centre)
     depth = max(float(length[..., place].sum(-1).max()) for place in places)
     pivots = side_by_side(len(places), depth)
-    scaffold = _scaffold(system, pendula, depth)
+    scaffold = None
+    if system.structure is not None:
+        first = np.searchsorted(system.pendulum, np.arange(system.n_pendula + 1))
+        scaffold = Scaffold(system.structure, pendula, first, depth)
     hangers = [
         np.column_stack((pivot + motion.cart, 0.0 * motion.cart)) for pivot, motion in zip(pivots, motions, strict=True)
     ]
@@ -162,14 +165,6 @@ def stage_of(trajectory: Trajectory, at: Floats) -> Stage:
     ]
     is_spread = bool(scaffold.shifts.any() or scaffold.aside.any())
     return replace(stage, cart=0.0 * cart, pieces=tuple(pieces), is_spread=is_spread)
-
-
-def _scaffold(system: System, pendula: Ints, depth: float) -> Scaffold | None:
-    """What draws the structure of a system, None where there is none."""
-    if system.structure is None:
-        return None
-    first = np.searchsorted(system.pendulum, np.arange(system.n_pendula + 1))
-    return Scaffold(system.structure, pendula, first, depth)
 
 
 def _shape(motion: Motion, length: Floats, centre: Floats, pivots: Floats, support: Floats) -> tuple[Floats, Floats]:

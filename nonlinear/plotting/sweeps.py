@@ -126,7 +126,8 @@ def _curves(sweep: Sweep, columns: list[str]) -> Figure:
     variation = sweep.study.variations[0]
     axes = np.atleast_1d(figure.subplots(len(panels), 1, sharex=True))
     for axis, (kind, names) in zip(axes, panels.items(), strict=True):
-        curves = [(np.array(variation.values), _finite(sweep, name)) for name in names]
+        values = [sweep.values(name) for name in names]
+        curves = [(np.array(variation.values), np.where(np.isfinite(y), y, np.nan)) for y in values]
         _range(axis, np.array([y for _, y in curves]), kind)
         log = ("x" if variation.log else "") + ("y" if axis.get_yscale() == "log" else "")
         draw_curves(axis, curves, names=[label(name) for name in names], log=log, marker=".", ms=4.0)
@@ -144,11 +145,6 @@ def _curves(sweep: Sweep, columns: list[str]) -> Figure:
         xlabel=number_label(sweep.study.scene, variation.path), xlim=(variation.values[0], variation.values[-1])
     )
     return figure
-
-
-def _finite(sweep: Sweep, name: str) -> Floats:
-    values = sweep.values(name)
-    return np.where(np.isfinite(values), values, np.nan)
 
 
 def _range(axis: Axes, values: Floats, kind: str) -> None:

@@ -34,7 +34,7 @@ from modal.plotting import (
     thickness,
 )
 from modal.plotting.curves import CURVE_GAP_MAX
-from modal.plotting.style import POINTS, sheet_of_rows
+from modal.plotting.style import CURVE_POINTS, sheet_of_rows
 from modal.report import counted
 from modal.scene import title_of
 from modal.scene.doors import require_type
@@ -61,7 +61,8 @@ def sync_figure(trajectory: Trajectory, phases: Phases) -> Figure:
         raise ComputationError("a run with a single sample cannot be drawn")
     figure = sheet_of_rows(3.5, WIDE)
     grid = figure.add_gridspec(3, 2)
-    pendula = _chosen_pendula(trajectory.system.n_pendula)
+    total = trajectory.system.n_pendula
+    pendula = np.unique(np.linspace(0, total - 1, min(total, HUES)).round().astype(np.int64))
     begin = figure.add_subplot(grid[0, 0])
     _swings(begin, figure.add_subplot(grid[0, 1], sharey=begin), trajectory, _period(phases), pendula)
     order = figure.add_subplot(grid[1, 0])
@@ -71,11 +72,6 @@ def sync_figure(trajectory: Trajectory, phases: Phases) -> Figure:
     _circle(figure.add_subplot(grid[2, 1], projection="polar"), phases, pendula)
     _finish(figure, trajectory, pendula)
     return figure
-
-
-def _chosen_pendula(pendula: int) -> Ints:
-    """The pendula drawn individually, evenly spaced."""
-    return np.unique(np.linspace(0, pendula - 1, min(pendula, HUES)).round().astype(np.int64))
 
 
 def _period(phases: Phases) -> float:
@@ -110,7 +106,7 @@ def _tops(trajectory: Trajectory) -> Ints:
 
 def _window(trajectory: Trajectory, links: Ints, start: float, width: float) -> tuple[Floats, Floats]:
     """Times and angles (rad) of these links over a window, interpolated between the samples where possible."""
-    motion, fine = pick_links(trajectory.motion, links), np.linspace(start, start + width, POINTS)
+    motion, fine = pick_links(trajectory.motion, links), np.linspace(start, start + width, CURVE_POINTS)
     try:
         return fine, resample(trajectory.times, motion, fine).links
     except ComputationError:

@@ -76,7 +76,11 @@ def check_figure(check: Check) -> Figure:
     axis.set(xlabel="largest angle a (°)", ylabel="shift of frequency |ω(a)/ω − 1| (–)")
     log_ticks(axis.xaxis, high / low)
     headline(figure, title_of(check.scene), "frequency against amplitude")
-    key(figure, [_handle(k) for k in range(len(rows))], [_label(row) for row in rows], columns=2, notes=_notes(rows))
+    handles = [
+        Line2D([], [], color=colour(k), ls=PREDICTED, marker=_marker(k), ms=_size(k), mec=paper())
+        for k in range(len(rows))
+    ]
+    key(figure, handles, [_label(row) for row in rows], columns=2, notes=_notes(rows))
     return figure
 
 
@@ -173,10 +177,6 @@ def _spectra(comparison: Comparison, rows: Sequence[ModeInMotion]) -> tuple[Floa
 
 def _marker(k: int) -> str:
     return MARKERS[k // HUES]
-
-
-def _handle(k: int) -> Line2D:
-    return Line2D([], [], color=colour(k), ls=PREDICTED, marker=_marker(k), ms=_size(k), mec=paper())
 
 
 def _size(k: int) -> float:

@@ -149,7 +149,7 @@ def test_an_interrupt_that_is_lost_without_a_trace_is_raised_again(
             signal.raise_signal(signal.SIGINT)
         assert eventually(lambda: False, 60)
 
-    monkeypatch.setattr("multipendula.cli.PATIENCE", 0.1)
+    monkeypatch.setattr("multipendula.cli.INTERRUPT_SECONDS", 0.1)
     monkeypatch.setattr("modal.scene.load", goes_on)
     assert main(["table", "chain-1"]) == 130
     assert capsys.readouterr().err == "multipendula: interrupted\n"

@@ -21,7 +21,7 @@ from multipendula.command import Command
 from multipendula.commands import COMMANDS, FIRST, GROUPS, NAMES
 from multipendula.commands.scenes import SHELLS
 from multipendula.flags import ASIDE, FORMER_COMMANDS
-from multipendula.parser import SCREEN, WIDTH, Page, shown
+from multipendula.parser import PAGE_COLUMNS, SCREEN_LINES, Page, shown
 
 TOPICS = (
     "look",
@@ -63,7 +63,7 @@ def test_every_command_has_a_page_and_a_topic() -> None:
 def test_a_page_shows_every_argument_and_example_within_its_width(name: str) -> None:
     page = PAGES[name] if name else _parser()
     text = page.format_help()
-    assert all(len(line) <= WIDTH for line in text.splitlines())
+    assert all(len(line) <= PAGE_COLUMNS for line in text.splitlines())
     for action in page._actions:
         for option in action.option_strings:
             assert f"  {option}" in text or f", {option}" in text
@@ -97,8 +97,8 @@ def test_the_most_important_fits_a_screen(command: Command, capsys: pytest.Captu
         main([command.name, "-h"])
     assert left.value.code == 0
     text = capsys.readouterr().out
-    assert len(text.splitlines()) <= SCREEN
-    assert max(map(len, text.splitlines())) <= WIDTH
+    assert len(text.splitlines()) <= SCREEN_LINES
+    assert max(map(len, text.splitlines())) <= PAGE_COLUMNS
     assert 1 <= len(command.main) <= 5
     assert set(command.main) <= page_flags(page)
     assert all(f"  {'-o' if flag == '--output' else flag}" in text for flag in command.main)

@@ -370,7 +370,7 @@ class Watched(io.StringIO):
 
 def test_progress_is_per_cent_with_the_time_left_before_anything_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     """Also at the first stage, and one bar at a time; none in a pipe."""
-    monkeypatch.setattr(shared, "LATE", 0.01)
+    monkeypatch.setattr(shared, "PROGRESS_SECONDS", 0.01)
     monkeypatch.setenv("COLUMNS", "80")
     for stream in (Watched(), io.StringIO()):
         monkeypatch.setattr(sys, "stderr", stream)
@@ -409,7 +409,7 @@ def test_the_time_that_is_expected_is_told_while_nothing_is_done(
     with shared.bar(9) as progress:
         progress.expect(7000.0)
     assert capsys.readouterr().err == "multipendula: this takes an estimated 117 minutes; Ctrl-C ends it\n"
-    monkeypatch.setattr(shared, "LATE", 0.01)
+    monkeypatch.setattr(shared, "PROGRESS_SECONDS", 0.01)
     monkeypatch.setattr(sys, "stderr", stream := Watched())
     with shared.bar(9) as progress:
         progress.expect(90.0)

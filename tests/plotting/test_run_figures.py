@@ -17,7 +17,7 @@ import modal
 from modal import Bob, Cart, Pendulum, Scene
 from modal.errors import ComputationError
 from modal.plotting import headline
-from modal.plotting.style import POINTS
+from modal.plotting.style import CURVE_POINTS
 from nonlinear.integration import Trajectory
 from nonlinear.plotting import draw_run
 from nonlinear.plotting.run import run_figure
@@ -146,7 +146,7 @@ def test_a_hundred_swings_have_no_corners() -> None:
     run = simulate(crowd, 20.0, start=state_at_rest(crowd, [30]), method="DOP853")
     assert len(run.times) * 100 > 20_000
     (line,) = panel(run_figure(run), "Phase portraits").lines
-    assert len(line.get_xdata()) == POINTS
+    assert len(line.get_xdata()) == CURVE_POINTS
 
 
 def test_a_single_instant_is_refused() -> None:

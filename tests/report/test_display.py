@@ -29,7 +29,7 @@ from modal.report import (
     by_column,
     summary_of,
 )
-from modal.report.display import MOST_LINES
+from modal.report.display import PROMPT_LINES
 from modal.scene import Bob, Cart, Pendulum, Scene
 from nonlinear.system import AppliedForces, Kicks
 
@@ -185,7 +185,7 @@ def test_wide_letters_take_two_columns() -> None:
 
 def test_long_facts_are_cut() -> None:
     shown = Summary("long", [("word", "x " * 1000)]).text()
-    assert len(shown.splitlines()) <= MOST_LINES
+    assert len(shown.splitlines()) <= PROMPT_LINES
     assert shown.endswith("…")
 
 

@@ -6,7 +6,7 @@ from html.parser import HTMLParser
 from typing import Any
 
 from modal.report import HTML_ROWS, WIDTH
-from modal.report.display import MOST_LINES
+from modal.report.display import PROMPT_LINES
 
 
 class Elements(HTMLParser):
@@ -39,7 +39,7 @@ def parsed(page: str) -> Elements:
 def assert_shown(thing: Any, *words: str) -> None:
     """Short at the prompt, and in a notebook well-formed, colourless and scrolling."""
     text = repr(thing)
-    assert len(text.splitlines()) <= MOST_LINES
+    assert len(text.splitlines()) <= PROMPT_LINES
     assert max(map(len, text.splitlines())) <= WIDTH
     page = thing._repr_html_()
     assert "overflow-x: auto" in page
