@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from nonlinear.ensembles import Basins, PoincareSection, StroboscopicSection
     from nonlinear.sweeps import Spread
 
+SECTION_MEMBERS = 24
+"""Cost: motions of a section by default, each of which is drawn."""
 COMPUTED = (
     "--engine (default the fastest, counting what is still to be compiled)",
     option("--tolerance (default 1e-9)", type=number("from 1e-13 to 0.001", 1e-3, 1e-13)),
@@ -71,11 +73,10 @@ def section(options: argparse.Namespace) -> PoincareSection | StroboscopicSectio
 
 def _crossings(options: argparse.Namespace, scene: Scene) -> PoincareSection | None:
     from nonlinear.ensembles import find_section
-    from nonlinear.ensembles.sections import ORBITS
     from nonlinear.system import has_start
 
     refuse(options, "needs a scene that is driven by a sine: a force or a moved support", *BY_STROBES)
-    members = options.members or ORBITS
+    members = options.members or SECTION_MEMBERS
     with _engine(options, members) as more:
         section = find_section(
             scene, options.duration, energy=options.energy, crossing=options.crossing, members=members, **more
@@ -87,13 +88,12 @@ def _crossings(options: argparse.Namespace, scene: Scene) -> PoincareSection | N
 
 def _strobes(options: argparse.Namespace, scene: Scene) -> StroboscopicSection | None:
     from nonlinear.ensembles import find_strobes
-    from nonlinear.ensembles.strobes import ORBITS
     from nonlinear.system import has_start
 
     refuse(options, "needs a scene that keeps its energy; of this one the section is stroboscopic", *BY_ENERGY)
     if not has_start(scene):
         tell_of_start("motions begin around the shape of its first mode that swings")
-    with _engine(options, options.members or ORBITS) as more:
+    with _engine(options, options.members or SECTION_MEMBERS) as more:
         how = kwargs_of(options, "--members", "--phase-deg", "--spread", "--settle", "--seed")
         strobes = find_strobes(scene, options.duration, of=names_of(options), **how, **more)
     return _show(options, "draw_strobes", strobes)
