@@ -32,10 +32,9 @@ if TYPE_CHECKING:
     from modal.extend.parameters import Parameter
     from modal.extend.registry import Extension, find_extension, register, registered, registration
     from modal.extend.scalars import cos, exp, log, sin, sqrt, tanh
-    from modal.extend.supports import Coordinate, Support
+    from modal.extend.supports import Support, SupportCoordinate
 
 __all__ = [
-    "Coordinate",
     "Extension",
     "ExtensionError",
     "Format",
@@ -44,6 +43,7 @@ __all__ = [
     "Parameter",
     "PointForce",
     "Support",
+    "SupportCoordinate",
     "cos",
     "exp",
     "find_extension",

@@ -21,14 +21,14 @@ from modal.extend.registry import Extension
 Slope = tuple[Any, Any]
 
 
-class Coordinate(NamedTuple):
+class SupportCoordinate(NamedTuple):
     """A coordinate of a support in "m" or "rad", its `way` where there are several: ("m", "sway").
 
     `letter` is its symbol, `verb` what a support does in a mode that moves it; `words` are what it is and what a force
     on it is, in full.  `is_mirrored` tells that a mirror image has it reversed.
 
-    >>> from modal.extend import Coordinate
-    >>> Coordinate("rad", "roll").suffix, Coordinate("m").suffix
+    >>> from modal.extend import SupportCoordinate
+    >>> SupportCoordinate("rad", "roll").suffix, SupportCoordinate("m").suffix
     ('roll_rad', 'm')
     """
 
@@ -64,10 +64,10 @@ class Support(Extension):
     the angle (rad, positive as that of links) by which it turns; None if it does not.  `potential` (J), flat where all
     η are 0, is energy beside springs and weight.
 
-    >>> from modal.extend import Coordinate, Parameter, Support
+    >>> from modal.extend import SupportCoordinate, Parameter, Support
     >>> class Disc(Support):  # it rolls along a rail
     ...     name = "disc"
-    ...     coordinates = (Coordinate("rad"),)
+    ...     coordinates = (SupportCoordinate("rad"),)
     ...     turning = 0
     ...     parameters = (Parameter("radius", "m", low=0.0),)
     ...
@@ -78,7 +78,7 @@ class Support(Extension):
     """
 
     kind = "support"
-    coordinates: ClassVar[tuple[Coordinate, ...]] = ()
+    coordinates: ClassVar[tuple[SupportCoordinate, ...]] = ()
     parameters: ClassVar[tuple[Parameter, ...]] = ()
     turning: ClassVar[int | None] = None
     nouns: ClassVar[tuple[str, str]] = ("", "")

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from modal.extend import Coordinate, Parameter, Support, cos, register, sin
+from modal.extend import Parameter, Support, SupportCoordinate, cos, register, sin
 
 
 def swing_path(S: Any, C: Any, length: Any, rate: Any) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
@@ -27,7 +27,9 @@ class CartMotion(Support):
     """Along the rail."""
 
     name = "cart"
-    coordinates = (Coordinate("m", letter="x", words=("displacement of the cart", "force along the rail on the cart")),)
+    coordinates = (
+        SupportCoordinate("m", letter="x", words=("displacement of the cart", "force along the rail on the cart")),
+    )
     nouns = ("cart", "carts")
     bends, keeps_speeds = False, True
 
@@ -42,7 +44,7 @@ class SwingMotion(Support):
 
     name = "swing"
     coordinates = (
-        Coordinate(
+        SupportCoordinate(
             "m",
             letter="s",
             words=("displacement along its arc of the swing", "force along its arc on the swing"),
@@ -70,7 +72,9 @@ class TiltMotion(Support):
     """About its origin."""
 
     name = "tilt"
-    coordinates = (Coordinate("rad", letter="phi", verb="tilts", words=("angle of the board", "torque on the board")),)
+    coordinates = (
+        SupportCoordinate("rad", letter="phi", verb="tilts", words=("angle of the board", "torque on the board")),
+    )
     turning = 0
     nouns = ("board", "boards")
     bends, keeps_speeds = False, True
@@ -86,7 +90,7 @@ class HeaveMotion(Support):
 
     name = "heave"
     coordinates = (
-        Coordinate(
+        SupportCoordinate(
             "m",
             letter="y",
             verb="heaves",
@@ -108,14 +112,14 @@ class PlatformMotion(Support):
 
     name = "platform"
     coordinates = (
-        Coordinate(
+        SupportCoordinate(
             "m",
             "sway",
             "x",
             "sways",
             ("displacement along the rail of the platform", "force along the rail on the platform"),
         ),
-        Coordinate(
+        SupportCoordinate(
             "m",
             "heave",
             "y",
@@ -123,7 +127,7 @@ class PlatformMotion(Support):
             ("displacement upwards of the platform", "force upwards on the platform"),
             is_mirrored=False,
         ),
-        Coordinate("rad", "roll", "phi", "rolls", ("angle of the platform", "torque on the platform")),
+        SupportCoordinate("rad", "roll", "phi", "rolls", ("angle of the platform", "torque on the platform")),
     )
     turning = 2
     nouns = ("platform", "platforms")

@@ -28,7 +28,6 @@ from modal.scene.stored import (
     SeveralKinds,
     SeveralOrNone,
 )
-from modal.scene.support_kinds import support_part
 from modal.scene.supports import (
     PAIR,
     Cart,
@@ -187,7 +186,10 @@ class Scene(Displayed, Part):
     gravity: float = field(POSITIVE, "positive", "m/s²")
     space: Literal["plane", "space"] = field(one_of("plane", "space"), "where it moves", default="plane")
     support: OneOrSeveralKinds[Support | Moved, Placed | Moved] = field(
-        function_after(_unwrap_single, one_or_list(any_kind(*SUPPORTS, Moved, others=support_part))),
+        function_after(
+            _unwrap_single,
+            one_or_list(any_kind(*SUPPORTS, Moved, others=deferred("modal.scene.support_kinds:support_part"))),
+        ),
         "one, or several of a structure",
         default=Fixed(),
     )

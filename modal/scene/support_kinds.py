@@ -92,7 +92,7 @@ def _problems(part: Any) -> Any:
                 call(path, "motion", rest, [float(i in each) for i in range(d)], values)[2]
                 for each in ((k, j), (k,), (j,))
             ]
-            if any(abs(both - one - other) > 1e-9 for both, one, other in zip(*bends, strict=True)):
+            if any(abs(both - first - second) > 1e-9 for both, first, second in zip(*bends, strict=True)):
                 raise mistake_of(
                     path, f"place mixes coordinates {j} and {k} to second order at rest, which is not built"
                 )

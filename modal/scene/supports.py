@@ -22,7 +22,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from modal.errors import SceneError
-from modal.extend import Coordinate, Support
+from modal.extend import Support, SupportCoordinate
 from modal.scene.carriers import CartMotion, HeaveMotion, PlatformMotion, SwingMotion, TiltMotion
 from modal.scene.links import LOSS_ANGLE, Loss, is_lossy
 from modal.scene.points import parse_point
@@ -349,7 +349,7 @@ def law_values(law: float | Part) -> tuple[float, ...]:
     return tuple(value for _, value in law) if isinstance(law, Part) else (law,)
 
 
-def start_keys(coordinate: Coordinate) -> tuple[str, str]:
+def start_keys(coordinate: SupportCoordinate) -> tuple[str, str]:
     """How a start calls a coordinate and its rate, as `sway` and `sway_rate`."""
     ending, alone = ("_deg", "angle") if coordinate.unit == "rad" else ("", "displacement")
     way = coordinate.way

@@ -73,7 +73,7 @@ def _nouns(support: Any) -> tuple[str, str]:
 def _supports(scene: Scene) -> str:
     if "structure" in scene.features:
         counts = Counter(_nouns(support) for support in scene.supports)
-        words = [f"a {one}" if n == 1 else f"{_number(n)} {many}" for (one, many), n in counts.items()]
+        words = [f"a {singular}" if n == 1 else f"{_number(n)} {plural}" for (singular, plural), n in counts.items()]
         return listed(words, len(words))
     if (cart := scene.cart) is not None:
         what = "cart" if cart.mass else "massless cart"

@@ -14,7 +14,7 @@ import sympy as sp
 
 from modal import Scene, natural_frequencies, natural_modes
 from modal.errors import ExtensionError, SceneError
-from modal.extend import Coordinate, Parameter, Support, cos, exp, log, registration, sin, sqrt, tanh
+from modal.extend import Parameter, Support, SupportCoordinate, cos, exp, log, registration, sin, sqrt, tanh
 from modal.extend.jets import Jet, along
 from modal.scene import dump, load, scene_from
 from modal.scene.carriers import CartMotion, HeaveMotion, PlatformMotion, SwingMotion, TiltMotion
@@ -32,7 +32,7 @@ class Disc(Support):
     """It rolls along a rail; its coordinate is the angle by which it has turned."""
 
     name = "disc"
-    coordinates = (Coordinate("rad", letter="phi", verb="rolls"),)
+    coordinates = (SupportCoordinate("rad", letter="phi", verb="rolls"),)
     turning = 0
     parameters = (Parameter("radius", "m", low=1e-3), Parameter("magnet", "N m", default=0.0))
 
@@ -104,7 +104,7 @@ def lagrange() -> tuple[Any, Any, Any, Any]:
 
 
 @pytest.fixture(scope="module")
-def own() -> tuple[Any, Any, Any]:
+def equations() -> tuple[Any, Any, Any]:
     """Own M(q), f(q, v) of M q'' = f, as functions, and K at rest."""
     t, q, T, V = lagrange()
     v = [sp.diff(c, t) for c in q]
@@ -122,25 +122,25 @@ def own() -> tuple[Any, Any, Any]:
     return sp.lambdify((Q, W), M), sp.lambdify((Q, W), right), K
 
 
-def test_modes_are_those_of_lagrange(scene: Scene, own: Any) -> None:
+def test_modes_are_those_of_lagrange(scene: Scene, equations: Any) -> None:
     still = scene.replace(support=scene.support.replace(damping=0.0))
-    M = np.array(own[0](np.zeros(3), np.zeros(3)), dtype=float)
-    expected = np.sqrt(scipy.linalg.eigh(own[2], M, eigvals_only=True))
+    M = np.array(equations[0](np.zeros(3), np.zeros(3)), dtype=float)
+    expected = np.sqrt(scipy.linalg.eigh(equations[2], M, eigvals_only=True))
     assert natural_frequencies([still])[0] == pytest.approx(expected, rel=1e-12)
     assert "disc rolls" in str(natural_modes(scene))
 
 
-def accelerations(own: Any, y: Floats) -> Floats:
+def accelerations(equations: Any, y: Floats) -> Floats:
     """Those of Lagrange's equations."""
     q, v = y[:3], y[3:6]
-    return np.linalg.solve(np.array(own[0](q, v), dtype=float), np.array(own[1](q, v), dtype=float))
+    return np.linalg.solve(np.array(equations[0](q, v), dtype=float), np.array(equations[1](q, v), dtype=float))
 
 
-def test_every_engine_has_the_accelerations_of_lagrange(scene: Scene, own: Any) -> None:
+def test_every_engine_has_the_accelerations_of_lagrange(scene: Scene, equations: Any) -> None:
     """The recursion in NumPy, what is written out, and lanes side by side."""
     system = system_of(scene)
     y = np.append(np.random.default_rng(1).uniform(-2, 2, 6), 0.0)
-    expected = accelerations(own, y)
+    expected = accelerations(equations, y)
     plain = Minimal(system, tuple(Recursion(group) for group in system.groups))
     assert plain.derivative(0.0, y)[3:6] == pytest.approx(expected, rel=1e-11)
     assert Generated(system).derivative(0.0, y)[3:6] == pytest.approx(expected, rel=1e-11)
@@ -162,11 +162,16 @@ START = State(np.array([0.9, -0.4]), np.array([0.5, 0.2]), supports=np.array([0.
 
 
 @pytest.fixture(scope="module")
-def there(own: Any) -> Floats:
+def there(equations: Any) -> Floats:
     """Where Lagrange's equations arrive after 2 s: the disc and both links."""
     begin = np.array([0.3, 0.9, -0.4, -0.8, 0.5, 0.2])
     run = scipy.integrate.solve_ivp(
-        lambda t, y: np.concatenate((y[3:], accelerations(own, y))), (0, 2), begin, "DOP853", rtol=1e-11, atol=1e-12
+        lambda t, y: np.concatenate((y[3:], accelerations(equations, y))),
+        (0, 2),
+        begin,
+        "DOP853",
+        rtol=1e-11,
+        atol=1e-12,
     )
     return np.asarray(run.y[:3, -1])
 
@@ -194,12 +199,12 @@ def test_members_arrive_there(scene: Scene, there: Floats) -> None:
     assert runs.final.links[1] == pytest.approx(other.final.links, abs=1e-8)
 
 
-def test_symbols_are_the_equations_in_numbers(scene: Scene, own: Any) -> None:
+def test_symbols_are_the_equations_in_numbers(scene: Scene, equations: Any) -> None:
     from modal.symbolic.system import symbolic_structure
 
     M, K, _ = (np.array(part.evalf(), dtype=float) for part in symbolic_structure(scene).matrices())
-    assert pytest.approx(own[2], abs=1e-12) == K
-    assert pytest.approx(np.array(own[0](np.zeros(3), np.zeros(3)), dtype=float), abs=1e-12) == M
+    assert pytest.approx(equations[2], abs=1e-12) == K
+    assert pytest.approx(np.array(equations[0](np.zeros(3), np.zeros(3)), dtype=float), abs=1e-12) == M
 
 
 def test_a_scene_file_names_it(scene: Scene, tmp_path: Path) -> None:
