@@ -10,10 +10,11 @@ from support.magnets import CART, Wake
 from modal.assembly import matrices
 from modal.errors import ExtensionError, SceneError
 from modal.extend import Parameter, PointForce, registration
-from modal.scene import Scene, dumps, refusals
+from modal.scene import Scene, dumps, free_bodies, refusals
 from modal.scene.files import parse
 from modal.scene.laws import part_of
-from modal.scene.parameters import vary
+from modal.scene.parameters import unit_at, vary
+from modal.symbolic.newton_euler import NewtonEuler
 from modal.types import Floats
 from nonlinear import simulate
 from nonlinear.dynamics import Generated, Minimal, Recursion
@@ -97,3 +98,12 @@ def test_what_is_wrong_is_told() -> None:
     for law, words in ((steady, "not 0 at rest"), (sideways, "differs from one direction")):
         with registration(law), pytest.raises(ExtensionError, match=f"extension wind .*{words}"):
             part_of.__wrapped__(law)(push=1.0)
+
+
+def test_diagrams_and_units_know_them() -> None:
+    scene = airy_scene(f"point_force = {WAKE}")
+    assert unit_at(scene, ("pendulum", 0, "links", 1, "point_force", "growth")) == "N s³/m³"
+    laws = dict(NewtonEuler(free_bodies(scene)).laws())
+    along = laws["drag of link 2 along the rail"].rhs
+    rates = sorted(along.free_symbols, key=str)
+    assert [float(along.subs(dict.fromkeys(rates, 0.5)))] == pytest.approx([-(0.2 + 0.05 * 0.5) * 0.5])
