@@ -106,11 +106,15 @@ STILL: Sentences = {
     "moved_support": "needs a support at rest; simulate follows a moved one",
     **_sentences(FORCED, "needs a scene without forces; simulate takes them"),
 }
+IN_TIME_ALONE: Sentences = {name: words for name, words in STILL.items() if name not in LEANING}
 PLANE: Sentences = {"space": "is computed in the plane"}
 NO_RATIO: Sentences = {"damping_ratio": "does not support damping ratios of modes"}
 STICKS = _sentences(FRICTION, "does not follow what sticks and slips")
 SWITCHES: Sentences = {**STICKS, "escapement": "does not end its steps at kicks"}
-LOSSES = _sentences(LOSS, "needs a scene without losses")
+LOSSES = _sentences(LOSS - {"damping_ratio"}, "needs a scene without losses")
+UNDAMPED: Sentences = {
+    "damping_ratio": "The damping ratio is left out: natural frequencies and shapes are the same without it."
+}
 LOSSLESS: Sentences = {
     "loss": "Loss angles are left out: they are a complex stiffness at each frequency, which response, vibration and "
     "table take."
@@ -162,12 +166,11 @@ MOVED_MODEL = CONSTANT_MODEL._replace(
 GROWS = {**CONSTANT_MODEL.unless, "inverted": "grows by itself"}
 AVERAGED = Capability(
     "averaging",
-    SHAPE - {"inverted"} | {"dampers", "linear_drag", "joint_friction"} | DRIVES | STRUCTURED,
+    SHAPE - {"inverted"} | LOSS | {"joint_friction"} | DRIVES | STRUCTURED,
     refuses={
         **STILL,
         **CONSTANT,
         **PLANE,
-        **NO_RATIO,
         **NO_INERTIA,
         "inverted": "needs hanging links",
         "quadratic_drag": "has no exact average of quadratic drag",
@@ -177,15 +180,15 @@ AVERAGED = Capability(
 
 PERIODIC = Capability(
     "a periodic orbit",
-    SHAPE | LOSS | DRAG | DRIVES | FRICTION | STRUCTURED,
-    refuses={**STILL, **CONSTANT, **PLANE},
+    SHAPE | LOSS | DRAG | DRIVES | FRICTION | STRUCTURED | {"constant_force"},
+    refuses={**IN_TIME_ALONE, **CONSTANT, **PLANE},
     unless=ENDS,
 )
 
 FORCED_ORBIT = Capability(
     "a forced periodic orbit",
-    SHAPE | {"dampers", "damping_ratio", "moved_support"} | DRAG | FORCED | STRUCTURED,
-    refuses={**CONSTANT, **PLANE, **STICKS, **_sentences(DRIVES, "does not follow clocks and drives at joints")},
+    SHAPE | LOSS | DRAG | FRICTION | DRIVES | FORCED | STRUCTURED | {"moved_support"},
+    refuses={**CONSTANT, **PLANE},
     unless=ENDS,
     needs={DRIVEN_IN_TIME: 'nothing drives this scene: give it a [[force]], or a support of kind = "moved"'},
 )
@@ -204,8 +207,8 @@ SECTIONED = Capability(
 )
 STROBED = Capability(
     "a stroboscopic section",
-    SHAPE | LOSS | DRAG | FRICTION | DRIVES | FORCED | STRUCTURED | {"moved_support"},
-    refuses={**CONSTANT, **PLANE},
+    SHAPE | LOSS | DRAG | FRICTION | DRIVES | FORCED | STRUCTURED | {"moved_support", "hoist"},
+    refuses=PLANE,
     unless=STOPS,
     needs={DRIVEN_IN_TIME: "a stroboscopic section needs a period: a sine that moves the support or acts as a force"},
 )
@@ -307,8 +310,7 @@ CAPABILITIES: dict[str, Capability] = {
             "a shaper",
             LINEAR - {"inverted"} | STRUCTURED,
             leaves={**OMITTED, **LOSSLESS},
-            refuses=SHIFTED,
-            unless={"inverted": "is unstable"},
+            unless={"inverted": "is unstable", **LEANING},
             needs={_of("cart structure"): 'support.kind: a shaper needs kind = "cart", or a structure'},
         ),
         Capability(
@@ -323,16 +325,15 @@ CAPABILITIES: dict[str, Capability] = {
             leaves=OMITTED,
             refuses={
                 "damping_ratio": "cannot vary damping ratios of modes",
-                "constant_force": "moves the equilibrium with every number",
                 "inverted": "needs a stable equilibrium",
             },
-            unless={"massless_cart": "the mass matrix is singular"},
+            unless={"massless_cart": "the mass matrix is singular", **LEANING},
         ),
         Capability(
             "a derivation",
             SHAPE | {"dampers", "massless_cart", "space", "structure", "springs"},
-            leaves={**HELD, **LOSSLESS},
-            refuses={**SHIFTED, **NO_RATIO, **_sentences(_of("linear_drag"), "has no symbols for {it}")},
+            leaves={**HELD, **LOSSLESS, **UNDAMPED},
+            refuses={**SHIFTED, **_sentences(_of("linear_drag"), "has no symbols for {it}")},
         ),
         Capability(
             "a free-body diagram",
@@ -348,13 +349,13 @@ CAPABILITIES: dict[str, Capability] = {
         Capability(
             "a polynomial in ω²",
             LINEAR - LOSS,
-            leaves={**OMITTED, **LOSSLESS},
+            leaves={**OMITTED, **LOSSLESS, **UNDAMPED},
             refuses={**LOSSES, **SHIFTED, **BODILESS},
         ),
         Capability(
             "an enclosure",
             LINEAR - LOSS - {"inverted", "joint_springs"},
-            leaves={**OMITTED, **LOSSLESS},
+            leaves={**OMITTED, **LOSSLESS, **UNDAMPED},
             refuses={
                 **LOSSES,
                 **SHIFTED,
@@ -479,8 +480,8 @@ CAPABILITIES: dict[str, Capability] = {
         Capability(
             "a comparison with modes",
             SHAPE | LOSS | DRAG | FRICTION | DRIVES | STRUCTURED | DRIVEN_IN_TIME,
-            refuses={**SHIFTED, **CONSTANT, **PLANE},
-            unless=ENDS,
+            refuses={**CONSTANT, **PLANE},
+            unless={**ENDS, **LEANING},
         ),
         Capability(
             "a periodic orbit of a mode",
@@ -504,8 +505,8 @@ CAPABILITIES: dict[str, Capability] = {
         FORCED_ORBIT,
         Capability(
             "a Lyapunov exponent",
-            SHAPE | LOSS | DRAG | FRICTION | DRIVES | FORCED | STRUCTURED | {"moved_support"},
-            refuses={**CONSTANT, **PLANE},
+            SHAPE | LOSS | DRAG | FRICTION | DRIVES | FORCED | STRUCTURED | {"moved_support", "hoist"},
+            refuses=PLANE,
             unless=STOPS,
         ),
         SECTIONED,
@@ -552,8 +553,8 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "a fit of motions",
-            SHAPE | LOSS | {"moved_support", "hoist"} | DRAG | FRICTION | DRIVES | FORCED | STRUCTURED,
-            refuses=PLANE,
+            SHAPE | {"dampers", "moved_support", "hoist"} | DRAG | FRICTION | DRIVES | FORCED | STRUCTURED,
+            refuses={**PLANE, "damping_ratio": "holds the dampers of modes while it varies these"},
             unless=ENDS,
         ),
     )

@@ -392,9 +392,13 @@ class Scene(Displayed, Part):
     @property
     def conservative(self) -> Scene:
         """The same scene without all that does work: drives, losses and what acts in time."""
+        return self.timeless.workless
+
+    @property
+    def workless(self) -> Scene:
+        """The same scene without drives and losses; what acts in time stays."""
         none = {"drive": None, "damping": 0.0, "friction": 0.0, "drag": 0.0, "quadratic_drag": 0.0, "point_force": None}
-        lawful = self.lossless.timeless._with_laws(lambda law: law.is_conservative)
-        loose = lawful._with(**none)
+        loose = self.lossless._with_laws(lambda law: law.is_conservative)._with(**none)
         springs = tuple(spring.replace(damping=0.0) for spring in loose.spring)
         return loose.replace(damping_ratio=0.0, spring=springs)._with_supports(_without_damping)
 

@@ -94,6 +94,7 @@ def _take_apart(options: argparse.Namespace, show: tuple[str, ...]) -> None:
         return
     from modal.plotting import free_body_tikz, plot_free_body, save
 
+    noted(scene, "a free-body diagram")
     in_a_folder(options.output)
     if form == "tikz":
         picture = free_body_tikz(scene, letters, options.parts or "")

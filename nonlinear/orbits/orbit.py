@@ -62,17 +62,17 @@ class Orbit(Displayed):
 
     @cached_property
     def energy(self) -> float:
-        """Energy (J) at the start, from that of the equilibrium."""
+        """Energy (J) at the start, from that of links that hang or stand straight; without that of constant forces."""
         return float(Mechanics(self.flow.system, self.motion(self.y[None])).energy[0])
 
     @cached_property
     def amplitude(self) -> float:
-        """The largest angle (rad) of any link from its equilibrium over the period."""
+        """The largest angle (rad) of any link over the period, from where it hangs or stands straight."""
         return float(self.amplitudes.max())
 
     @cached_property
     def amplitudes(self) -> Floats:
-        """The largest angle (rad) of every link from its equilibrium over the period, (L,)."""
+        """The largest angle (rad) of every link over the period, (L,)."""
         half, first = self.flow.equations.layout.half, self.flow.equations.layout.first
         times, states, rates = self.path
         at = slice(first, half)

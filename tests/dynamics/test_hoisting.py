@@ -15,7 +15,6 @@ from modal.assembly import matrices
 from modal.errors import ComputationError, SceneError
 from modal.scene import Bob, Body, Cart, Fixed, Hoist, Pendulum, Rod, Scene
 from nonlinear import files
-from nonlinear.chaos import lyapunov_exponent
 from nonlinear.dynamics import Generated, HoistedMaximal, Mechanics, module_of
 from nonlinear.orbits.shooting import shooting
 from nonlinear.postprocessing import reaction_forces_of
@@ -23,7 +22,6 @@ from nonlinear.reduction import simulate_truncated, superpose
 from nonlinear.simulation import resume, simulate
 from nonlinear.synchronization import study_synchronization
 from nonlinear.system import AppliedForces, State, system_of
-from nonlinear.verification import check
 
 G = 9.81
 
@@ -281,8 +279,6 @@ def test_what_needs_constant_lengths_says_so() -> None:
     with pytest.raises(SceneError, match="hoist"):
         simulate(scene.replace(space="space"), 1.0)
     for refused in (
-        lambda: lyapunov_exponent(scene),
-        lambda: check(scene),
         lambda: superpose(scene, start, corrected=False),
         lambda: simulate_truncated(scene, 1.0),
         lambda: study_synchronization(scene, 1.0),

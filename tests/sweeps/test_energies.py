@@ -115,7 +115,7 @@ def test_energies_out_of_reach_have_reasons() -> None:
         ("chain-2", ["gravity=1,2"], "frequencies", 3, "starts are drawn where start.energy is varied"),
         ("chain-2", ["start.energy=1,2"], "beat", 3, "beat: cannot be measured of starts drawn at an energy"),
         ("chain-2", ["start.energy=1,2"], "lyapunov:1", 3, "must be at least"),
-        ("huygens", ["start.energy=1,2"], "lyapunov", 3, "needs a motion that keeps its energy"),
+        ("hoisting-crane", ["start.energy=1,2"], "lyapunov", 3, "no energy of a rope that is wound up"),
         ("chain-spatial", ["start.energy=1,2"], "lyapunov", 3, "in the plane"),
     ],
 )
