@@ -148,6 +148,7 @@ def _law_numbers(scene: Scene, system: System, replacements: Values) -> list[Any
     ]
 
 
+@checked
 def law_places(scene: Scene, system: System) -> list[tuple[int, Place]]:
     """Which entries are parameters of laws, the last of a system's own, and their places in the scene."""
     places = [(*place, parameter.name) for place, _, parameter in _law_entries(scene, system)]
