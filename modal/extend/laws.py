@@ -183,9 +183,34 @@ class PointForce(Law):
 
     kind = "point force"
 
+    @classmethod
+    def mistakes(cls) -> Iterator[str]:
+        """Mistakes of parameters, and a missing force."""
+        yield from super().mistakes()
+        if cls.force is PointForce.force:
+            yield "has no force"
+
     def force(self, velocity: Any, parameters: Values) -> Any:
         """The force (N) at a velocity (m/s), component by component."""
         raise NotImplementedError
+
+    def linear_drag(self, parameters: Values) -> float:
+        """The linear drag (N s/m) at rest."""
+        along, _ = call(self, "force", [complex(0.0, STEP), 0.0], parameters, shape=(2,))
+        return -complex(along).imag / STEP + 0.0
+
+    def judge(self, parameters: Values) -> None:
+        """ExtensionError where it is not what it says: at rest, and alike in all directions of small motions."""
+        with np.errstate(all="ignore"):
+            at_rest = call(self, "force", [0.0, 0.0], parameters, shape=(2,))
+            along, down = call(self, "force", [0.0, complex(0.0, STEP)], parameters, shape=(2,))
+            drag = self.linear_drag(parameters)
+        if any(at_rest):
+            raise mistake_of(self, "force is not 0 at rest")
+        if not isfinite(drag) or abs(complex(down).imag / STEP + drag) + abs(complex(along).imag / STEP) > 1e-9 * abs(
+            drag
+        ):
+            raise mistake_of(self, "force differs from one direction of small motions to another")
 
 
 # ------------------------------------------------------------------------------------------------------------- ours
@@ -261,8 +286,9 @@ class DragLaw(PointForce):
 
     def force(self, velocity: Any, parameters: Values) -> Any:
         """Against the velocity."""
-        quadratic = parameters["quadratic_drag"]
-        strength = parameters["drag"] + quadratic * sqrt(sum(component * component for component in velocity))
+        strength, quadratic = parameters["drag"], parameters["quadratic_drag"]
+        if not isinstance(quadratic, float) or quadratic:
+            strength = strength + quadratic * sqrt(sum(component * component for component in velocity))
         return [-(strength * component) for component in velocity]
 
 

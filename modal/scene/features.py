@@ -235,8 +235,8 @@ FEATURES: dict[str, Feature] = {
         "dampers", "remove the dampers", _damps, support=("damping", "D"), spring="damping", link=("damping", "law")
     ),
     "loss": Feature("loss angles", "remove them, or give dampers", is_lossy, spring="loss", link=("loss", "wire_loss")),
-    "linear_drag": Feature("linear drag", "remove the drag", link=("drag",)),
-    "quadratic_drag": Feature("quadratic drag", "remove it, or give drag", link=("quadratic_drag",)),
+    "linear_drag": Feature("linear drag", "remove the drag", link=("drag", "point_force")),
+    "quadratic_drag": Feature("quadratic drag", "remove it, or give drag", link=("quadratic_drag", "point_force")),
     "damping_ratio": Feature("a damping ratio", "give dampers at joints instead", _ratio, scene="damping_ratio"),
     "joint_friction": Feature("dry friction at joints", "remove it, or give dampers", link=("friction",)),
     "rail_friction": Feature("dry friction on the rail", "remove it, or give a damper", support=("friction",)),

@@ -226,7 +226,7 @@ def _link(
     efforts = [Effort("weight", "centre", 1, down=f"m_{tail} g"), *_joint(letters, index, link, True, "upper", p)]
     if i + 1 < len(chain):
         efforts += _joint(letters, (*index[:-1], i + 2), chain[i + 1], False, "lower", p)
-    if link.drag or link.quadratic_drag:
+    if link.drag or link.quadratic_drag or link.point_force:
         efforts.append(Effort("drag", "centre", 1, along=f"D_x_{tail}", down=f"D_{_down(letters)}_{tail}"))
     words = f"link {i + 1} of pendulum {p + 1}" if several else f"link {i + 1}"
     is_body = link.kind == "body"

@@ -6,7 +6,7 @@ The kind is the name of a `JointLaw` (`modal.extend`), its numbers are the param
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from functools import cache, lru_cache
+from functools import cache, lru_cache, partial
 from typing import TYPE_CHECKING, Any
 
 from modal.errors import SceneError
@@ -48,7 +48,14 @@ class JointPart(Part):
 
 
 class _NamedLaw(JointPart):
-    """One that a scene names by its kind."""
+    """One that a scene names by its kind, also of forces on centres of mass."""
+
+    @property
+    def linear_drag(self) -> float:
+        """That of a force on a centre of mass (N s/m)."""
+        law: Any = self.law
+        drag: float = law.linear_drag(self.numbers)
+        return drag
 
     def problems(self) -> Iterator[str]:
         """None, unless the law is not what it says: that is its own mistake."""
@@ -95,33 +102,34 @@ def part_of(law: Any) -> type[JointPart]:
     return type(law.__name__, (_NamedLaw,), {"__doc__": law.__doc__, "__module__": __name__, "law": law(), **fields})
 
 
-def _laws(value: Any) -> Any:
-    """One law, a tuple of several, or None; ValueError with the places of all mistakes."""
+def _laws(value: Any, what: str = "joint law") -> Any:
+    """One law of this kind, a tuple of several, or None; ValueError with the places of all mistakes."""
     if value is None or isinstance(value, JointPart):
         return value
     problems: list[str] = []
     is_list = isinstance(value, list | tuple)
     parts = [
-        _part(entry, f"[{k}]" if is_list else "", problems) for k, entry in enumerate(value if is_list else [value])
+        _part(entry, what, f"[{k}]" if is_list else "", problems)
+        for k, entry in enumerate(value if is_list else [value])
     ]
     if problems:
         raise ValueError("\n".join(problems))
     return tuple(parts) if is_list else parts[0]
 
 
-def _part(value: Any, place: str, problems: list[str]) -> Any:
+def _part(value: Any, what: str, place: str, problems: list[str]) -> Any:
     """The part of one table; its mistakes join the others."""
     if isinstance(value, JointPart):
         return value
-    from modal.extend import JointLaw, find_extension, registered
+    from modal.extend import find_extension, registered
 
-    names = sorted(registered(JointLaw.kind)) if not isinstance(value, Mapping) or "kind" not in value else ()
+    names = sorted(registered(what)) if not isinstance(value, Mapping) or "kind" not in value else ()
     if names or not isinstance(value["kind"], str):
-        problems.append(f'{place}.kind: is required: write law = {{ kind = "…" }}, one of {", ".join(names)}')
+        problems.append(f'{place}.kind: is required: write {{ kind = "…" }}, one of {", ".join(names)}')
         return None
-    law: Any = find_extension(JointLaw.kind, value["kind"])
+    law: Any = find_extension(what, value["kind"])
     if law is None:
-        names = sorted(registered(JointLaw.kind))
+        names = sorted(registered(what))
         hint = suggestion(value["kind"], names)
         problems.append(f'{place}.kind = "{value["kind"]}": must be one of {", ".join(names)}{hint}')
         return None
@@ -132,5 +140,7 @@ def _part(value: Any, place: str, problems: list[str]) -> Any:
         return None
 
 
+POINT_FORCES: Schema = function_after(partial(_laws, what="point force"), {"type": "any"})
+"""A force on a centre of mass, a list of forces, or none."""
 LAWS: Schema = function_after(_laws, {"type": "any"})
 """A law, a list of laws, or none."""

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 from modal import pair
 from modal.report import deferred
 from modal.scene.hoist import Hoist
-from modal.scene.laws import LAWS, JointPart
+from modal.scene.laws import LAWS, POINT_FORCES, JointPart
 from modal.scene.stored import Several
 from modal.scene.validation import (
     COUNT,
@@ -146,6 +146,9 @@ class Link(Part):
     wire_loss: Loss = field(LOSS_ANGLE, "loss angle of the rope of a bob, diluted, or a table", "rad", default=0.0)
     drive: Drive | None = field(optional(any_kind(VanDerPol, Escapement)), "at the upper joint", default=None)
     law: JointPart | tuple[JointPart, ...] | None = field(LAWS, "laws of the upper joint, by their kinds", default=None)
+    point_force: JointPart | tuple[JointPart, ...] | None = field(
+        POINT_FORCES, "forces on the centre of mass, by their kinds", default=None
+    )
     hoist: Hoist | None = field(optional(Hoist.schema()), "of a bob: how its length changes in time", default=None)
     count: int = field(COUNT, "number of equal links in a row", default=1)
 
@@ -169,6 +172,18 @@ class Link(Part):
         if isinstance(self.drive, VanDerPol):
             placed.append((("drive",), self.drive))
         return placed
+
+    @property
+    def placed_forces(self) -> list[tuple[tuple[str | int, ...], Any]]:
+        """The forces on its centre of mass with the steps that lead to each."""
+        if not isinstance(self.point_force, tuple):
+            return [(("point_force",), self.point_force)] if self.point_force else []
+        return [(("point_force", k), part) for k, part in enumerate(self.point_force)]
+
+    @property
+    def linear_drag(self) -> float:
+        """The linear drag (N s/m), with that of these forces."""
+        return self.drag + sum(part.linear_drag for _, part in self.placed_forces)
 
     def laws_that(self, stays: Callable[[JointLaw], bool]) -> tuple[JointPart, ...] | None:
         """Those of `law` that stay."""

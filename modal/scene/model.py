@@ -315,8 +315,9 @@ class Scene(Displayed, Part):
 
     @property
     def without_laws(self) -> Scene:
-        """The same scene without the laws of joints; drives stay."""
-        return self._with(law=None) if "law" in self.features else self
+        """The same scene without laws of joints and forces on centres that have a kind; drives stay."""
+        has_forces = self.has_drag and any(link.point_force for link in self.links())
+        return self._with(law=None, point_force=None) if has_forces or "law" in self.features else self
 
     def _with_laws(self, stays: Callable[[JointLaw], bool]) -> Scene:
         """The same scene with those laws of joints alone that stay."""
@@ -398,7 +399,7 @@ class Scene(Displayed, Part):
     @property
     def workless(self) -> Scene:
         """The same scene without drives and losses; what acts in time stays."""
-        none = {"drive": None, "damping": 0.0, "friction": 0.0, "drag": 0.0, "quadratic_drag": 0.0}
+        none = {"drive": None, "damping": 0.0, "friction": 0.0, "drag": 0.0, "quadratic_drag": 0.0, "point_force": None}
         loose = self.lossless._with_laws(lambda law: law.is_conservative)._with(**none)
         springs = tuple(spring.replace(damping=0.0) for spring in loose.spring)
         return loose.replace(damping_ratio=0.0, spring=springs)._with_supports(_without_damping)

@@ -145,12 +145,12 @@ def number_at(scene: Scene, place: Place) -> float:
 
 
 def law_parameter(scene: Scene, place: Place) -> Parameter | None:
-    """The parameter of a law of joints that a number is, None of any other.
+    """The parameter of a law of joints, or of a force on a centre of mass, that a number is, None of any other.
 
     >>> from modal import load
     >>> law_parameter(load("chain-2"), ("gravity",))
     """
-    if "law" not in place:
+    if {"law", "point_force"}.isdisjoint(place):
         return None
     parameters: tuple[Parameter, ...] = _at(scene, place[:-1]).law.parameters
     return next(parameter for parameter in parameters if parameter.name == place[-1])

@@ -126,7 +126,7 @@ def form_of(
         False,
         system.spatial,
         shape_of(system),
-        tuple(tuple(map(_shape_of_term, group.laws)) for group in system.groups),
+        tuple(tuple(map(_shape_of_term, (*group.laws, *group.point_forces))) for group in system.groups),
         system,
     )
 

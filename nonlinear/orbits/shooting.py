@@ -307,7 +307,7 @@ class Shooting:
         system = flow.system
         if system.structure is None:
             # quadratic drag takes momentum that no impulse of it tells
-            has_drag = any(group.quadratic_drag is not None for group in system.groups)
+            has_drag = any(group.quadratic_drag is not None or group.point_forces for group in system.groups)
             return [] if has_drag else [flow.equations.momentum_slope(y)]
         if system.dissipates:
             return []
