@@ -183,7 +183,8 @@ class Link(Part):
     @property
     def linear_drag(self) -> float:
         """The linear drag (N s/m), with that of these forces."""
-        return self.drag + sum(part.linear_drag for _, part in self.placed_forces)
+        of_forces: float = sum(part.linear_drag for _, part in self.placed_forces)
+        return self.drag + of_forces
 
     def laws_that(self, stays: Callable[[JointLaw], bool]) -> tuple[JointPart, ...] | None:
         """Those of `law` that stay."""

@@ -74,9 +74,9 @@ def test_a_pendulum_in_a_wake_is_that_of_its_equation(form: str) -> None:
     link = f'{{ kind = "bob", mass = 0.8, length = 1.3, point_force = {WAKE} }}'
     start = "start = { angles_deg = [100.0] }"
     scene = parse(f"gravity = 9.81\n[[pendulum]]\nlinks = [{link}]\n{start}".encode())
-    own = solve_ivp(hand_rates, (0, 1.0), [np.radians(100.0), 0.0], rtol=1e-12, atol=1e-12).y[0, -1]
+    expected = solve_ivp(hand_rates, (0, 1.0), [np.radians(100.0), 0.0], rtol=1e-12, atol=1e-12).y[0, -1]
     run = simulate(scene, 1.0, form=form, tolerance=1e-11, output=[1.0])
-    assert run.final.links[0] == pytest.approx(own, abs=1e-8)
+    assert run.final.links[0] == pytest.approx(expected, abs=1e-8)
 
 
 def test_members_have_forces_of_their_own() -> None:
