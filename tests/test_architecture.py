@@ -227,7 +227,7 @@ NEEDED: dict[str, set[str]] = {
 """What an import or a command may load of it, beside what those before it have loaded; the last one loads it."""
 
 
-MOST_LOADED = {"table paper-cart-2": (72, 17_200)}
+MOST_LOADED = {"table paper-cart-2": (80, 18_500)}
 """Modules of ours, and their lines, that the first of them may load."""
 
 LONGER = ("sync", "tune", "plot", "import scipy")
@@ -285,7 +285,9 @@ def spoken(source: str) -> list[str]:
 
 
 def test_the_packages_know_no_option_of_the_command() -> None:
-    packages = {name: path for name, path in sources().items() if not name.startswith("multipendula")}
+    """But tests of extensions, which call commands as users do."""
+    others = ("multipendula", "modal.testing")
+    packages = {name: path for name, path in sources().items() if not name.startswith(others)}
     spoken_options = [
         (name, text)
         for name, path in packages.items()

@@ -383,4 +383,4 @@ def _parameters(pendulum: Pendulum) -> list[float]:
 def _numbers(link: AnyLink) -> list[float]:
     """The ARRAYS of a link: what its laws are about equilibrium joins the spring and the damper of its joint."""
     stiffness, damping = link.linear_coefficients
-    return [link.mass, link.length, link.centre, link.inertia, damping, stiffness, link.drag, 1.0]
+    return [link.mass, link.length, link.centre, link.inertia, damping, stiffness, link.linear_drag, 1.0]

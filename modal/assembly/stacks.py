@@ -26,7 +26,17 @@ SUPPORT = {("gravity",), ("support", "mass"), ("support", "stiffness")}
 CHANGING = {"centre", "inertia"}
 """Numbers of a link at which zero is another form, as it is for both of a support."""
 OTHERS = frozenset(
-    {"inverted", "joint_springs", "dampers", "law", "linear_drag", "massless_cart", "constant_force", "structure", "springs"}
+    {
+        "inverted",
+        "joint_springs",
+        "dampers",
+        "law",
+        "linear_drag",
+        "massless_cart",
+        "constant_force",
+        "structure",
+        "springs",
+    }
 )
 """The features of scenes whose equations stacks do not have."""
 SEVERAL = OTHERS | {"space", "copies", "damping_ratio"}

@@ -172,7 +172,10 @@ class OnStructure:
         else:
             roots, modal = self._dampers
             dampers = dense.Dampers(
-                roots.strength[coordinates], _parents_among(roots.parents, coordinates), _rows(roots.roots, coordinates), roots.signs
+                roots.strength[coordinates],
+                _parents_among(roots.parents, coordinates),
+                _rows(roots.roots, coordinates),
+                roots.signs,
             )
             modes = dense.damped_modes(inertia, stiffness, terms, dampers, _rows(modal, coordinates), loss_factor)
             selection = slice(self.matrices.free.shape[1] - coasting.shape[1], None)

@@ -15,6 +15,8 @@ from collections.abc import Iterator, Mapping
 from math import isfinite, radians
 from typing import Any, ClassVar
 
+import numpy as np
+
 from modal.extend.parameters import Parameter
 from modal.extend.registry import Extension, call, mistake_of, register
 from modal.extend.scalars import sqrt
@@ -130,11 +132,20 @@ class JointLaw(Law):
 
     def judge(self, parameters: Values) -> None:
         """ExtensionError where it is not what it says: at rest, mirrored, by its potential, by its power."""
+        with np.errstate(all="ignore"):
+            self._judge(parameters)
+
+    def _judge(self, parameters: Values) -> None:
         at_rest = call(self, "torque", 0.0, 0.0, parameters, shape=())
         if abs(at_rest) > 0:
             raise mistake_of(self, f"torque is {float(at_rest):g} N m at rest: must be 0 at angle 0 and rate 0")
-        if not all(map(isfinite, self.linear_coefficients(parameters))):
-            raise mistake_of(self, "torque has no derivative at rest")
+        for k, coefficient in enumerate(self.linear_coefficients(parameters)):
+            motions = [[sign * SMALL * (k == j) for j in (0, 1)] for sign in (1, -1)]
+            above, below = (float(call(self, "torque", *motion, parameters)) for motion in motions)
+            slope = (below - above) / (2 * SMALL)
+            agrees = abs(slope - coefficient) <= SMALL * (1 + abs(slope))
+            if not isfinite(coefficient) or (self.is_smooth and not agrees):
+                raise mistake_of(self, "torque has no derivative at rest: say is_smooth = False where it has a kink")
         places = [(sign * PROBE, other * PROBE) for sign in (1, -1) for other in (1, -1)]
         torques = [float(call(self, "torque", *place, parameters)) for place in places]
         size = max(map(abs, torques))
@@ -172,9 +183,34 @@ class PointForce(Law):
 
     kind = "point force"
 
+    @classmethod
+    def mistakes(cls) -> Iterator[str]:
+        """Mistakes of parameters, and a missing force."""
+        yield from super().mistakes()
+        if cls.force is PointForce.force:
+            yield "has no force"
+
     def force(self, velocity: Any, parameters: Values) -> Any:
         """The force (N) at a velocity (m/s), component by component."""
         raise NotImplementedError
+
+    def linear_drag(self, parameters: Values) -> float:
+        """The linear drag (N s/m) at rest."""
+        along, _ = call(self, "force", [complex(0.0, STEP), 0.0], parameters, shape=(2,))
+        return -complex(along).imag / STEP + 0.0
+
+    def judge(self, parameters: Values) -> None:
+        """ExtensionError where it is not what it says: at rest, and alike in all directions of small motions."""
+        with np.errstate(all="ignore"):
+            at_rest = call(self, "force", [0.0, 0.0], parameters, shape=(2,))
+            along, down = call(self, "force", [0.0, complex(0.0, STEP)], parameters, shape=(2,))
+            drag = self.linear_drag(parameters)
+        if any(at_rest):
+            raise mistake_of(self, "force is not 0 at rest")
+        if not isfinite(drag) or abs(complex(down).imag / STEP + drag) + abs(complex(along).imag / STEP) > 1e-9 * abs(
+            drag
+        ):
+            raise mistake_of(self, "force differs from one direction of small motions to another")
 
 
 # ------------------------------------------------------------------------------------------------------------- ours
@@ -250,8 +286,9 @@ class DragLaw(PointForce):
 
     def force(self, velocity: Any, parameters: Values) -> Any:
         """Against the velocity."""
-        quadratic = parameters["quadratic_drag"]
-        strength = parameters["drag"] + quadratic * sqrt(sum(component * component for component in velocity))
+        strength, quadratic = parameters["drag"], parameters["quadratic_drag"]
+        if not isinstance(quadratic, float) or quadratic:
+            strength = strength + quadratic * sqrt(sum(component * component for component in velocity))
         return [-(strength * component) for component in velocity]
 
 

@@ -39,7 +39,8 @@ PRIOR = re.compile(r"\s*([^±]+?)\s*(?:±|\+/?-)\s*([^±]+?)\s*", re.ASCII)
 class FreeParameter(Displayed):
     """A number of a scene at a place, `value` there; `unit` is its natural unit, `log` whether p = p₀ eᶻ.
 
-    `prior` is a mean with its standard deviation, in the number's own unit, whose name is `unit_name`; it is at least `low`.
+    `prior` is a mean with its standard deviation, in the number's own unit, whose name is `unit_name`; the number is at
+    least `low`.
     """
 
     place: Place
@@ -139,7 +140,9 @@ def _prior(scene: Scene, text: str) -> dict[Place, tuple[float, float]]:
     except ValueError:
         raise SceneError([f"{text:.60}: {match[1]:.20} and {match[2]:.20} must be numbers"]) from None
     places = find_places(scene, path.strip())
-    if not (isfinite(mean) and isfinite(std) and std > 0 and (mean >= 0 or all(map(partial(_has_sign, scene), places)))):
+    if not (
+        isfinite(mean) and isfinite(std) and std > 0 and (mean >= 0 or all(map(partial(_has_sign, scene), places)))
+    ):
         raise SceneError([f"{text:.60}: needs a finite value of at least 0 and a positive standard deviation"])
     return dict.fromkeys(places, (mean, std))
 
@@ -198,7 +201,9 @@ def natural_unit(scene: Scene, place: Place) -> float:
         "quadratic_drag": mass / length,
     }
     if law_parameter(scene, place):
-        return abs(number_at(scene, place)) or {"N m s/rad": units["damping"]}.get(unit_at(scene, place), units["stiffness"])
+        return abs(number_at(scene, place)) or {"N m s/rad": units["damping"]}.get(
+            unit_at(scene, place), units["stiffness"]
+        )
     return units[_key(place)]
 
 

@@ -17,7 +17,7 @@ The manual prints the table (docs/reference/combinations.md).
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Set
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from modal.errors import SceneError
 from modal.scene.doors import require_type
@@ -252,7 +252,8 @@ def _with_laws(capability: Capability) -> Capability:
 
     What is left out because it vanishes at small angles, or sustains small swings, is no reason: laws have derivatives.
     """
-    taken, sentences = set(capability.takes), {kind: dict(getattr(capability, kind)) for kind in KINDS}
+    taken = set(capability.takes)
+    sentences: dict[str, Any] = {kind: dict(getattr(capability, kind)) for kind in KINDS}
     for name, models in LIKE.items():
         entries = [entry for model in models for entry in capability.entries(model)]
         reasons = [(kind, why) for kind, why in entries if kind in KINDS and not (kind == "leaves" and why in SMALL)]

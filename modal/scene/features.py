@@ -183,7 +183,9 @@ def _laws(value: Any) -> list[JointPart]:
 def _springs(value: Any) -> bool:
     """Whether a joint has a spring, or a law that acts as one."""
     is_number = isinstance(value, float)
-    return value > 0 if is_number else any(part.law.has_potential or part.linear_coefficients[0] for part in _laws(value))
+    return (
+        value > 0 if is_number else any(part.law.has_potential or part.linear_coefficients[0] for part in _laws(value))
+    )
 
 
 def _sustains(value: Any) -> bool:
@@ -233,8 +235,8 @@ FEATURES: dict[str, Feature] = {
         "dampers", "remove the dampers", _damps, support=("damping", "D"), spring="damping", link=("damping", "law")
     ),
     "loss": Feature("loss angles", "remove them, or give dampers", is_lossy, spring="loss", link=("loss", "wire_loss")),
-    "linear_drag": Feature("linear drag", "remove the drag", link=("drag",)),
-    "quadratic_drag": Feature("quadratic drag", "remove it, or give drag", link=("quadratic_drag",)),
+    "linear_drag": Feature("linear drag", "remove the drag", link=("drag", "point_force")),
+    "quadratic_drag": Feature("quadratic drag", "remove it, or give drag", link=("quadratic_drag", "point_force")),
     "damping_ratio": Feature("a damping ratio", "give dampers at joints instead", _ratio, scene="damping_ratio"),
     "joint_friction": Feature("dry friction at joints", "remove it, or give dampers", link=("friction",)),
     "rail_friction": Feature("dry friction on the rail", "remove it, or give a damper", support=("friction",)),
@@ -246,9 +248,7 @@ FEATURES: dict[str, Feature] = {
     "escapement": Feature(
         "kicks of escapements", "remove the drives", lambda drive: isinstance(drive, Escapement), link=("drive",)
     ),
-    "van_der_pol": Feature(
-        "van der Pol drives", "remove the drives", _sustains, link=("drive", "law")
-    ),
+    "van_der_pol": Feature("van der Pol drives", "remove the drives", _sustains, link=("drive", "law")),
     "law": Feature("laws of joints", "remove the law", link=("law",)),
     "active_law": Feature("laws that supply energy", "remove the law", _is_active, link=("law",)),
     "kinked_law": Feature("laws that are not smooth", "remove the law", _is_kinked, link=("law",)),

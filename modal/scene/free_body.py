@@ -226,7 +226,7 @@ def _link(
     efforts = [Effort("weight", "centre", 1, down=f"m_{tail} g"), *_joint(letters, index, link, True, "upper", p)]
     if i + 1 < len(chain):
         efforts += _joint(letters, (*index[:-1], i + 2), chain[i + 1], False, "lower", p)
-    if link.drag or link.quadratic_drag:
+    if link.drag or link.quadratic_drag or link.point_force:
         efforts.append(Effort("drag", "centre", 1, along=f"D_x_{tail}", down=f"D_{_down(letters)}_{tail}"))
     words = f"link {i + 1} of pendulum {p + 1}" if several else f"link {i + 1}"
     is_body = link.kind == "body"
@@ -268,11 +268,11 @@ def normal(letters: str) -> str:
     return "R" if letters == "paper" else "N"
 
 
-class JointLaw(NamedTuple):
+class JointMoment(NamedTuple):
     """What makes the moment of a joint, each by the name of its letter, "" where it is not there.
 
-    M = −k γ − d γ' + e (1 − (γ/γ₀)²) γ' + f + K + τ(γ, γ'), γ the angle of the link less that of the one above and its value at
-    equilibrium (`upright`: how many half turns that is).  f is dry friction, at most `friction`; K the kicks.
+    M = −k γ − d γ' + e (1 − (γ/γ₀)²) γ' + f + K + τ(γ, γ'), γ the angle of the link less that of the one above and its
+    value at equilibrium (`upright`: how many half turns that is).  f is dry friction, at most `friction`; K the kicks.
     """
 
     spring: str
@@ -285,7 +285,7 @@ class JointLaw(NamedTuple):
     law: str
 
 
-def joint_law(bodies: FreeBodies, part: FreeBody) -> JointLaw | None:
+def joint_law(bodies: FreeBodies, part: FreeBody) -> JointMoment | None:
     """What makes the moment of the joint above a link; None where nothing does."""
     link: Any = part.link
     if link is None or not has_moment(link):
@@ -294,7 +294,7 @@ def joint_law(bodies: FreeBodies, part: FreeBody) -> JointLaw | None:
     ways = [int(way == "up") for way in pendula[part.place[0]].ways]
     i = part.place[1]
     drives = isinstance(link.drive, VanDerPol)
-    return JointLaw(
+    return JointMoment(
         part.with_index("k") if link.stiffness else "",
         part.with_index("d") if link.damping else "",
         part.with_index("e") if drives else "",

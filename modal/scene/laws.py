@@ -6,13 +6,15 @@ The kind is the name of a `JointLaw` (`modal.extend`), its numbers are the param
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from functools import cache, lru_cache
-from typing import Any, ClassVar
+from functools import cache, lru_cache, partial
+from typing import TYPE_CHECKING, Any
 
 from modal.errors import SceneError
-from modal.extend import JointLaw, find_extension, registered
 from modal.scene.validation import LARGEST, Part, Schema, field, function_after, number, one_of
 from modal.scene.wording import suggestion
+
+if TYPE_CHECKING:
+    from modal.extend import JointLaw
 
 
 class JointPart(Part):
@@ -23,7 +25,10 @@ class JointPart(Part):
     {'strength': 0.1, 'angle_deg': 5.0}
     """
 
-    law: ClassVar[JointLaw]
+    @property
+    def law(self) -> JointLaw:
+        """The law itself."""
+        raise NotImplementedError
 
     @property
     def numbers(self) -> dict[str, float]:
@@ -32,9 +37,9 @@ class JointPart(Part):
 
     @property
     def linear_coefficients(self) -> tuple[float, float]:
-        """Stiffness (N m/rad) and damping (N m s/rad) about equilibrium; 0 of a drive, which linear models leave out."""
-        return (0.0, 0.0) if self.law.is_drive else _linear_coefficients(type(self.law), tuple(self.numbers.values()))
-
+        """Stiffness (N m/rad) and damping (N m s/rad) about equilibrium; 0 of a drive, which linear models have not."""
+        kind: Any = type(self.law)
+        return (0.0, 0.0) if self.law.is_drive else _linear_coefficients(kind, tuple(self.numbers.values()))
 
     @property
     def coefficient_slopes(self) -> dict[str, tuple[float, float]]:
@@ -43,28 +48,37 @@ class JointPart(Part):
 
 
 class _NamedLaw(JointPart):
-    """One that a scene names by its kind."""
+    """One that a scene names by its kind, also of forces on centres of mass."""
+
+    @property
+    def linear_drag(self) -> float:
+        """That of a force on a centre of mass (N s/m)."""
+        law: Any = self.law
+        drag: float = law.linear_drag(self.numbers)
+        return drag
 
     def problems(self) -> Iterator[str]:
         """None, unless the law is not what it says: that is its own mistake."""
-        _judge(type(self.law), tuple(self.numbers.values()))
+        kind: Any = type(self.law)
+        _judge(kind, tuple(self.numbers.values()))
         return iter(())
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _restore, (type(self.law), self.numbers)
 
 
-def _restore(law: type[JointLaw], numbers: dict[str, float]) -> JointPart:
+def _restore(law: Any, numbers: dict[str, float]) -> JointPart:
     return part_of(law)(**numbers)
 
 
 @lru_cache(maxsize=4096)
-def _linear_coefficients(law: type[JointLaw], numbers: tuple[float, ...]) -> tuple[float, float]:
-    return law().linear_coefficients(_by_name(law, numbers))
+def _linear_coefficients(law: Any, numbers: tuple[float, ...]) -> tuple[float, float]:
+    coefficients: tuple[float, float] = law().linear_coefficients(_by_name(law, numbers))
+    return coefficients
 
 
 @lru_cache(maxsize=4096)
-def _judge(law: type[JointLaw], numbers: tuple[float, ...]) -> None:
+def _judge(law: Any, numbers: tuple[float, ...]) -> None:
     law().judge(_by_name(law, numbers))
 
 
@@ -73,7 +87,7 @@ def _by_name(law: type[JointLaw], numbers: Sequence[float]) -> dict[str, float]:
 
 
 @cache
-def part_of(law: type[JointLaw]) -> type[JointPart]:
+def part_of(law: Any) -> type[JointPart]:
     """The part of scenes with the parameters of a law.
 
     >>> from modal.extend.laws import SpringLaw
@@ -88,31 +102,34 @@ def part_of(law: type[JointLaw]) -> type[JointPart]:
     return type(law.__name__, (_NamedLaw,), {"__doc__": law.__doc__, "__module__": __name__, "law": law(), **fields})
 
 
-def _laws(value: Any) -> Any:
-    """One law, a tuple of several, or None; ValueError with the places of all mistakes."""
+def _laws(value: Any, what: str = "joint law") -> Any:
+    """One law of this kind, a tuple of several, or None; ValueError with the places of all mistakes."""
     if value is None or isinstance(value, JointPart):
         return value
     problems: list[str] = []
     is_list = isinstance(value, list | tuple)
     parts = [
-        _part(entry, f"[{k}]" if is_list else "", problems) for k, entry in enumerate(value if is_list else [value])
+        _part(entry, what, f"[{k}]" if is_list else "", problems)
+        for k, entry in enumerate(value if is_list else [value])
     ]
     if problems:
         raise ValueError("\n".join(problems))
     return tuple(parts) if is_list else parts[0]
 
 
-def _part(value: Any, place: str, problems: list[str]) -> Any:
+def _part(value: Any, what: str, place: str, problems: list[str]) -> Any:
     """The part of one table; its mistakes join the others."""
     if isinstance(value, JointPart):
         return value
-    names = sorted(registered(JointLaw.kind)) if not isinstance(value, Mapping) or "kind" not in value else ()
+    from modal.extend import find_extension, registered
+
+    names = sorted(registered(what)) if not isinstance(value, Mapping) or "kind" not in value else ()
     if names or not isinstance(value["kind"], str):
-        problems.append(f'{place}.kind: is required: write law = {{ kind = "…" }}, one of {", ".join(names)}')
+        problems.append(f'{place}.kind: is required: write {{ kind = "…" }}, one of {", ".join(names)}')
         return None
-    law = find_extension(JointLaw.kind, value["kind"])
+    law: Any = find_extension(what, value["kind"])
     if law is None:
-        names = sorted(registered(JointLaw.kind))
+        names = sorted(registered(what))
         hint = suggestion(value["kind"], names)
         problems.append(f'{place}.kind = "{value["kind"]}": must be one of {", ".join(names)}{hint}')
         return None
@@ -123,5 +140,7 @@ def _part(value: Any, place: str, problems: list[str]) -> Any:
         return None
 
 
+POINT_FORCES: Schema = function_after(partial(_laws, what="point force"), {"type": "any"})
+"""A force on a centre of mass, a list of forces, or none."""
 LAWS: Schema = function_after(_laws, {"type": "any"})
 """A law, a list of laws, or none."""

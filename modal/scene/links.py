@@ -16,13 +16,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from itertools import pairwise
-from typing import Any, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 from modal import pair
-from modal.extend import JointLaw
-from modal.extend.laws import VanDerPolLaw
+from modal.report import deferred
 from modal.scene.hoist import Hoist
-from modal.scene.laws import LAWS, JointPart
+from modal.scene.laws import LAWS, POINT_FORCES, JointPart
 from modal.scene.stored import Several
 from modal.scene.validation import (
     COUNT,
@@ -37,6 +36,9 @@ from modal.scene.validation import (
     one_of,
     optional,
 )
+
+if TYPE_CHECKING:
+    from modal.extend import JointLaw
 
 
 class LossTable(Part):
@@ -97,7 +99,11 @@ class VanDerPol(JointPart):
     strength: float = field(POSITIVE, "e", "N m s/rad")
     angle_deg: float = field(number(ge=1e-6, le=180), "γ₀", "°")
 
-    law = VanDerPolLaw()
+    @property
+    def law(self) -> JointLaw:
+        """The torque of any angle and rate."""
+        law: JointLaw = deferred("modal.extend.laws:VanDerPolLaw")()
+        return law
 
     def stronger(self, factor: float) -> VanDerPol:
         """So many times the torque."""
@@ -140,6 +146,9 @@ class Link(Part):
     wire_loss: Loss = field(LOSS_ANGLE, "loss angle of the rope of a bob, diluted, or a table", "rad", default=0.0)
     drive: Drive | None = field(optional(any_kind(VanDerPol, Escapement)), "at the upper joint", default=None)
     law: JointPart | tuple[JointPart, ...] | None = field(LAWS, "laws of the upper joint, by their kinds", default=None)
+    point_force: JointPart | tuple[JointPart, ...] | None = field(
+        POINT_FORCES, "forces on the centre of mass, by their kinds", default=None
+    )
     hoist: Hoist | None = field(optional(Hoist.schema()), "of a bob: how its length changes in time", default=None)
     count: int = field(COUNT, "number of equal links in a row", default=1)
 
@@ -157,8 +166,24 @@ class Link(Part):
         """The same with the steps that lead to each."""
         several = isinstance(self.law, tuple)
         laws = self.law if isinstance(self.law, tuple) else (self.law,) if self.law else ()
-        placed = [(("law", k) if several else ("law",), part) for k, part in enumerate(laws)]
-        return [*placed, (("drive",), self.drive)] if isinstance(self.drive, VanDerPol) else placed  # type: ignore[list-item]
+        placed: list[tuple[tuple[str | int, ...], JointPart]] = []
+        for k, part in enumerate(laws):
+            placed.append((("law", k) if several else ("law",), part))
+        if isinstance(self.drive, VanDerPol):
+            placed.append((("drive",), self.drive))
+        return placed
+
+    @property
+    def placed_forces(self) -> list[tuple[tuple[str | int, ...], Any]]:
+        """The forces on its centre of mass with the steps that lead to each."""
+        if not isinstance(self.point_force, tuple):
+            return [(("point_force",), self.point_force)] if self.point_force else []
+        return [(("point_force", k), part) for k, part in enumerate(self.point_force)]
+
+    @property
+    def linear_drag(self) -> float:
+        """The linear drag (N s/m), with that of these forces."""
+        return self.drag + sum(part.linear_drag for _, part in self.placed_forces)
 
     def laws_that(self, stays: Callable[[JointLaw], bool]) -> tuple[JointPart, ...] | None:
         """Those of `law` that stay."""

@@ -10,12 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from os import PathLike, fspath
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 from unicodedata import category
 
 from modal.errors import SceneError
 from modal.report import Displayed, Summary, deferred
-from modal.extend import JointLaw
 from modal.scene.features import DRAG, DRIVES, FRICTION, LOSS, features, hangs_plainly
 from modal.scene.links import AnyLink, Bob, Body, Link, Rod, is_lossy
 from modal.scene.motion import FORCE, AppliedForce, ConstantForce, Force, Ground, Moved, SupportMotion
@@ -60,6 +59,9 @@ from modal.scene.validation import (
     parts_or_none,
     text,
 )
+
+if TYPE_CHECKING:
+    from modal.extend import JointLaw
 
 MAX_CHAIN = 20_000
 MAX_LINKS = 10_000_000
@@ -313,8 +315,9 @@ class Scene(Displayed, Part):
 
     @property
     def without_laws(self) -> Scene:
-        """The same scene without the laws of joints; drives stay."""
-        return self._with(law=None) if "law" in self.features else self
+        """The same scene without laws of joints and forces on centres that have a kind; drives stay."""
+        has_forces = self.has_drag and any(link.point_force for link in self.links())
+        return self._with(law=None, point_force=None) if has_forces or "law" in self.features else self
 
     def _with_laws(self, stays: Callable[[JointLaw], bool]) -> Scene:
         """The same scene with those laws of joints alone that stay."""
@@ -391,9 +394,13 @@ class Scene(Displayed, Part):
     @property
     def conservative(self) -> Scene:
         """The same scene without all that does work: drives, losses and what acts in time."""
-        none = {"drive": None, "damping": 0.0, "friction": 0.0, "drag": 0.0, "quadratic_drag": 0.0}
-        lawful = self.lossless.timeless._with_laws(lambda law: law.is_conservative)
-        loose = lawful._with(**none)
+        return self.timeless.workless
+
+    @property
+    def workless(self) -> Scene:
+        """The same scene without drives and losses; what acts in time stays."""
+        none = {"drive": None, "damping": 0.0, "friction": 0.0, "drag": 0.0, "quadratic_drag": 0.0, "point_force": None}
+        loose = self.lossless._with_laws(lambda law: law.is_conservative)._with(**none)
         springs = tuple(spring.replace(damping=0.0) for spring in loose.spring)
         return loose.replace(damping_ratio=0.0, spring=springs)._with_supports(_without_damping)
 

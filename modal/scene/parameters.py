@@ -13,18 +13,20 @@ from dataclasses import dataclass
 from dataclasses import field as dataclass_field
 from functools import cached_property
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from modal.errors import SceneError, spelling_hint
-from modal.extend import Parameter
 from modal.report import Displayed, Summary
 from modal.scene.links import Escapement
 from modal.scene.model import Scene, describe, plain_data, scene_from
 from modal.scene.validation import LARGEST, SMALLEST, Part
 from modal.types import Floats
+
+if TYPE_CHECKING:
+    from modal.extend import Parameter
 
 STEP = r"[a-z_]+(\[([0-9]{1,9}|\*)\])*"
 WRITTEN = re.compile(rf"(support\.[A-Za-z0-9_]+\.)?{STEP}(\.{STEP})*", re.ASCII)
@@ -143,14 +145,15 @@ def number_at(scene: Scene, place: Place) -> float:
 
 
 def law_parameter(scene: Scene, place: Place) -> Parameter | None:
-    """The parameter of a law of joints that a number is, None of any other.
+    """The parameter of a law of joints, or of a force on a centre of mass, that a number is, None of any other.
 
     >>> from modal import load
     >>> law_parameter(load("chain-2"), ("gravity",))
     """
-    if "law" not in place:
+    if {"law", "point_force"}.isdisjoint(place):
         return None
-    return next(entry for entry in _at(scene, place[:-1]).law.parameters if entry.name == place[-1])
+    parameters: tuple[Parameter, ...] = _at(scene, place[:-1]).law.parameters
+    return next(parameter for parameter in parameters if parameter.name == place[-1])
 
 
 def with_numbers(place: Place) -> str:

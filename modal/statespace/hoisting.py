@@ -142,7 +142,7 @@ def frequencies_along(scene: Scene, samples: int = 21, drive: Drive = "cart_forc
 
 def _independent_scenes(scene: Scene, is_prescribed: bool) -> list[tuple[Scene, int]]:
     """Scenes whose modes together are those of this one, whatever the lengths, and how often each mode occurs."""
-    conservative_scene = scene.conservative.in_plane
+    conservative_scene = scene.workless.in_plane
     if conservative_scene.is_structured:
         return _independent_on_structure(conservative_scene)
     equal: Counter[Pendulum] = Counter()

@@ -1,6 +1,6 @@
-"""The laws of joints in symbols: their energy, and the function whose slopes by the rate are what is left of the torque.
+"""The laws of joints in symbols: their energy, and the function whose slopes by the rate are the rest of the torque.
 
-    τ(γ, γ') = −∂V/∂γ − ∂R/∂γ',    V = −∫ τ(γ, 0) dγ,    R = −∫ [τ(γ, γ') − τ(γ, 0)] dγ'
+τ(γ, γ') = −∂V/∂γ − ∂R/∂γ',    V = −∫ τ(γ, 0) dγ,    R = −∫ [τ(γ, γ') − τ(γ, 0)] dγ'
 """
 
 from __future__ import annotations

@@ -22,6 +22,7 @@ import sympy as sp
 
 from modal import pair
 from modal.errors import SceneError
+from modal.extend.registry import call
 from modal.report import Displayed, Summary
 from modal.scene import title_of
 from modal.scene.free_body import Effort, FreeBodies, FreeBody, force_names, joint_law, normal
@@ -180,10 +181,14 @@ class NewtonEuler(Displayed):
         strength = sp.Symbol(part.with_index("a")) if link.drag else sp.S.Zero
         if link.quadratic_drag:
             strength += sp.Symbol(part.with_index("b")) * sp.sqrt(x.v**2 + z.v**2)
+        along, down = -strength * x.v, -strength * z.v
+        for _, named in link.placed_forces if link else ():
+            force = call(named.law, "force", [x.v, z.v], named.numbers, shape=(2,))
+            along, down = along + force[0], down + force[1]
         for effort in part.efforts:
             if effort.kind == "drag":
-                yield f"drag of {part.words} along the rail", equal(sp.Symbol(effort.along), -strength * x.v)
-                yield f"drag of {part.words} down", equal(sp.Symbol(effort.down), -strength * z.v)
+                yield f"drag of {part.words} along the rail", equal(sp.Symbol(effort.along), along)
+                yield f"drag of {part.words} down", equal(sp.Symbol(effort.down), down)
 
 
 def _product(names: str) -> Any:

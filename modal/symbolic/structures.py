@@ -75,8 +75,8 @@ class Energy(NamedTuple):
 class SymbolicStructure(Displayed):
     """Carriers, chains with the points that they hang from, and springs with their two ends.
 
-    In space, of one support alone, `coordinates` are those along the rail and `azimuths` what is more.  `laws` are those
-    of every joint, chain by chain, empty without any.
+    In space, of one support alone, `coordinates` are those along the rail and `azimuths` what is more.  `laws` are
+    those of every joint, chain by chain, empty without any.
     """
 
     title: str

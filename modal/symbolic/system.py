@@ -75,7 +75,9 @@ def _laws_of(scene: Scene) -> tuple[tuple[tuple[JointPart, ...], ...], ...]:
     """The laws of every joint, chain by chain, but for drives."""
     chains = [
         tuple(
-            tuple(part for part in link.laws if not part.law.is_drive) for link in pendulum.links for _ in range(link.count)
+            tuple(part for part in link.laws if not part.law.is_drive)
+            for link in pendulum.links
+            for _ in range(link.count)
         )
         for pendulum in scene.pendulum
     ]

@@ -192,8 +192,8 @@ class LawTests(ExtensionTests):
         scene = self.scene()
         if why := refusals(scene, f"form {form}"):
             pytest.skip(why[0])
-        one, other = _simulated(scene), _simulated(scene, form=form)
-        np.testing.assert_allclose(other.motion.links, one.motion.links, atol=1e-6)
+        run, other = _simulated(scene), _simulated(scene, form=form)
+        np.testing.assert_allclose(other.motion.links, run.motion.links, atol=1e-6)
 
     def test_every_engine_has_the_same_motion(self, engine: str) -> None:
         """Of members side by side."""

@@ -26,13 +26,15 @@ if TYPE_CHECKING:
     from nonlinear.system import System
 
 NONE = "export const structure = null;"
-FUNCTIONS = "const { sin, cos, sqrt, exp, log, tanh, atan: arctan } = Math;\nconst where = (x, a, b) => (x > 0 ? a : b);"
+FUNCTIONS = (
+    "const { sin, cos, sqrt, exp, log, tanh, atan: arctan } = Math;\nconst where = (x, a, b) => (x > 0 ? a : b);"
+)
 UNITS = {"m": "m", "rad": "rad"}
 
 
 def is_structural(scene: Scene) -> bool:
-    """Whether the page has the equations of a scene as those of one structure: also of laws of joints, on any support."""
-    return scene.is_structured or "law" in scene.features
+    """Whether the page has the equations of a scene as those of one structure: also with laws of joints."""
+    return scene.is_structured or "law" in scene.features or any(link.point_force for link in scene.links())
 
 
 def structure_module(scene: Scene) -> str:

@@ -71,9 +71,9 @@ def rate(  # type: ignore[no-untyped-def]
 ):
     """The whole of `Minimal.derivative`, into `derivative`.
 
-    `laws` are the programs of the joints, `first` the first links of the pendula, `cart` holds mass, damper and spring, or is empty; where not
-    `has_joint_torques`, no joint has a spring, damper or law.  `turns` (5, L) is room for sin, cos, and hx, hz, e
-    over D, whose divisions overlap on the way up.
+    `laws` are the programs of the joints, `first` the first links of the pendula, `cart` holds mass, damper and spring,
+    or is empty; where not `has_joint_torques`, no joint has a spring, damper or law.  `turns` (5, L) is room for sin,
+    cos, and hx, hz, e over D, whose divisions overlap on the way up.
     """
     if structure is not None:
         d, half = len(structure.kind), len(structure.kind) + len(links)
@@ -136,12 +136,13 @@ class Compiled(Minimal):
 
     @property
     def scene(self) -> Arguments:
-        """Arguments of `rate`: constants, laws, first links, cart, gravity, whether joints act, y has work, a structure.
+        """Arguments of `rate`: constants, laws, first links, cart, gravity, whether joints act, y has work, structure.
 
         The room of a structure and the rows of laws are the caller's own.
         """
-        links, laws, *others, structure = self._constants
-        return (links, laws.copy(), *others, None if structure is None else with_own_room(structure))
+        links, laws, first, cart, gravity, has_joint_torques, works, structure = self._constants
+        own_structure = None if structure is None else with_own_room(structure)
+        return links, laws.copy(), first, cart, gravity, has_joint_torques, works, own_structure
 
     @cached_property
     def _constants(self) -> Arguments:

@@ -5,7 +5,8 @@ At a joint, or between cart and rail, they depend on the displacement γ from th
     −k γ − d γ' + τ(γ, γ')
 
 with any laws τ of joints (`modal.extend`).  The first term is conservative, the second does work; γ of a joint is the
-angle between two neighbouring links less its equilibrium value.  A load is a force on the cart and a moment on every link; dry friction acts as one (`contacts`).
+angle between two neighbouring links less its equilibrium value.  A load is a force on the cart and a moment on every
+link; dry friction acts as one (`contacts`).
 The damping ratios of modes are dampers on all coordinates together, a force −D_modal q' that is linear in the rates of
 x and of the angles θ, however large these are.
 
@@ -31,11 +32,11 @@ and F·e_x on the cart.  A torque on a link acts on its angle; one on a joint ac
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from modal.extend.laws import DragLaw
 from modal.types import Floats
 from nonlinear.system import ActingForce, Group, System
 
@@ -65,23 +66,18 @@ class External(NamedTuple):
 
 def drag_law(velocity: Any, drag: Any, quadratic: Any = None) -> Any:
     """The force (N), (d, ...) like the velocity (m/s) of a centre in the air."""
-    strength = drag if quadratic is None else drag + quadratic * _root((velocity * velocity).sum(0))
-    return -(strength * velocity)
-
-
-def _root(squares: Any) -> Any:
-    """The root of an array, a symbol or one number, in a text also of what no number of a scene moves."""
-    squares = np.asarray(squares)
-    if squares.dtype != object:
-        return np.sqrt(squares)
-    roots = [square.sqrt() if hasattr(square, "sqrt") else sqrt(square) for square in squares.flat]
-    return np.array(roots, dtype=object).reshape(squares.shape)[()]
+    parameters = {"drag": drag, "quadratic_drag": 0.0 if quadratic is None else quadratic}
+    return np.array(DragLaw().force([*velocity], parameters))
 
 
 def drag_forces(group: Group, velocities: Any) -> Any:
     """The force (N) on every link's centre, (d, n, P, ...) like its velocity (m/s)."""
     quadratic = None if group.quadratic_drag is None else spread(group.quadratic_drag, velocities[0])
-    return drag_law(velocities, spread(group.block.drag, velocities[0]), quadratic)
+    forces = drag_law(velocities, spread(group.block.drag, velocities[0]), quadratic)
+    for term in group.point_forces:
+        at = slice(None), term.rows, term.columns
+        forces[at] = forces[at] + term.forces(velocities[at])
+    return forces
 
 
 def drag(group: Group, rates: Any, pivot: tuple[Any, Any], support: Any = None, winding: Any = None) -> External:

@@ -49,8 +49,8 @@ class Form:
     `constant_count` how many constants of what is prescribed are numbers, None where it is no arithmetic of the time;
     equations have a load where `has_load`, `works` ones the work; `contacts` are the coordinates below and above each
     contact with dry friction, none where that is left out, and on a rail that `presses` it has a coefficient; `spatial`
-    ones have three numbers a link.  `structure` is the shape of what carries the pendula (`shape_of`), `joint_laws` that of
-    the laws of joints.
+    ones have three numbers a link.  `structure` is the shape of what carries the pendula (`shape_of`), `joint_laws`
+    that of the laws of joints.
     """
 
     chains: tuple[tuple[Table, Table, bool], ...]
@@ -126,14 +126,18 @@ def form_of(
         False,
         system.spatial,
         shape_of(system),
-        tuple(tuple(map(_shape_of_term, group.laws)) for group in system.groups),
+        tuple(tuple(map(_shape_of_term, (*group.laws, *group.point_forces))) for group in system.groups),
         system,
     )
 
 
 def _shape_of_term(term: JointTerm) -> tuple[Any, ...]:
     """What of the laws of joints is not a number."""
-    return type(term.law), term.order, *(tuple(np.ravel(part).tolist()) for part in (term.rows, term.columns, term.scale))
+    return (
+        type(term.law),
+        term.order,
+        *(tuple(np.ravel(part).tolist()) for part in (term.rows, term.columns, term.scale)),
+    )
 
 
 def _present(entries: Sequence[Any]) -> tuple[bool, ...]:

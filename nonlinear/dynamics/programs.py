@@ -25,7 +25,8 @@ def programs_of(system: System) -> tuple[Floats, Floats]:
     rows: list[list[float]] = []
     places = np.zeros((system.n_links, 2))
     for group in system.groups:
-        for row, column in sorted({place for term in group.laws for place in zip(term.rows, term.columns, strict=True)}):
+        joints = {place for term in group.laws for place in zip(term.rows.tolist(), term.columns.tolist(), strict=True)}
+        for row, column in sorted(joints):
             start = len(rows)
             rows += _program(group, row, column, start)
             places[group.index[row, column]] = start, len(rows)
@@ -38,7 +39,7 @@ def _program(group: Group, row: int, column: int, start: int) -> list[list[float
     bend, rate = inputs = tape.inputs("y", 2)[:, None]
     torques: list[Any] = [0.0, 0.0]
     for term in group.laws:
-        for at in np.flatnonzero((term.rows == row) & (term.columns == column)):
+        for at in np.flatnonzero((term.rows == row) & (term.columns == column)).tolist():
             parts = term.at(at).torques(bend, rate)
             torques = [total + np.ravel(part)[0] for total, part in zip(torques, parts, strict=True)]
     rows: list[list[float]] = [[0.0, 0.0, 0.0, 0.0, 0.0] for _ in inputs]
@@ -62,7 +63,7 @@ def _program(group: Group, row: int, column: int, start: int) -> list[list[float
 
 
 @in_place
-def run_program(rows, start, end, bend, rate):  # type: ignore[no-untyped-def]
+def run_program(rows, start, end, bend, rate):  # type: ignore[no-untyped-def]  # noqa: PLR0912 - one for each operation
     """The two torques (N m) of the laws of a joint, whose rows hold what is computed on the way."""
     rows[start, 4], rows[start + 1, 4] = bend, rate
     for k in range(start + 2, end):

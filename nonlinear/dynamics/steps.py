@@ -194,8 +194,6 @@ def sine_steps() -> Module:
     return Module(tape, {"moved": outputs})
 
 
-
-
 @dataclass(frozen=True, eq=False)
 class StructureSteps:
     """The functions of a `system` on a structure, of those of its numbers that are not 0, and of all its dampers."""

@@ -105,7 +105,9 @@ def synchronous(system: System, start: State) -> Symmetry | None:
         pendula = sum(earlier.index.shape[1] for earlier in groups) + np.arange(len(first))
         excitation = group.excitation and group.excitation.take(first).times(count)
         laws = tuple(term.take(first).times(count) for term in group.laws)
-        groups.append(Group(group.block.take(first).heavier(count), index, pendula, excitation, laws=laws))
+        forces = tuple(term.take(first).times(count) for term in group.point_forces)
+        block = group.block.take(first).heavier(count)
+        groups.append(Group(block, index, pendula, excitation, laws=laws, point_forces=forces))
         sources[group.index] = index[:, place]
         link_numbers = np.concatenate((link_numbers, group.index[:, first].T.ravel()))
     if len(link_numbers) == system.n_links:
@@ -132,7 +134,7 @@ def _table(group: Group, start: State) -> Floats:
     if group.excitation:
         columns += list(group.excitation.table)
     columns += [part for part in (group.friction, group.quadratic_drag) if part is not None]
-    for term in group.laws:
+    for term in (*group.laws, *group.point_forces):
         for number in (1.0, *term.numbers, term.scale):
             columns.append(np.zeros(group.index.shape))
             columns[-1][term.rows, term.columns] = number
@@ -224,7 +226,7 @@ def _unwind(system: System, links: Floats) -> Floats:
 def natural(system: System, start: State) -> Symmetry | None:
     """The system in natural units of mass and length; None where kg and m serve as well."""
     m, l = (frexp(float(system.by_link(name).max()))[1] for name in ("mass", "length"))
-    if abs(m) + 2 * abs(l) < WIDE:
+    if abs(m) + 2 * abs(l) < WIDE or any(group.point_forces for group in system.groups):
         return None
     mass, length, moment = 2.0**m, 2.0**l, 2.0 ** (m + 2 * l)
     units = {"mass": mass, "length": length, "centre": length, "sigma": 1.0}

@@ -89,7 +89,7 @@ class Symbol:
     def __rtruediv__(self, other: Any) -> Any:
         return 0.0 if _is(other, 0) else self._with("/", other, self)
 
-    def __pow__(self, power: int) -> Any:
+    def __pow__(self, power: Any) -> Any:
         if isinstance(power, Symbol) or power != int(power):
             raise TypeError("a recorded number has whole powers: write others with exp, log and sqrt")
         if power < 0:

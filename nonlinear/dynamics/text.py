@@ -35,7 +35,10 @@ FUNCTIONS: dict[str, Mapping[str, Any]] = {
         **{name: getattr(math, name) for name in ("exp", "log", "tanh")},
         "where": lambda x, a, b: a if x > 0 else b,
     },
-    "arrays": {**{name: getattr(np, name) for name in ("sin", "cos", "sqrt", "arctan", "exp", "log", "tanh")}, "where": where},
+    "arrays": {
+        **{name: getattr(np, name) for name in ("sin", "cos", "sqrt", "arctan", "exp", "log", "tanh")},
+        "where": where,
+    },
     "complex": {
         "sin": cmath.sin,
         "cos": cmath.cos,

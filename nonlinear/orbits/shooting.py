@@ -313,7 +313,7 @@ class Shooting:
     @cached_property
     def _airy(self) -> bool:
         """Whether quadratic drag takes momentum that no impulse of it tells."""
-        return any(group.quadratic_drag is not None for group in self.first.system.groups)
+        return any(group.quadratic_drag is not None or group.point_forces for group in self.first.system.groups)
 
     def energy_slope(self, u: Floats, tangent: Floats) -> float:
         """The derivative of the energy (J) at the start along a branch."""

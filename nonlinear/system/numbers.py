@@ -18,8 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from modal.report import Displayed
 from modal.extend import Parameter
+from modal.report import Displayed
 from modal.scene import AnyLink, Body, Scene, validate_scene, validate_scenes
 from modal.scene.doors import checked
 from modal.scene.laws import JointPart
@@ -64,12 +64,13 @@ class Numbers(Displayed):
         first = BEFORE + len(FIELDS) * system.n_links
         outside = outside or any(self._is_set(first + k) for k in dampers_of(system.suspension))
         outside = outside or any(not term.law.is_conservative for group in system.groups for term in group.laws)
+        outside = outside or any(group.point_forces for group in system.groups)
         return outside or bool(system.prescribed_motions) or system.has_escapements or self._any_of(WORKING)
 
     @cached_property
     def has_drag(self) -> bool:
         """Whether any member has drag, or could."""
-        return self._any_of(DRAG)
+        return self._any_of(DRAG) or any(group.point_forces for group in self.system.groups)
 
     def _any_of(self, names: Sequence[str]) -> bool:
         links = self.system.n_links
@@ -154,7 +155,7 @@ def law_places(scene: Scene, system: System) -> list[tuple[int, Place]]:
 
 
 def _law_entries(scene: Scene, system: System) -> Iterator[tuple[Place, JointPart, Parameter]]:
-    if not scene.has_laws:
+    if not (scene.has_laws or scene.has_drag):
         return
     links = [
         (("pendulum", p, "links", i), link)
@@ -164,12 +165,12 @@ def _law_entries(scene: Scene, system: System) -> Iterator[tuple[Place, JointPar
         for _ in range(link.count)
     ]
     for group in system.groups:
-        for term in group.laws:
+        for term in (*group.laws, *group.point_forces):
             for parameter in term.law.parameters:
                 for number in group.index[term.rows, term.columns].tolist():
                     place, link = links[number]
-                    step, part = link.placed_laws[term.order]
-                    yield (*place, *step), part, parameter
+                    steps, part = (link.placed_laws if term in group.laws else link.placed_forces)[term.order]
+                    yield (*place, *steps), part, parameter
 
 
 @checked
@@ -236,7 +237,7 @@ def entries_of(system: System) -> list[float]:
 
 
 def _terms(system: System) -> Iterator[JointTerm]:
-    return (term for group in system.groups for term in group.laws)
+    return (term for group in system.groups for term in (*group.laws, *group.point_forces))
 
 
 def numbers_of_all(scenes: Sequence[Scene]) -> Numbers:
@@ -446,9 +447,11 @@ def _group(group: Group, fields: Mapping[str, Any], law_numbers: Iterator[Any], 
     values_of = {name: values[group.index] for name, values in fields.items()}
     quadratic = values_of.pop("quadratic_drag")
     laws = tuple(_term(term, law_numbers, tail) for term in group.laws)
+    forces = tuple(_term(term, law_numbers, tail) for term in group.point_forces)
     sigma = group.block.sigma[..., None] if tail else group.block.sigma
     block = replace(group.block, sigma=sigma, **values_of)
-    return replace(group, block=block, laws=laws, quadratic_drag=quadratic if np.any(quadratic) else None)
+    drag = quadratic if np.any(quadratic) else None
+    return replace(group, block=block, laws=laws, point_forces=forces, quadratic_drag=drag)
 
 
 def _term(term: JointTerm, numbers: Iterator[Any], tail: bool) -> JointTerm:

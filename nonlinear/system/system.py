@@ -25,9 +25,9 @@ from modal.assembly import (
     modal_dampers,
     rig_of,
 )
-from modal.report import Displayed, Summary, counted
 from modal.extend import JointLaw
 from modal.extend.laws import STEP
+from modal.report import Displayed, Summary, counted
 from modal.scene import Escapement, Pendulum, Scene, validate_scene
 from modal.structure import Structure, is_damped
 from modal.types import Floats, Ints
@@ -36,7 +36,6 @@ from nonlinear.system.springs import slack_of
 
 if TYPE_CHECKING:
     from modal.vibration import Course, PrescribedMotion
-
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,9 +105,15 @@ class JointTerm:
         names = (parameter.name for parameter in self.law.parameters)
         return {name: _beside(number, like) for name, number in zip(names, self.numbers, strict=True)}
 
+    def forces(self, velocities: Any) -> Any:
+        """The forces (N) of one on centres of mass, (d, C, ...), at velocities (m/s)."""
+        law: Any = self.law
+        force = law.force(list(velocities), self._parameters(velocities[0]))
+        return np.stack([self._times_scale(part + 0.0 * velocities[0]) for part in force])
+
     def stiffness(self, bends: Floats) -> Floats:
         """The stiffness (N m/rad) at these bends, (C,), by a complex step."""
-        return -np.imag(sum(self.torques(bends + 1j * STEP, 0.0 * bends))) / STEP
+        return np.asarray(-np.imag(sum(self.torques(bends + 1j * STEP, 0.0 * bends))) / STEP)
 
     def take(self, columns: Ints) -> JointTerm:
         """The term of the pendula in these columns, as many as there are."""
@@ -135,13 +140,13 @@ def _beside(number: Any, like: Any) -> Any:
     return number.reshape(*number.shape, *[1] * (np.ndim(like) - np.ndim(number)))
 
 
-def joint_terms(pendula: Sequence[Pendulum]) -> tuple[JointTerm, ...]:
-    """The laws at the joints of pendula with equally many links, one column each: in the order of columns and links."""
+def joint_terms(pendula: Sequence[Pendulum], where: str = "placed_laws") -> tuple[JointTerm, ...]:
+    """The laws at the joints of pendula with equally many links, one column each, or the forces on their centres."""
     places: dict[tuple[type[JointLaw], int], list[tuple[int, int, dict[str, float]]]] = {}
     for column, pendulum in enumerate(pendula):
         links = [link for link in pendulum.links for _ in range(link.count)]
         for row, link in enumerate(links):
-            for k, part in enumerate(link.laws):
+            for k, (_, part) in enumerate(getattr(link, where)):
                 places.setdefault((type(part.law), k), []).append((row, column, part.numbers))
     terms = []
     for (law, order), entries in places.items():
@@ -164,7 +169,8 @@ class Group:
     """P pendula of n links: their arrays (n, P), the position of every link in the file (n, P), their numbers (P,).
 
     `excitation` are the kicks of their joints, `friction` their dry friction (N m) and `quadratic_drag` (N s²/m²) that
-    of their links, both (n, P); each may be None.  `laws` act at their joints beside springs and dampers.
+    of their links, both (n, P); each may be None.  `laws` act at their joints beside springs and dampers,
+    `point_forces` on their centres beside drag.
     """
 
     block: Block
@@ -174,6 +180,7 @@ class Group:
     friction: Floats | None = None
     quadratic_drag: Floats | None = None
     laws: tuple[JointTerm, ...] = ()
+    point_forces: tuple[JointTerm, ...] = ()
 
     @property
     def n(self) -> int:
@@ -220,7 +227,7 @@ class Group:
     @cached_property
     def has_drag(self) -> bool:
         """Whether any link has drag."""
-        return self.quadratic_drag is not None or bool(self.block.drag.any())
+        return self.quadratic_drag is not None or bool(self.block.drag.any()) or bool(self.point_forces)
 
     @cached_property
     def has_active_laws(self) -> bool:
@@ -494,9 +501,10 @@ def system_of(scene: Scene, hoists: Hoists | None = None) -> System:
         alike = [hanging[p] for p in pendula]
         excitation = excitation_of(alike) if scene.is_driven else None
         laws = joint_terms(alike) if scene.has_laws else ()
+        forces = joint_terms(alike, "placed_forces") if scene.has_drag else ()
         friction = _link_numbers(alike, "friction") if scene.has_friction else None
         drag = _link_numbers(alike, "quadratic_drag") if scene.has_drag else None
-        groups.append(Group(block.take(columns[pendula, 1]), index, pendula, excitation, friction, drag, laws))
+        groups.append(Group(block.take(columns[pendula, 1]), index, pendula, excitation, friction, drag, laws, forces))
     modal = _modal_dampers(scene) if scene.has_modal_damping and not rig.spatial else None
     labels, hoisting = coordinate_labels(rig), hoisting_of(scene, hoists)
     sources = modal, hoisting, _support(scene), _rail(scene), acting_forces(scene)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from types import MappingProxyType
 
-import magnets
+from support import magnets
 
 from modal.extend.laws import VanDerPolLaw
 from modal.testing import LawTests

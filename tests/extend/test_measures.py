@@ -91,7 +91,7 @@ def test_what_it_raises_is_told_with_its_name() -> None:
 
 
 def test_errors_of_ours_stay_ours() -> None:
-    with pytest.raises(SceneError, match="^trajectory: a Trajectory is required"):
+    with pytest.raises(SceneError, match=r"^trajectory: a Trajectory is required"):
         LargestAngle().values_of("of_motion", None, 1.0)
     with pytest.raises(AttributeError):
         CartTravel().values_of("of_motion", None, 1.0)

@@ -184,9 +184,8 @@ def test_rates_are_those_of_the_recursion(answers: dict[str, Any], name: str) ->
 @EVERY
 def test_energies_are_those_of_the_mechanics(answers: dict[str, Any], name: str) -> None:
     system = system_of(scene_of(name))
-    first, half = system.first, system.first + system.n_links
     y = states_of(name)[:, 1:]
-    motion = Layout(system.n_links, 1, first, True, system.is_structured).read(y)
+    motion = Layout(system.n_links, 1, system.first, True, system.is_structured).read(y)
     theirs = Mechanics(system, motion).energies
     for energies, kinetic, potential in zip(answers[name]["energies"], *theirs, strict=True):
         size = kinetic + abs(potential)

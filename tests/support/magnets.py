@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from modal import Scene
-from modal.extend import JointLaw, Parameter, exp, register, sin, tanh
+from modal.extend import JointLaw, Parameter, PointForce, exp, register, sin, tanh
 from modal.scene.files import parse
 
 
@@ -77,3 +77,14 @@ def lawful_scene(support: str = CART, laws: str = f"{GREASE}, {ENGINE}", way: st
     return parse(FILE.format(support=support, laws=laws, way=way, start=-20.0 if way == "down" else 170.0).encode())
 
 
+@register
+class Wake(PointForce):
+    """A drag that grows with the square of the speed."""
+
+    name = "wake"
+    parameters = (Parameter("drag", "N s/m", low=0.0), Parameter("growth", "N s³/m³", low=0.0, default=0.0))
+
+    def force(self, velocity: Any, parameters: Any) -> Any:
+        """Against the velocity."""
+        speed_square = sum(component * component for component in velocity)
+        return [-(parameters["drag"] + parameters["growth"] * speed_square) * component for component in velocity]
