@@ -74,7 +74,7 @@ def linear_response(scene: Scene) -> LinearResponse:
     0.01
     """
     require(scene, "a forced periodic orbit")
-    drives, flow = drive_period(scene), Flow(system_of(scene))
+    drives, flow = drive_period(scene), Flow(system_of(scene.frictionless))  # nothing sticks in a linear model
     equations, size, n_samples = flow.equations, len(flow.scale), CYCLE_SAMPLES * max(drives.cycles)
     u = equations.inputs_beside(np.arange(n_samples) * (drives.seconds / n_samples), np.zeros((size, n_samples)))
     y = np.concatenate((flow.rest, np.zeros(size // 2)))

@@ -150,6 +150,12 @@ def test_forced_orbits_are_where_motions_settle(scene: Scene) -> None:
     assert orbit.state.link_rates == pytest.approx(run.final.link_rates, abs=3e-5)
 
 
+def test_a_forced_orbit_with_friction_begins_beside_the_linear_response() -> None:
+    scene = single(PUSH, friction=0.1, damping=0.3)
+    run = simulate(scene, 60 / 0.47, output=4, tolerance=1e-11)
+    assert forced_orbit(scene).state.links == pytest.approx(run.final.links, abs=1e-4)
+
+
 def test_averages_have_the_damper_that_a_ratio_is() -> None:
     """On one pendulum ζ is a damper 2 ζ ω m l²."""
     damper = 2 * 0.002 * np.sqrt(9.81)

@@ -372,9 +372,9 @@ RECORD = {"kind": "record", "time_s": [0, 1, 2, 3], "displacement_m": [0, 1, 0, 
         (scene_of([BOB], support={"kind": "moved", "motion": RECORD}), "gravity=9:10:2", "is not periodic"),
         (scene_of([BOB]), "gravity=9:10:2", "nothing drives this scene"),
         (
-            scene_of([BOB | {"friction": 0.1}], force=[HELD, LEVER]),
+            scene_of([BOB | {"hoist": {"to": 0.8, "duration": 2.0}}], force=[HELD, LEVER]),
             "gravity=9:10:2",
-            "friction",
+            "constant lengths",
         ),
     ],
 )
