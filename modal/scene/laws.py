@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 class JointPart(Part):
     """The numbers of a law of joints.
 
-    >>> from modal import VanDerPol
+    >>> from modal.scene import VanDerPol
     >>> VanDerPol(strength=0.1, angle_deg=5.0).numbers
     {'strength': 0.1, 'angle_deg': 5.0}
     """

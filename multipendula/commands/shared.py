@@ -24,6 +24,8 @@ HOUR = 3600.0
 """Physics: seconds of an hour."""
 DAYS_MAX = 1e5
 """Limit: days of computing beyond which nothing is begun: "… are begun at most"."""
+DURATION_MAX = 1e7
+"""Limit: seconds of motion that are begun whatever they take."""
 COORDINATE_SECONDS = 9e-5
 """Cost: of the modes of a structure, over the square of its coordinates; `benchmarks/modes.py` measures it."""
 PROGRESS_SECONDS = 1.0
@@ -408,7 +410,8 @@ def forewarning(
     from nonlinear.integration.methods import least_seconds
 
     seconds = cache(partial(least_seconds, scene, duration, members=members))
-    days = seconds() / (24 * HOUR)
+    # Shorter ones are begun without an estimate, which takes time, and by which no scene is judged.
+    days = seconds() / (24 * HOUR) if duration > DURATION_MAX else 0.0
     if days > DAYS_MAX:
         most = f"{0.9 * duration * DAYS_MAX / days:.0e} s"
         raise SceneError([f"duration: takes an estimated {days:.2g} days on one core, and {most} are begun at most"])

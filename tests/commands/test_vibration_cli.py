@@ -91,8 +91,6 @@ def test_undamped_modes_are_told(capsys: pytest.CaptureFixture[str]) -> None:
         (("vibration", "chain-2", "--psd", GROUND, "--signals", "cart_position"), "the support is fixed"),
         (("vibration", "chain-2", "--record", GROUND), "needs the columns time_s"),
         (("vibration", "chain-2", "--record", QUAKE, "--picture", "a.exe"), "--picture a.exe"),
-        (("check", SUSPENSION), "needs a support at rest"),
-        (("derive", SUSPENSION), "needs a support at rest"),
     ],
 )
 def test_what_cannot_be_is_refused_in_a_word(

@@ -14,8 +14,6 @@ from modal.scene.parameters import vary
 from modal.statespace import shaper_for, state_space, swings_of, to_modal_form
 from modal.statespace.reduction import minimal as smaller
 from modal.statespace.reduction import truncate
-from modal.symbolic import symbolic_structure
-from nonlinear.averaging import predict
 from nonlinear.ensembles import ensemble
 from nonlinear.reduction import superpose
 from nonlinear.simulation import simulate
@@ -233,11 +231,6 @@ def test_large_angles_have_the_linear_law_in_the_angles() -> None:
 
 
 def test_what_knows_no_modal_damping_says_so() -> None:
-    scene = load("huygens").replace(damping_ratio=0.01)
-    with pytest.raises(SceneError, match="damping_ratio"):
-        predict(scene)
-    with pytest.raises(SceneError, match="damping_ratio"):
-        symbolic_structure(scene)
     for refused in (check, lambda scene: simulate(scene, 1.0)):
         with pytest.raises(SceneError, match="damping_ratio"):
             refused(load("chain-spatial").replace(damping_ratio=0.01))

@@ -11,10 +11,8 @@ from modal.errors import SceneError
 from modal.modes import natural_modes
 from modal.scene import Scene, left_out, scene_from
 from modal.scene.parameters import Variation, vary
-from modal.symbolic import symbolic_structure
 from nonlinear import simulate
 from nonlinear.averaging import average
-from nonlinear.orbits.shooting import shooting
 from nonlinear.reduction import simulate_truncated, superpose
 from nonlinear.system import initial_state
 
@@ -91,12 +89,6 @@ def test_the_linear_model_says_what_it_leaves_out() -> None:
 @pytest.mark.parametrize("scene", [RUBBING, AIRY, scene_from(data(drag=0.1))], ids=["friction", "quadratic", "linear"])
 def test_who_has_no_place_for_them_says_so(scene: Scene) -> None:
     name = "friction" if scene is RUBBING else "drag"
-    for action in (
-        *[lambda: shooting(scene)] * (scene is AIRY),
-        lambda: symbolic_structure(scene),
-    ):
-        with pytest.raises(SceneError, match=name):
-            action()
     if scene.features.isdisjoint({"linear_drag"}):
         with pytest.raises(SceneError, match=rf"{name}.* method taylor"):
             simulate(scene, 1.0, method="taylor")

@@ -347,7 +347,7 @@ def test_measures_of_a_sweep(monkeypatch: pytest.MonkeyPatch) -> None:
     numbers: dict[str, float] = {}
     portion = Portion([scene], scene)
     for request in parse_measures([f"{name}:90" for name in ("order", "survivor", "locking", "pendulum_energy")]):
-        numbers |= request.function(scene, request.number, portion)
+        numbers |= request.measure.of_scene(scene, request.number, portion)
     assert len(runs) == 1
     late = np.isin(run.times, ending_times(scene, 90.0))
     survival, mechanics = find_survival(run), run.mechanics
