@@ -8,6 +8,7 @@ the classes at hand has is asked for, or all names.  One that cannot be loaded s
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from importlib import import_module
@@ -115,12 +116,17 @@ def register(cls: type[T]) -> type[T]:
     if not NAME.fullmatch(str(cls.name)):
         raise mistake_of(cls, f"its name {cls.name!r} must be small letters, digits, - and _")
     known = _registry.of_kind(cls.kind).get(cls.name, cls)
-    if known is not cls:
+    if _definition(known) != _definition(cls):
         raise mistake_of(cls, f"a {cls.kind} of this name exists, of {package_of(known)}")
     if mistakes := [*cls.mistakes()]:
         raise mistake_of(cls, "; ".join(mistakes))
     _registry.classes[cls.kind][cls.name] = cls
     return cls
+
+
+def _definition(cls: type) -> tuple[str, str]:
+    """Where a class is defined: a cell that is run again, or a module imported under two names, defines it anew."""
+    return getattr(sys.modules.get(cls.__module__), "__file__", None) or cls.__module__, cls.__qualname__
 
 
 def registered(kind: str, *, discover: bool = True) -> Mapping[str, type[Any]]:
