@@ -16,7 +16,8 @@ from modal.identification.parameters import natural_unit
 from modal.report import Displayed, silent
 from modal.scene import Scene
 from modal.scene.doors import checked, formerly
-from modal.scene.parameters import find_places, texts_of, with_numbers
+from modal.scene.parameters import find_places, texts_of
+from modal.scene.unknowns import find_unknowns
 from modal.types import Crew, map_by_crew
 from nonlinear.identification.fitting import fit
 from nonlinear.identification.records import FEWEST, Recording
@@ -125,7 +126,9 @@ def _without(scene: Scene, free: Sequence[str]) -> Iterator[str]:
     for path in free:
         if path != "none":
             yield from (
-                with_numbers(place) for place in find_places(scene, path) if place[-1] not in {*LAWS.values(), "drag"}
+                unknown.path
+                for unknown in find_unknowns(scene, path)
+                if unknown.place[-1] not in {*LAWS.values(), "drag"}
             )
 
 
