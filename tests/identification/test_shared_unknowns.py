@@ -62,15 +62,15 @@ def fitted() -> ModeFit:
 
 
 def test_gravity_from_eight_strings_with_one_unknown_offset() -> None:
-    own = scipy.optimize.least_squares(
+    direct = scipy.optimize.least_squares(
         lambda p: (frequencies(*p) - readings()) / STD, [9.7, 0.0], x_scale=[1.0, 0.01], xtol=1e-15, ftol=1e-15
     )
-    cov = np.linalg.inv(own.jac.T @ own.jac)
-    assert fitted().values == pytest.approx(own.x, rel=1e-6)
+    cov = np.linalg.inv(direct.jac.T @ direct.jac)
+    assert fitted().values == pytest.approx(direct.x, rel=1e-6)
     assert fitted().covariance == pytest.approx(cov, rel=1e-4)
     assert np.all(np.abs(fitted().values - [GRAVITY, OFFSET]) < 3 * fitted().stds)
     lengths = [pendulum.links[0].length for pendulum in fitted().scene.pendulum]
-    assert lengths == pytest.approx(LENGTHS + own.x[1], rel=1e-7)
+    assert lengths == pytest.approx(LENGTHS + direct.x[1], rel=1e-7)
 
 
 def test_a_report_has_a_shared_unknown_once_and_goes_on_from_it() -> None:
@@ -103,8 +103,8 @@ def test_a_prior_of_a_shift_counts_as_a_reading() -> None:
     def residuals(p: Floats) -> Floats:
         return np.append((frequencies(*p) - readings()) / STD, (p[1] + 0.01) / 0.005)
 
-    own = scipy.optimize.least_squares(residuals, [9.7, 0.0], x_scale=[1.0, 0.01], xtol=1e-15, ftol=1e-15)
-    assert believed.values == pytest.approx(own.x, rel=1e-6)
+    direct = scipy.optimize.least_squares(residuals, [9.7, 0.0], x_scale=[1.0, 0.01], xtol=1e-15, ftol=1e-15)
+    assert believed.values == pytest.approx(direct.x, rel=1e-6)
 
 
 def pivots(*inertias: float) -> Scene:
@@ -122,9 +122,9 @@ def test_one_inertia_for_all_pivots_and_its_mean_at_the_start() -> None:
 
     values = of(true) + 1e-4 * rng.normal(size=4)
     result = fit_modes(pivots(0.002, 0.003, 0.004, 0.005), modes_of(values, 1e-4), [SAME])
-    own = scipy.optimize.least_squares(lambda p: (of(p[0]) - values) / 1e-4, [0.0035], x_scale=1e-3, xtol=1e-15)
-    assert result.values == pytest.approx(own.x, rel=1e-6)
-    assert result.stds[0] == pytest.approx(1 / np.linalg.norm(own.jac), rel=1e-3)
+    direct = scipy.optimize.least_squares(lambda p: (of(p[0]) - values) / 1e-4, [0.0035], x_scale=1e-3, xtol=1e-15)
+    assert result.values == pytest.approx(direct.x, rel=1e-6)
+    assert result.stds[0] == pytest.approx(1 / np.linalg.norm(direct.jac), rel=1e-3)
     assert {pendulum.links[0].inertia for pendulum in result.scene.pendulum} == {float(result.values[0])}
     assert any(
         "began at 0.0035, the mean of the scene's numbers from 0.002 to 0.005" in line for line in result.verdict

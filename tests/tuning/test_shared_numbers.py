@@ -48,11 +48,11 @@ def test_two_pendula_that_share_their_numbers_are_one_of_two_copies() -> None:
 def test_a_shift_of_two_lengths_is_that_of_a_search_over_an_own_response() -> None:
     lengths = np.array([2.0, 2.3])
     tuned = tune(on_a_cart(*map(absorber, lengths.tolist())), [f"{SHIFT}=-0.5:0.8"], minimize=[PEAK])
-    own = scipy.optimize.minimize_scalar(
+    direct = scipy.optimize.minimize_scalar(
         lambda u: peak(lengths + u, 0.2), bounds=(-0.5, 0.8), method="bounded", options={"xatol": 1e-6}
     )
-    assert tuned.after == pytest.approx(own.fun, rel=1e-5)
-    assert tuned.numbers[SHIFT] == pytest.approx(own.x, abs=1e-3)
+    assert tuned.after == pytest.approx(direct.fun, rel=1e-5)
+    assert tuned.numbers[SHIFT] == pytest.approx(direct.x, abs=1e-3)
     (number,) = tuned_record(tuned)["numbers"]
     assert (number["place"], number["before"], number["unit"]) == (SHIFT, 0.0, "m")
     assert number["bounds"] == pytest.approx([-0.5, 0.8])
