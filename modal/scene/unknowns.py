@@ -73,9 +73,9 @@ def find_unknowns(scene: Scene, text: str) -> tuple[Unknown, ...]:
     SceneError where there is no such number, or the places cannot share one.
 
     >>> from modal import load
-    >>> [unknown.path for unknown in find_unknowns(load("chain-2"), "pendulum[0].links[*].length")]
+    >>> [unknown.path for unknown in find_unknowns(load("crane-hook"), "pendulum[0].links[*].length")]
     ['pendulum[0].links[0].length', 'pendulum[0].links[1].length']
-    >>> find_unknowns(load("chain-2"), "shift:pendulum[0].links[*].length")[0].value
+    >>> find_unknowns(load("crane-hook"), "shift:pendulum[0].links[*].length")[0].value
     0.0
     """
     way, colon, words = (part.strip() for part in text.partition(":"))
