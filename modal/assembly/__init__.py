@@ -28,7 +28,15 @@ if TYPE_CHECKING:
         no_hoist,
         quadratic_drags,
     )
-    from modal.assembly.linearization import Arrays, Matrices, coordinate_labels, differences, matrices, matrices_of
+    from modal.assembly.linearization import (
+        Arrays,
+        Matrices,
+        coordinate_labels,
+        differences,
+        matrices,
+        matrices_of,
+        shared_differences,
+    )
     from modal.assembly.losses import (
         CART,
         Dissipator,
@@ -116,6 +124,7 @@ __all__ = [
     "ratio_at",
     "rig_of",
     "scene_squares",
+    "shared_differences",
     "single",
     "stack_scenes",
     "vary_scene",

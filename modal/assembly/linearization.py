@@ -25,7 +25,7 @@ carriers: there the quotient of eight values p ± h, …, p ± 4h has an error o
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -162,3 +162,11 @@ def differences(scene: Scene, place: Place, unit: float, arrays_of: Callable[[Sc
         except SceneError:
             continue
     raise SceneError([f"{path} = {value:g}: is at a bound, and has no derivative there"])
+
+
+def shared_differences(
+    scene: Scene, places: Sequence[Place], unit: float, arrays_of: Callable[[Scene], Arrays]
+) -> Arrays:
+    """Derivatives by one number that these places share, or that is added to theirs: the sum of those by each."""
+    parts = [differences(scene, place, unit, arrays_of) for place in places]
+    return tuple(sum(slopes[1:], slopes[0]) for slopes in zip(*parts, strict=True))

@@ -17,7 +17,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from modal.assembly import Arrays, differences, matrices
+from modal.assembly import Arrays, matrices, shared_differences
 from modal.modes import UNCERTAIN, Modes
 from modal.scene import Scene, require
 from modal.scene.parameters import Place
@@ -32,15 +32,17 @@ def require_polynomial(scene: Scene) -> None:
     require(scene, "a derivative of modes")
 
 
-def matrix_derivatives(scene: Scene, places: Sequence[Place], units: Sequence[float]) -> tuple[Floats, Floats, Floats]:
-    """M, K and D (p, n, n) differentiated by the numbers at these places."""
+def matrix_derivatives(
+    scene: Scene, shared: Sequence[Sequence[Place]], units: Sequence[float]
+) -> tuple[Floats, Floats, Floats]:
+    """M, K and D (p, n, n) differentiated by numbers, each at the places that share it."""
     require_polynomial(scene)
 
     def of(varied: Scene) -> Arrays:
         linear = matrices(varied)
         return linear.M, linear.K, linear.D
 
-    parts = [differences(scene, place, unit, of) for place, unit in zip(places, units, strict=True)]
+    parts = [shared_differences(scene, places, unit, of) for places, unit in zip(shared, units, strict=True)]
     M, K, D = (np.array(rows) for rows in zip(*parts, strict=True))
     return M, K, D
 

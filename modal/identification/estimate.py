@@ -21,7 +21,8 @@ from modal.report import Displayed
 from modal.scene import Scene
 from modal.scene.contents import text_of
 from modal.scene.doors import checked
-from modal.scene.parameters import Place, find_places, number_at
+from modal.scene.parameters import Place, with_numbers
+from modal.scene.unknowns import Unknown, find_unknowns
 from modal.scene.validation import LARGEST
 from modal.types import Floats
 
@@ -31,20 +32,32 @@ REPORT_ROUNDING = 1e-6
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Estimate(Displayed):
-    """Numbers of a `scene` at `places`, written as `paths`, with their `covariance` (p, p) in the scene's units."""
+    """The `unknowns` of a `scene` with their `covariance` (p, p) in the scene's units.
+
+    A shift is counted from the numbers of this scene, in which that of a fit is already.
+    """
 
     what = "Estimate of numbers with their covariance"
     shows = "paths: numbers; stds: standard deviations"
 
     scene: Scene
-    places: tuple[Place, ...]
-    paths: tuple[str, ...]
+    unknowns: tuple[Unknown, ...]
     covariance: Floats
+
+    @property
+    def paths(self) -> tuple[str, ...]:
+        """The unknowns as they are written."""
+        return tuple(unknown.path for unknown in self.unknowns)
+
+    @property
+    def shared(self) -> list[tuple[Place, ...]]:
+        """The places of each unknown."""
+        return [unknown.places for unknown in self.unknowns]
 
     @cached_property
     def values(self) -> Floats:
-        """The scene's numbers (p,)."""
-        return np.array([number_at(self.scene, place) for place in self.places])
+        """The scene's numbers (p,), of shifts 0."""
+        return np.array([unknown.value for unknown in self.unknowns])
 
     @cached_property
     def stds(self) -> Floats:
@@ -54,7 +67,7 @@ class Estimate(Displayed):
     @property
     def units(self) -> list[float]:
         """The natural unit of each number."""
-        return [natural_unit(self.scene, place) for place in self.places]
+        return [natural_unit(self.scene, unknown.place) for unknown in self.unknowns]
 
     def drawn(self, count: int, rng: np.random.Generator) -> dict[str, Floats]:
         """So many values (count,) by path, from the joint normal distribution."""
@@ -94,17 +107,14 @@ def estimate_of(scene: Scene, record: Any) -> Estimate:
     if not parameters:
         raise SceneError(["has no fitted numbers: nothing is uncertain"])
     problems: list[str] = []
-    places: list[Place] = []
+    unknowns: list[Unknown] = []
     for k, parameter in enumerate(parameters):
         try:
-            places.append(_place(scene, k, parameter))
+            unknowns.append(_unknown(scene, k, parameter))
         except SceneError as error:
             problems += error.problems
-    for place, parameter in zip(places, parameters, strict=False):
-        if places.count(place) > 1 and places.index(place) < len(places):
-            problems.append(
-                f"parameters: {parameter.get('place') if isinstance(parameter, dict) else parameter} stands there twice"
-            )
+    places = [place for unknown in unknowns for place in unknown.places]
+    problems += [f"parameters: {with_numbers(place)} stands there twice" for place in places if places.count(place) > 1]
     count = len(parameters)
     matrix = _matrix(rows, count)
     if matrix is None:
@@ -114,24 +124,24 @@ def estimate_of(scene: Scene, record: Any) -> Estimate:
     if problems:
         raise SceneError(list(dict.fromkeys(problems)))
     assert matrix is not None
-    paths = tuple(str(parameter["place"]) for parameter in parameters)
-    return Estimate(scene, tuple(places), paths, (matrix + matrix.T) / 2)
+    return Estimate(scene, tuple(unknowns), (matrix + matrix.T) / 2)
 
 
-def _place(scene: Scene, k: int, parameter: Any) -> Place:
+def _unknown(scene: Scene, k: int, parameter: Any) -> Unknown:
     path = parameter.get("place") if isinstance(parameter, dict) else None
     value = parameter.get("value") if isinstance(parameter, dict) else None
     if not isinstance(path, str) or not isinstance(value, int | float) or not _is_number(value):
         raise SceneError([f'parameters[{k}]: must have a "place" and a "value" that is a finite number'])
-    places = find_places(scene, path)
-    present = number_at(scene, places[0])
-    if len(places) > 1:
+    unknown, *others = find_unknowns(scene, path)
+    if others:
         raise SceneError([f"parameters[{k}]: {path} means several numbers: each has its own entry"])
-    if places[0][-1] == "count":
+    if any(place[-1] == "count" for place in unknown.places):
         raise SceneError([f"parameters[{k}]: {path} is a count and has no standard deviation"])
-    if abs(present - value) > REPORT_ROUNDING * max(abs(present), abs(value)):
-        raise SceneError([f"{path} = {value:.9g}: the scene has {present:.9g}: give the scene that was fitted with it"])
-    return places[0]
+    for present in () if unknown.is_shift else unknown.given:
+        if abs(present - value) > REPORT_ROUNDING * max(abs(present), abs(value)):
+            words = f"the scene has {present:.9g}: give the scene that was fitted with it"
+            raise SceneError([f"{path} = {value:.9g}: {words}"])
+    return unknown
 
 
 def _is_number(value: Any) -> bool:

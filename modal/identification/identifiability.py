@@ -15,7 +15,7 @@ import numpy as np
 import scipy
 
 from modal.identification.derivatives import DERIVATIVE_ROUNDING
-from modal.identification.parameters import BOUND_DISTANCE, Parameter
+from modal.identification.parameters import Parameter
 from modal.report import Displayed, listed
 from modal.types import Floats, Ints
 
@@ -46,10 +46,23 @@ class Undetermined(Displayed):
         if not self.changes:
             return f"{self.held} has hardly any effect on these data"
         paths = [self.held, *self.changes]
-        if all(abs(change - 1) < CHANGE_MIN for change in self.changes.values()):
+        is_product = not any(map(_is_shift, together))
+        if is_product and all(abs(change - 1) < CHANGE_MIN for change in self.changes.values()):
             return f"only ratios of {_all(paths)} are determined: a common factor changes nothing"
-        others = _all([f"{path} by {change:+.2g} %" for path, change in self.changes.items()])
-        return f"{self.held} cannot be told from others: changing it by 1 % and {others} leaves the motion as it is"
+        others = _all([f"{path} by {change:+.2g} %{_of_what(path)}" for path, change in self.changes.items()])
+        return (
+            f"{self.held} cannot be told from others: changing it by 1 %{_of_what(self.held)} and {others} leaves the "
+            "motion as it is"
+        )
+
+
+def _is_shift(path: str) -> bool:
+    return path.startswith("shift:")
+
+
+def _of_what(path: str) -> str:
+    """Of what a change is a part, where that is not the number itself."""
+    return " of the mean of the numbers that it shifts" if _is_shift(path) else ""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -108,10 +121,7 @@ def _directions(
     """How the kept ones make up for a change of each held one, as far as they can."""
     directions = []
     answer = -np.linalg.lstsq(R[:, kept], R[:, held], rcond=None)[0] if len(kept) else np.zeros((0, len(held)))
-    relative = [
-        parameter.slope(z) / parameter.at(z) if abs(parameter.at(z)) > BOUND_DISTANCE * parameter.unit else np.inf
-        for parameter, z in zip(parameters, values, strict=True)
-    ]
+    relative = [parameter.relative_slope(z) for parameter, z in zip(parameters, values, strict=True)]
     for k, number in enumerate(held):
         remainder = (
             np.linalg.norm(R[:, number] + R[:, kept] @ answer[:, k]) if len(kept) else np.linalg.norm(R[:, number])
@@ -142,7 +152,10 @@ class Combination:
 def find_combinations(
     determined: Determined, parameters: Sequence[Parameter], values: Floats, stds: Floats
 ) -> tuple[Combination, ...]:
-    """The combinations of kept with held numbers; `stds` (p,) in the numbers' units, the held ones being exact."""
+    """The combinations of kept with held numbers; `stds` (p,) in the numbers' units, the held ones being exact.
+
+    A shift is in none, since it is a term and no factor.
+    """
     at = {parameter.path: k for k, parameter in enumerate(parameters)}
     numbers = [parameter.at(float(z)) for parameter, z in zip(parameters, values, strict=True)]
     powers: dict[str, dict[str, float]] = {}
@@ -151,6 +164,8 @@ def find_combinations(
             powers.setdefault(path, {})[direction.held] = change
     combinations = []
     for path, exponents in powers.items():
+        if any(map(_is_shift, [path, *exponents])):
+            continue
         k = at[path]
         factor = float(np.prod([numbers[at[held]] ** -power for held, power in exponents.items()]))
         words = path

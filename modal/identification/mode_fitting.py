@@ -31,6 +31,7 @@ from modal.identification.parameters import (
     BOUND_DISTANCE,
     Parameter,
     find_parameters,
+    means_of,
     numbers_at,
     scene_with,
     starts_of,
@@ -124,7 +125,7 @@ class _ModeFitProblem:
             return np.zeros((len(self.residuals(z)), 0))
         units = [parameter.unit for parameter in self.parameters]
         derivatives = ModeDerivatives(
-            modes, *matrix_derivatives(scene, [parameter.place for parameter in self.parameters], units)
+            modes, *matrix_derivatives(scene, [parameter.places for parameter in self.parameters], units)
         )
         slopes = np.array([parameter.slope(float(value)) for parameter, value in zip(self.parameters, z, strict=True)])
         rows: list[Floats] = []
@@ -243,7 +244,7 @@ def _undetermined_around(problem: _ModeFitProblem, z: Floats, held: Sequence[int
     At z itself derivatives may vanish, as at equal lengths.
     """
     factors = GENERIC_STEP * (1 + np.arange(len(z)) / len(z)) * (-1.0) ** np.arange(len(z))
-    logs = np.array([parameter.log for parameter in problem.parameters], dtype=bool)
+    logs = np.array([parameter.log or parameter.unknown.is_shift for parameter in problem.parameters], dtype=bool)
     undetermined = []
     for shift in (factors, -factors):
         aside = np.where(logs, z + shift, z * np.exp(shift))
@@ -536,6 +537,7 @@ def _verdict(problem: _ModeFitProblem, result: ModeFit, loss: str) -> list[str]:
     for k in result.fitted:
         if result.parameters[k].z_min == 0.0 and result.z[k] < BOUND_DISTANCE:
             words.append(f"{result.parameters[k].path} is at its bound, 0: the modes give no sign of it")
+    words += means_of(result.parameters)
     if loss != "linear":
         words.append(f"standard deviations are those of the linear loss at the optimum of {loss}")
     return words

@@ -2,7 +2,8 @@
 
 A number that is positive by nature is p = p₀ eᶻ, so that it stays positive; one that may vanish (a damper, a spring,
 friction) is p = u z with z ≥ 0, u being its natural unit in this scene: that of critical damping, of the weight's
-moment m g l, and so on.
+moment m g l, and so on.  One that several places share (`modal.scene.unknowns`) is one number; a shift is u z of
+either sign.
 """
 
 from __future__ import annotations
@@ -20,7 +21,8 @@ from modal.errors import SceneError, spelling_hint
 from modal.report import NOTHING, Displayed, Drawable, ReportTable, Result, Summary, capital, finite, short
 from modal.scene import Scene, title_of
 from modal.scene.doors import checked
-from modal.scene.parameters import Place, Variable, find_places, law_parameter, number_at, unit_at, with_numbers
+from modal.scene.parameters import Place, Variable, law_parameter, number_at, unit_at, with_numbers
+from modal.scene.unknowns import Unknown, find_unknowns, unknowns_of
 from modal.types import Floats
 
 POSITIVE = ("mass", "length", "centre", "inertia", "gravity", "angle_deg")
@@ -40,13 +42,13 @@ PRIOR = re.compile(r"\s*([^±]+?)\s*(?:±|\+/?-)\s*([^±]+?)\s*", re.ASCII)
 
 @dataclass(frozen=True, repr=False)
 class FreeParameter(Displayed):
-    """A number of a scene at a place, `value` there; `unit` is its natural unit, `log` whether p = p₀ eᶻ.
+    """An unknown of a scene, `value` there; `unit` is its natural unit, `log` whether p = p₀ eᶻ.
 
     `prior` is a mean with its standard deviation, in the number's own unit, whose name is `unit_name`; the number is at
     least `low`.
     """
 
-    place: Place
+    unknown: Unknown
     value: float
     unit: float
     log: bool
@@ -57,7 +59,17 @@ class FreeParameter(Displayed):
     @property
     def path(self) -> str:
         """Its place as written in messages."""
-        return with_numbers(self.place)
+        return self.unknown.path
+
+    @property
+    def place(self) -> Place:
+        """The first of its places."""
+        return self.unknown.place
+
+    @property
+    def places(self) -> tuple[Place, ...]:
+        """Where the scene has it."""
+        return self.unknown.places
 
     def _summary(self) -> Summary:
         prior = [] if self.prior is None else [("believed", f"{self.prior[0]:g} ± {self.prior[1]:g}")]
@@ -90,6 +102,11 @@ class FreeParameter(Displayed):
         """The z of a number."""
         return log(value / self.value) if self.log else value / self.unit
 
+    def relative_slope(self, z: float) -> float:
+        """dp/dz over the number, of a shift over the mean of those that it shifts; infinite for one at 0."""
+        size = self.at(z) + (self.unknown.size if self.unknown.is_shift else 0.0)
+        return self.slope(z) / size if abs(size) > BOUND_DISTANCE * self.unit else inf
+
     @property
     def prior_of_z(self) -> tuple[float, float] | None:
         """Mean and standard deviation of z by the prior."""
@@ -110,35 +127,36 @@ def find_parameters(scene: Scene, paths: Iterable[str], priors: Sequence[str] = 
     `priors` are texts such as "pendulum[0].links[0].mass=0.15±0.002".  SceneError lists every mistake.
     """
     problems: list[str] = []
-    places: dict[Place, None] = {}
-    words = [path for path in paths if path != NONE]
-    for path in words:
+    unknowns: dict[str, Unknown] = {}
+    places: dict[Place, str] = {}
+    for path in paths:
         try:
-            places_of_path = find_places(scene, path)
+            for entry in unknowns_of(scene, path, places) if path != NONE else ():
+                if isinstance(entry, str):
+                    problems.append(entry)
+                else:
+                    unknowns[entry.path] = entry
         except SceneError as error:
             problems += error.problems
-            continue
-        problems += [f"{with_numbers(place)}: is freed twice" for place in places_of_path if place in places]
-        places |= dict.fromkeys(places_of_path)
-    beliefs: dict[Place, tuple[float, float]] = {}
+    beliefs: dict[str, tuple[float, float]] = {}
     for text in priors:
         try:
             beliefs |= _prior(scene, text)
         except SceneError as error:
             problems += error.problems
-    problems += [f"{with_numbers(place)}: has a prior but is not free" for place in beliefs if place not in places]
+    problems += [f"{path}: has a prior but is not free" for path in beliefs if path not in unknowns]
     parameters = []
-    for place in places:
+    for path, unknown in unknowns.items():
         try:
-            parameters.append(_parameter(scene, place, beliefs.get(place)))
+            parameters.append(_parameter(scene, unknown, beliefs.get(path)))
         except SceneError as error:
             problems += error.problems
     if problems:
-        raise SceneError(problems)
+        raise SceneError(list(dict.fromkeys(problems)))
     return tuple(parameters)
 
 
-def _prior(scene: Scene, text: str) -> dict[Place, tuple[float, float]]:
+def _prior(scene: Scene, text: str) -> dict[str, tuple[float, float]]:
     path, sign, words = text.partition("=")
     match = PRIOR.fullmatch(words) if sign else None
     if not match:
@@ -147,30 +165,56 @@ def _prior(scene: Scene, text: str) -> dict[Place, tuple[float, float]]:
         mean, std = float(match[1]), float(match[2])
     except ValueError:
         raise SceneError([f"{text:.60}: {match[1]:.20} and {match[2]:.20} must be numbers"]) from None
-    places = find_places(scene, path.strip())
-    if not (
-        isfinite(mean) and isfinite(std) and std > 0 and (mean >= 0 or all(map(partial(_has_sign, scene), places)))
-    ):
+    unknowns = find_unknowns(scene, path.strip())
+    is_possible = mean >= 0 or all(map(partial(_has_sign, scene), unknowns))
+    if not (isfinite(mean) and isfinite(std) and std > 0 and is_possible):
         raise SceneError([f"{text:.60}: needs a finite value of at least 0 and a positive standard deviation"])
-    return dict.fromkeys(places, (mean, std))
+    return {unknown.path: (mean, std) for unknown in unknowns}
 
 
-def _has_sign(scene: Scene, place: Place) -> bool:
-    """Whether a number may be below 0."""
+def _has_sign(scene: Scene, unknown: Unknown) -> bool:
+    """Whether it may be below 0."""
+    return unknown.is_shift or all(_least(scene, place) < 0 for place in unknown.places)
+
+
+def _least(scene: Scene, place: Place) -> float:
+    """The least that a number may be."""
     of_law = law_parameter(scene, place)
-    return is_placed(place) or (of_law is not None and of_law.low < 0)
+    return of_law.low if of_law else -inf if is_placed(place) else 0.0
 
 
-def _parameter(scene: Scene, place: Place, prior: tuple[float, float] | None) -> FreeParameter:
-    name, value, of_law = _key(place), number_at(scene, place), law_parameter(scene, place)
-    low = of_law.low if of_law else -inf if is_placed(place) else 0.0
-    if "start" in place or (name not in (*POSITIVE, *CAN_VANISH) and not (is_placed(place) or of_law)):
-        hint = " (the start is always fitted)" if "start" in place else spelling_hint(name, (*POSITIVE, *CAN_VANISH))
-        raise SceneError([f"{with_numbers(place)}: is not a number that a fit can change{hint}"])
-    is_log = (low > 0 if of_law else name in POSITIVE) and value > 0 and not is_placed(place)
+def _is_positive(scene: Scene, place: Place) -> bool:
+    """Whether a number is above 0 by nature."""
+    if law_parameter(scene, place):
+        return _least(scene, place) > 0
+    return _key(place) in POSITIVE and not is_placed(place)
+
+
+def _parameter(scene: Scene, unknown: Unknown, prior: tuple[float, float] | None) -> FreeParameter:
+    for place in unknown.places:
+        name, names = _key(place), (*POSITIVE, *CAN_VANISH)
+        if "start" in place or not (name in names or is_placed(place) or law_parameter(scene, place)):
+            hint = " (the start is always fitted)" if "start" in place else spelling_hint(name, names)
+            raise SceneError([f"{with_numbers(place)}: is not a number that a fit can change{hint}"])
+    is_log = unknown.value > 0 and all(_is_positive(scene, place) for place in unknown.places)
     if is_log and prior and prior[0] <= 0:
-        raise SceneError([f"{with_numbers(place)}: a prior of a positive number is positive"])
-    return FreeParameter(place, value, natural_unit(scene, place), is_log, prior, unit_at(scene, place), low)
+        raise SceneError([f"{unknown.path}: a prior of a positive number is positive"])
+    unit = natural_unit(scene, unknown.place)
+    low = (_least_shift if unknown.is_shift else _least_number)(scene, unknown)
+    return FreeParameter(unknown, unknown.value, unit, is_log, prior, unknown.unit_name, low)
+
+
+def _least_number(scene: Scene, unknown: Unknown) -> float:
+    return max(_least(scene, place) for place in unknown.places)
+
+
+def _least_shift(scene: Scene, unknown: Unknown) -> float:
+    """What leaves each number what it may be; one that is positive by nature is not divided by more than others are."""
+    lows = []
+    for place, number in zip(unknown.places, unknown.given, strict=True):
+        least = number * exp(-LOG_CHANGE_MAX) if _is_positive(scene, place) else _least(scene, place)
+        lows.append(least - number)
+    return max(lows)
 
 
 def _key(place: Place) -> str:
@@ -216,8 +260,12 @@ def natural_unit(scene: Scene, place: Place) -> float:
 
 
 def numbers_at(parameters: Sequence[FreeParameter], z: Floats) -> dict[str, float]:
-    """The numbers by their paths."""
-    return {parameter.path: parameter.at(float(value)) for parameter, value in zip(parameters, z, strict=True)}
+    """The numbers by the paths of all their places."""
+    return {
+        with_numbers(place): number
+        for parameter, value in zip(parameters, z, strict=True)
+        for place, number in parameter.unknown.numbers(parameter.at(float(value))).items()
+    }
 
 
 @checked
@@ -229,6 +277,16 @@ def scene_with(scene: Scene, values: Mapping[str, float]) -> Scene:
 def starts_of(parameters: Sequence[FreeParameter]) -> Floats:
     """The z of the scene's own numbers, (p,)."""
     return np.array([parameter.start for parameter in parameters])
+
+
+def means_of(parameters: Sequence[FreeParameter]) -> list[str]:
+    """What is said of numbers that are to be the same and that the scene has unequal."""
+    return [
+        f"{parameter.path} began at {short(parameter.value)}, the mean of the scene's numbers from "
+        f"{short(min(parameter.unknown.given))} to {short(max(parameter.unknown.given))}"
+        for parameter in parameters
+        if not (parameter.unknown.is_shift or parameter.unknown.is_even)
+    ]
 
 
 class FittedNumbers(Drawable, Result):

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from modal.assembly import Arrays, differences, matrices
+from modal.assembly import Arrays, matrices, shared_differences
 from modal.errors import ComputationError
 from modal.identification.derivatives import ModeDerivatives, matrix_derivatives, polar, require_polynomial
 from modal.identification.estimate import Estimate
@@ -59,11 +59,11 @@ class ModeStds:
 
 def mode_slopes(modes: Modes, estimate: Estimate, rows: Sequence[int]) -> tuple[Floats, Floats]:
     """∂ω/∂p and ∂ζ/∂p, (rows, p), of the modes with these indices."""
-    dM, dK, dD = matrix_derivatives(estimate.scene, estimate.places, estimate.units)
+    dM, dK, dD = matrix_derivatives(estimate.scene, estimate.shared, estimate.units)
     first = int(modes.scene.cart is None and estimate.scene.cart is not None)  # of modes on a cart that is held
     derivatives = ModeDerivatives(modes, dM[:, first:, first:], dK[:, first:, first:], dD[:, first:, first:])
     pairs = [polar(complex(modes.eigenvalue[row]), derivatives.eigenvalue(row)) for row in rows]
-    omega, zeta = (np.array(part).reshape(len(rows), len(estimate.places)) for part in zip(*pairs, strict=True))
+    omega, zeta = (np.array(part).reshape(len(rows), len(estimate.unknowns)) for part in zip(*pairs, strict=True))
     return omega, zeta
 
 
@@ -103,7 +103,10 @@ def response_slopes(model: StateSpace, estimate: Estimate, omega: Floats) -> tup
         return _linear(response, inputs, outputs)
 
     arrays = arrays_of(scene)
-    slopes = [differences(scene, place, u, arrays_of) for place, u in zip(estimate.places, estimate.units, strict=True)]
+    slopes = [
+        shared_differences(scene, places, unit, arrays_of)
+        for places, unit in zip(estimate.shared, estimate.units, strict=True)
+    ]
     with np.errstate(all="ignore"):
         responses = [_at(1j * w, arrays, slopes, drive) for w in np.atleast_1d(omega).tolist()]
     G = np.stack([response for response, _ in responses], axis=-1)

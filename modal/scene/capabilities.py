@@ -498,7 +498,7 @@ CAPABILITIES: dict[str, Capability] = {
                 "hoist": "The hoist is left out: the orbits of a mode are those at the lengths before it.",
             },
             refuses={**SHIFTED, **PLANE},
-            unless={"inverted": "the equilibrium is unstable", "massless_cart": HANGS_STRAIGHT},
+            unless={"inverted": "grows without swinging", "massless_cart": HANGS_STRAIGHT},
         ),
         PERIODIC,
         PERIODIC._replace(name="a limit cycle", needs=EXCITED),

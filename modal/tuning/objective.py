@@ -79,11 +79,15 @@ class Objective:
         self.low = np.log([item.low for item in free])
         self.high = np.log([item.high for item in free])
         self.start = np.log([item.start for item in free])
-        self._places = [item.place for item in free]
+        self._places = [item.places for item in free]
 
     def numbers(self, z: Floats) -> Floats:
-        """The free numbers (n,)."""
+        """The levels of the free numbers (n,)."""
         return np.asarray(np.exp(z))
+
+    def free_numbers(self, z: Floats) -> Floats:
+        """The free numbers themselves (n,): of a shift what is added."""
+        return np.array([item.at(level) for item, level in zip(self.free, self.numbers(z).tolist(), strict=True)])
 
     def scene_at(self, z: Floats, factors: Factors | None = None) -> Scene:
         """The scene with these numbers."""
@@ -99,9 +103,8 @@ class Objective:
         faces_of_cases: list[list[Faces]] = []
         for k, factors in enumerate(self.cases):
             pieces = self.quantities.at(values, factors, by=self._places if with_gradients else None)
-            numbers = np.array([values[j] * factors.get(place, 1.0) for j, place in enumerate(self._places)])
             faces_of_cases.append(
-                [self._face(j, piece, numbers, k, n, with_gradients=with_gradients) for j, piece in enumerate(pieces)]
+                [self._face(j, piece, values, k, n, with_gradients=with_gradients) for j, piece in enumerate(pieces)]
             )
         faces = []
         for parts in zip(*faces_of_cases, strict=True):
@@ -182,8 +185,8 @@ def worths(objective: Objective, z: Floats) -> tuple[Worth, ...]:
                 entry.path,
                 loss(np.log1p(PERCENT)),
                 loss(np.log1p(-PERCENT)),
-                number * float(np.exp(low)) if np.isfinite(low) else 0.0,
-                number * float(np.exp(high)) if np.isfinite(high) else np.inf,
+                entry.at(number * float(np.exp(low))) if np.isfinite(low) else -entry.base,
+                entry.at(number * float(np.exp(high))) if np.isfinite(high) else np.inf,
             )
         )
     return tuple(answers)
@@ -298,7 +301,7 @@ def _signs(
     objective: Objective, z: Floats, places: list[Place], factors: Factors, *, worst: bool = False
 ) -> list[Floats]:
     """The direction in which each piece of a cost grows, by the masses; of the worst piece alone where asked."""
-    pieces = objective.quantities.at(objective.numbers(z), factors, by=places)
+    pieces = objective.quantities.at(objective.numbers(z), factors, by=[(place,) for place in places])
     signs: list[Floats] = []
     for aim, piece in zip(objective.aims, pieces, strict=False):
         if not len(piece.values):
@@ -373,7 +376,7 @@ def _dampers(objective: Objective, scene: Scene) -> list[tuple[Place, str, float
     dampers: list[tuple[Place, str, float, str]] = []
     geometry = geometry_of(scene)
     first_numbers = np.concatenate(([0], np.cumsum([entry.count for entry in scene.pendulum])))
-    free = [entry.place for entry in objective.free]
+    free = [place for entry in objective.free for place in entry.places]
     for place in dict.fromkeys(place[:4] if place[0] == "pendulum" else place[:2] for place in free):
         if place[0] == "pendulum" and len(place) == 4:
             p, i = int(place[1]), int(place[3])

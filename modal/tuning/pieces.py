@@ -106,20 +106,21 @@ class Quantities:
             dict.fromkeys(Channel(entry.output, entry.input) for entry in quantities if entry.kind in {"peak", "rms"})
         )
         self.form = channel_model(scene, self.channels)
-        places = [entry.place for entry in free]
+        places = [place for entry in free for place in entry.places]
         self.places = (*places, *(place for place in masses_of(scene) if place not in places))
-        self.given = np.array([number_at(scene, place) for place in self.places])
+        self.given = {place: number_at(scene, place) for place in self.places}
         self.numbers = TunedNumbers(scene, self.places, self.form)
         self.cases: tuple[Mapping[Place, float], ...] = ({},)
         """Factors of masses for which the arrays are interpolated even without derivatives."""
 
     def scene_at(self, values: Floats, factors: Mapping[Place, float] | None = None) -> Scene:
         """The scene with these free numbers (n,), and with others, or these, times factors."""
-        all_values = self.given.copy()
-        all_values[: len(values)] = values
+        numbers = self.given.copy()
+        for entry, value in zip(self.free, values.tolist(), strict=False):
+            numbers |= entry.numbers(value)
         for place, factor in (factors or {}).items():
-            all_values[self.places.index(place)] *= factor
-        return self.numbers.scene_at(all_values)
+            numbers[place] *= factor
+        return self.numbers.scene_at(np.array([*numbers.values()]))
 
     @cached_property
     def _polynomials(self) -> dict[tuple[tuple[Place, float], ...], tuple[Floats, Interpolated | None]]:
@@ -147,9 +148,9 @@ class Quantities:
         values: Floats,
         factors: Mapping[Place, float] | None = None,
         *,
-        by: Sequence[Place] | None = None,
+        by: Sequence[tuple[Place, ...]] | None = None,
     ) -> list[Pieces]:
-        """The pieces of every quantity; gradients by the numbers at places, none by default."""
+        """The pieces of every quantity; gradients by numbers before factors, each at its places, none by default."""
         evaluation = At(self, values, factors, tuple(by or ()))
         return [evaluation.pieces(quantity) for quantity in self.quantities]
 
@@ -158,12 +159,16 @@ class At:
     """Quantities of one scene."""
 
     def __init__(
-        self, problem: Quantities, values: Floats, factors: Mapping[Place, float] | None, by: tuple[Place, ...]
+        self,
+        problem: Quantities,
+        values: Floats,
+        factors: Mapping[Place, float] | None,
+        by: tuple[tuple[Place, ...], ...],
     ) -> None:
         self.problem, self.values, self.factors, self.by = problem, values, factors, by
         self.setting = problem.setting
-        column_of = {number.place: k for k, number in enumerate(problem.free)}
-        self._columns = [column_of[place] for place in by if place in column_of]
+        column_of = {number.places: k for k, number in enumerate(problem.free)}
+        self._columns = [column_of[places] for places in by if places in column_of]
         is_own = (
             len(self._columns) == len(by)
             and bool(column_of)
@@ -185,12 +190,17 @@ class At:
 
     @cached_property
     def slopes(self) -> Arrays:
-        """Derivatives of its arrays, by the numbers themselves times factors."""
-        if self._polynomial is None:
-            return self.problem.numbers.slopes(self.scene, self.by)
-        slopes = self._polynomial.slopes(self.values, self._columns)
-        factors = np.array([(self.factors or {}).get(place, 1.0) for place in self.by])
-        return Arrays(*(part / factors.reshape(-1, *[1] * (part.ndim - 1)) for part in slopes))
+        """Derivatives of its arrays by the numbers before factors: of a shared one the sum over its places."""
+        if self._polynomial is not None:
+            return self._polynomial.slopes(self.values, self._columns)
+        places = [place for shared in self.by for place in shared]
+        slopes = self.problem.numbers.slopes(self.scene, places)
+        factors = np.array([self._factor(place) for place in places])
+        begins = np.cumsum([0, *map(len, self.by[:-1])])
+        return Arrays(*(np.add.reduceat(part * factors.reshape(-1, *[1] * (part.ndim - 1)), begins) for part in slopes))
+
+    def _factor(self, place: Place) -> float:
+        return (self.factors or {}).get(place, 1.0)
 
     @cached_property
     def modes(self) -> Modes:
@@ -296,13 +306,20 @@ class At:
     def _residual(self, quantity: Quantity) -> Pieces:
         value = self._swing(self.scene)
         by = np.zeros(len(self.by))
-        for k, place in enumerate(self.by):
-            number = number_at(self.scene, place)
+        for k, places in enumerate(self.by):
+            numbers = {place: number_at(self.scene, place) for place in places}
+            step = STEP * min(number / self._factor(place) for place, number in numbers.items())
             for multiple, weight in PAIRS:
-                values = [number * (1 + way * multiple * STEP) for way in (1, -1)]
-                pair = [self._swing(vary(self.scene, {with_numbers(place): value})) for value in values]
-                by[k] += weight * (pair[0] - pair[1]) / (number * STEP)
+                pair = [self._swing(self._moved(numbers, way * multiple * step)) for way in (1, -1)]
+                by[k] += weight * (pair[0] - pair[1]) / step
         return Pieces(np.array([value]), by[None], np.zeros(1), np.ones(1, bool))
+
+    def _moved(self, numbers: Mapping[Place, float], step: float) -> Scene:
+        """The scene with a step of the number that these places share before their factors."""
+        return vary(
+            self.scene,
+            {with_numbers(place): number + self._factor(place) * step for place, number in numbers.items()},
+        )
 
     def _swing(self, scene: Scene) -> float:
         setting = self.setting

@@ -13,14 +13,15 @@ Among several a quantity has a weight, as in 2*peak:x/cart_force.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from math import inf, isfinite
 
 from modal.errors import SceneError, spelling_hint
 from modal.report import Displayed
 from modal.scene import Scene
-from modal.scene.parameters import Place, find_places, law_parameter, number_at, unit_at, vary, with_numbers
+from modal.scene.parameters import Place, find_places, law_parameter, number_at, vary, with_numbers
+from modal.scene.unknowns import Unknown, unknowns_of
 
 KINDS = ("peak", "rms", "residual", "damping", "settling")
 POSITIVE = ("mass", "length", "centre", "inertia", "gravity")
@@ -141,26 +142,61 @@ def parse_limit(text: str, aims: Sequence[Quantity]) -> Limit:
 
 @dataclass(frozen=True, repr=False)
 class FreeNumber(Displayed):
-    """A number at a place that may change from `low` to `high`; `bounded` where these were asked for.
+    """An unknown of the scene, `value` there, that may change from `low` to `high`; `has_bounds` where asked for.
 
-    `start` is the scene's own number, or where that is 0 one from which a search can begin.
+    A search has levels above 0: of a shift the least of the numbers that it shifts, which the scene has at `base`.
+    `low`, `high` and `start` are levels; `start` is that of the scene, or where that is 0 one from which a search can
+    begin.
     """
 
     what = "Free number"
-    shows = "place: place; start: start; low: from; high: to; unit_name: unit"
+    shows = "path: place; start: start; low: from; high: to; unit_name: unit"
 
-    place: Place
+    unknown: Unknown
     value: float
     start: float
     low: float
     high: float
     has_bounds: bool
-    unit_name: str = ""
+    base: float = 0.0
 
     @property
     def path(self) -> str:
         """Its place as written in messages."""
-        return with_numbers(self.place)
+        return self.unknown.path
+
+    @property
+    def place(self) -> Place:
+        """The first of its places."""
+        return self.unknown.place
+
+    @property
+    def places(self) -> tuple[Place, ...]:
+        """Where the scene has it."""
+        return self.unknown.places
+
+    @property
+    def unit_name(self) -> str:
+        """Its unit."""
+        return self.unknown.unit_name
+
+    @property
+    def given_level(self) -> float:
+        """That of the scene, 0 where there is none."""
+        return self.value + self.base
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """The least and the largest number."""
+        return self.at(self.low), self.at(self.high)
+
+    def at(self, level: float) -> float:
+        """The number itself."""
+        return level - self.base
+
+    def numbers(self, level: float) -> dict[Place, float]:
+        """Those of the scene, by their places."""
+        return self.unknown.numbers(self.at(level))
 
     @property
     def key(self) -> str:
@@ -180,13 +216,17 @@ def find_free(scene: Scene, texts: Iterable[str], begin: Callable[[Place], float
     Each is free for itself where a place has `[*]`.  `begin` gives where the search for a number that is 0 begins.
     """
     problems: list[str] = []
-    numbers: dict[Place, FreeNumber] = {}
+    numbers: dict[str, FreeNumber] = {}
+    places: dict[Place, str] = {}
     for text in texts:
+        path, sign, words = text.partition("=")
         try:
-            for number in _free_numbers(scene, text, begin):
-                if number.place in numbers:
-                    problems.append(f"{number.path}: is freed twice")
-                numbers[number.place] = number
+            bounds = _bounds(text, words, is_shift=path.strip().startswith("shift:")) if sign else None
+            for entry in unknowns_of(scene, path.strip(), places):
+                if isinstance(entry, str):
+                    problems.append(entry)
+                else:
+                    numbers[entry.path] = _free_number(scene, entry, bounds, begin)
         except SceneError as error:
             problems += error.problems
     if not (numbers or problems):
@@ -196,26 +236,27 @@ def find_free(scene: Scene, texts: Iterable[str], begin: Callable[[Place], float
     return tuple(numbers.values())
 
 
-def _free_numbers(scene: Scene, text: str, begin: Callable[[Place], float]) -> Iterator[FreeNumber]:
-    path, sign, words = text.partition("=")
-    bounds = _bounds(text, words) if sign else None
-    for place in find_places(scene, path.strip()):
-        name = with_numbers(place)
+def _free_number(
+    scene: Scene, unknown: Unknown, bounds: tuple[float, float] | None, begin: Callable[[Place], float]
+) -> FreeNumber:
+    for place in unknown.places:
         _refuse(scene, place)
-        value = number_at(scene, place)
-        if bounds:
-            _fits(scene, name, bounds)
-            low, high = bounds
-            start = min(max(value, low), high) or begin(place)
-            low = low or 1e-9 * min(start, high)
-            yield FreeNumber(place, value, min(max(start, low), high), low, high, True, unit_at(scene, place))
-            continue
-        start = value or begin(place)
-        ratio = FACTOR_MAX**2 if key_of(place) in CAN_VANISH else FACTOR_MAX
-        yield FreeNumber(place, value, start, start / ratio, start * ratio, False, unit_at(scene, place))
+    _require_rest(scene, unknown)
+    value, base = unknown.value, min(unknown.given) if unknown.is_shift else 0.0
+    if bounds:
+        ends = zip(*(unknown.numbers(bound).items() for bound in bounds), strict=True)
+        for (place, first), (_, last) in ends:
+            _fits(scene, with_numbers(place), (first, last))
+        low, high = (bound + base for bound in bounds)
+        start = min(max(value + base, low), high) or begin(unknown.place)
+        low = low or 1e-9 * min(start, high)
+        return FreeNumber(unknown, value, min(max(start, low), high), low, high, True, base)
+    start = value + base or begin(unknown.place)
+    ratio = FACTOR_MAX**2 if key_of(unknown.place) in CAN_VANISH else FACTOR_MAX
+    return FreeNumber(unknown, value, start, start / ratio, start * ratio, False, base)
 
 
-def _bounds(text: str, words: str) -> tuple[float, float]:
+def _bounds(text: str, words: str, *, is_shift: bool) -> tuple[float, float]:
     first, colon, last = words.partition(":")
     try:
         low, high = float(first), float(last)
@@ -223,8 +264,9 @@ def _bounds(text: str, words: str) -> tuple[float, float]:
         low, high = inf, -inf
     if not colon or not (isfinite(low) and isfinite(high)):
         raise SceneError([f"{text:.80}: bounds are FROM:TO, such as 0.5:2"])
-    if not 0 <= low < high:
-        raise SceneError([f"{text:.80}: cannot be met: bounds go from a number of at least 0 to a larger one"])
+    if not low < high or (low < 0 and not is_shift):
+        least = "" if is_shift else " of at least 0"
+        raise SceneError([f"{text:.80}: cannot be met: bounds go from a number{least} to a larger one"])
     return low, high
 
 
@@ -257,11 +299,18 @@ def _refuse(scene: Scene, place: Place) -> None:
     value = number_at(scene, place)
     if value < 0:
         raise SceneError([f"{path} = {value:g}: is below 0, and what is tuned stays positive"])
-    if value and key in {"mass", "length", "centre"}:
-        for factor in (1 - MASS_NUDGE, 1 + MASS_NUDGE):
-            try:
-                vary(scene, {path: value * factor})
-            except SceneError as error:
-                words = error.problems[0]
-                if not words.startswith(path):
-                    raise SceneError([f"{path}: {MOVES_REST}: {words}"]) from None
+
+
+def _require_rest(scene: Scene, unknown: Unknown) -> None:
+    """SceneError for a number whose change moves the equilibrium."""
+    size = unknown.size
+    if not size or key_of(unknown.place) not in {"mass", "length", "centre"}:
+        return
+    for change in (-MASS_NUDGE * size, MASS_NUDGE * size):
+        numbers = unknown.numbers(unknown.value + change)
+        try:
+            vary(scene, {with_numbers(place): number for place, number in numbers.items()})
+        except SceneError as error:
+            words = error.problems[0]
+            if not words.startswith(tuple(map(with_numbers, numbers))):
+                raise SceneError([f"{unknown.path}: {MOVES_REST}: {words}"]) from None

@@ -112,7 +112,7 @@ NUMBER = (
     ReportColumn("number.unit_name", "unit", "unit"),
     ReportColumn("number.value", "before", "before", "{:.6g}".format),
     ReportColumn("value", "after", "after", "{:.9g}".format),
-    ReportColumn(lambda row: [row.number.low, row.number.high] if row.number.has_bounds else None, "bounds"),
+    ReportColumn(lambda row: list(row.number.bounds) if row.number.has_bounds else None, "bounds"),
     ReportColumn("worth.larger", "one_percent_larger", "+1 %", _change_words),
     ReportColumn("worth.smaller", "one_percent_smaller", "−1 %", _change_words),
     ReportColumn(lambda row: [finite(row.worth.low), finite(row.worth.high)], "within_one_percent"),
@@ -120,6 +120,7 @@ NUMBER = (
     ReportColumn("worth.high", None, "to", lambda high: f"{high:.5g}" if np.isfinite(high) else "any"),
 )
 """The quantities of a number."""
+SHIFTS = " Of a shift it is 1 % of the least number that it shifts."
 WORTH = (
     "+1 % and −1 %: by how much the objective is worse where a number is so much larger or smaller. "
     "From … to: where it is at most 1 % worse."
@@ -135,7 +136,7 @@ class _Number(NamedTuple):
 
 
 def _numbers(tuned: Tuned) -> list[_Number]:
-    return list(map(_Number, tuned.objective.free, tuned.worths, np.exp(tuned.z).tolist()))
+    return list(map(_Number, tuned.objective.free, tuned.worths, tuned.objective.free_numbers(tuned.z).tolist()))
 
 
 def _rule_record(rule: Rule) -> dict[str, Any]:
@@ -170,7 +171,8 @@ LOAD = (
 def tuned_text(tuned: Tuned, further_text: str = "") -> str:
     """What was found, as text."""
     numbers = ReportTable.of(NUMBER, _numbers(tuned)).written()
-    parts = [_objective_table(tuned), numbers, WORTH, "\n".join(_sentences(tuned)), _rules_table(tuned), further_text]
+    worth = WORTH + SHIFTS * any(number.unknown.is_shift for number in tuned.objective.free)
+    parts = [_objective_table(tuned), numbers, worth, "\n".join(_sentences(tuned)), _rules_table(tuned), further_text]
     return titled(title_of(tuned.given), "tuned", parts, "text")
 
 

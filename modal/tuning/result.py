@@ -75,9 +75,8 @@ class Tuned(Drawable, TextResult):
     @property
     def numbers(self) -> dict[str, float]:
         """The best numbers by their places."""
-        return dict(
-            zip([number.path for number in self.objective.free], self.objective.numbers(self.z).tolist(), strict=True)
-        )
+        paths = [number.path for number in self.objective.free]
+        return dict(zip(paths, self.objective.free_numbers(self.z).tolist(), strict=True))
 
     @property
     def before(self) -> float:
@@ -102,7 +101,7 @@ class Tuned(Drawable, TextResult):
     @cached_property
     def worst_before(self) -> float:
         """The same of the scene as it was, infinite where it has no value."""
-        start = np.log([number.value or number.start for number in self.objective.free])
+        start = np.log([number.given_level or number.start for number in self.objective.free])
         return worst_case(self._nominal, start).value if np.isfinite(self.before) else np.inf
 
     @cached_property
@@ -179,7 +178,7 @@ class Tuned(Drawable, TextResult):
             "number": np.array([number.path for number in free]),
             "unit": np.array([number.unit_name for number in free]),
             "before": np.array([number.value for number in free]),
-            "after": self.objective.numbers(self.z),
+            "after": self.objective.free_numbers(self.z),
         }
 
 

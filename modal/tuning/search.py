@@ -100,7 +100,7 @@ def tune(
     if problems:
         raise SceneError(list(dict.fromkeys(problems)))
     objective = Objective(scene, numbers, aims, found_limits, setting)
-    initial_pieces = objective.pieces(np.log([item.value or item.start for item in numbers]))
+    initial_pieces = objective.pieces(np.log([item.given_level or item.start for item in numbers]))
     starts = list(_starts(objective, crew))
     if over_hz is not None:
         _refuse_no_peak(objective, objective.start)
@@ -122,7 +122,7 @@ def tune(
     _require_damping(objective, best.point.z)
     ends = tuple(
         Valley(
-            objective.numbers(item.point.z),
+            objective.free_numbers(item.point.z),
             objective.value(item.point.z) if k else objective.value(best.point.z),
             item.point.excess <= EDGE,
             item.certain,
@@ -329,8 +329,8 @@ def _refuse_endless(objective: Objective, best: Minimum) -> None:
         if number.has_bounds:
             continue
         for edge, words, way in (
-            (objective.high[k], "larger", f"{number.start:.4g}:{10 * number.start:.4g}"),
-            (objective.low[k], "smaller", f"{number.start / 10:.4g}:{number.start:.4g}"),
+            (objective.high[k], "larger", f"{number.at(number.start):.4g}:{number.at(10 * number.start):.4g}"),
+            (objective.low[k], "smaller", f"{number.at(number.start / 10):.4g}:{number.at(number.start):.4g}"),
         ):
             if abs(z[k] - edge) < EDGE:
                 raise ComputationError(

@@ -220,7 +220,8 @@ COMMANDS = (
         ),
         details=(
             "The initial state of every segment, an offset of each sensor and its delay are fitted along with the free "
-            "numbers. Numbers that the data do not determine are held at the scene's values and named. Standard "
+            "numbers. --free same:PLACE is one number for several places, shift:PLACE one that is added to each of "
+            "theirs. Numbers that the data do not determine are held at the scene's values and named. Standard "
             "deviations allow for correlated residuals, and sentences at the end say what the model lacks. The "
             "--workers share the laws of --compare; a thousand draws of --bootstrap, each one step from the fit, take "
             "less time than a process to start."

@@ -16,7 +16,8 @@ from modal.identification.parameters import natural_unit
 from modal.report import Displayed, silent
 from modal.scene import Scene
 from modal.scene.doors import checked, formerly
-from modal.scene.parameters import find_places, texts_of, with_numbers
+from modal.scene.parameters import find_places, texts_of
+from modal.scene.unknowns import find_unknowns
 from modal.types import Crew, map_by_crew
 from nonlinear.identification.fitting import fit
 from nonlinear.identification.records import SEGMENT_ROWS_MIN, Recording
@@ -122,8 +123,8 @@ def independent(result: Fit) -> float:
 def _without(scene: Scene, free: Sequence[str]) -> Iterator[str]:
     """The free places that are not numbers of a law."""
     for path in free:
-        places = [] if path == "none" else find_places(scene, path)
-        yield from (with_numbers(place) for place in places if place[-1] not in {*LAWS.values(), "drag"})
+        unknowns = [] if path == "none" else find_unknowns(scene, path)
+        yield from (unknown.path for unknown in unknowns if unknown.place[-1] not in {*LAWS.values(), "drag"})
 
 
 def with_laws(scene: Scene, laws: Sequence[str]) -> tuple[Scene, list[str]]:

@@ -8,7 +8,7 @@ from math import exp
 import numpy as np
 import scipy
 
-from modal.identification import autocorrelation
+from modal.identification import autocorrelation, means_of
 from modal.identification.covariance import CHANCE_MAX
 from modal.identification.decays import TURNING_POINTS_MIN
 from modal.identification.parameters import BOUND_DISTANCE
@@ -32,7 +32,8 @@ def diagnose(result: Fit, mistake: str = "") -> list[str]:
 
     A `mistake` in how the record is read is said first.  From a motion that does not fit no number is judged.
     """
-    sentences = [*([mistake] if mistake else []), *_turns(result), *_outliers(result)]
+    first = [mistake] if mistake else []
+    sentences = [*first, *_turns(result), *_outliers(result), *means_of(result.parameters)]
     motion = (
         [*_bounds(result), *_prior_values(result), *_whiteness(result)]
         if result.fits

@@ -18,7 +18,7 @@ from modal.identification import Parameter, scene_with
 from modal.identification.parameters import numbers_at
 from modal.report import Displayed
 from modal.scene import Scene, refusals
-from modal.scene.parameters import Place, is_of_switch, number_at
+from modal.scene.parameters import Place, is_of_switch, number_at, with_numbers
 from modal.types import Booleans, Floats
 from nonlinear.dynamics.inputs import Inputs
 from nonlinear.identification.flow import MOTION_STEPS_MAX, Readings, Segments, SensorChannel, integrate_segments
@@ -79,10 +79,10 @@ def require_fittable(scene: Scene, free: Sequence[Parameter] = ()) -> None:
     if scene.n_links > FITTED_LINKS_MAX:
         reasons.append(f"the scene has {scene.n_links} links: motions of at most {FITTED_LINKS_MAX} are fitted")
     for parameter in free:
-        place = parameter.place
-        is_length = place[0] == "pendulum" and place[-1] == "length"
-        if is_length and scene.pendulum[int(place[1])].links[int(place[3])].hoist:
-            reasons.append(f"{parameter.path}: follows its hoist, whose course a fit does not change")
+        for place in parameter.places:
+            is_length = place[0] == "pendulum" and place[-1] == "length"
+            if is_length and scene.pendulum[int(place[1])].links[int(place[3])].hoist:
+                reasons.append(f"{with_numbers(place)}: follows its hoist, whose course a fit does not change")
     if reasons:
         raise SceneError(reasons)
 
@@ -317,12 +317,14 @@ class FitProblem(Displayed):
         """The motions of all segments; with `columns` the derivatives by numbers and states in so many of them."""
         layout, segments = self.layout, self.recording.segments
         P, S, kind = max(columns, 1), len(segments), complex if columns else float
-        real, steps = {}, {}
+        real, steps = dict[Place, float](), dict[Place, Any]()
         for k, parameter in enumerate(self.parameters):
-            real[parameter.place] = parameter.at(float(u[k]))
-            steps[parameter.place] = np.zeros((S, P), dtype=kind)
+            step = np.zeros((S, P), dtype=kind)
             if columns:
-                steps[parameter.place][:, k] = 1j * IMAGINARY_STEP * parameter.slope(float(u[k]))
+                step[:, k] = 1j * IMAGINARY_STEP * parameter.slope(float(u[k]))
+            numbers = parameter.unknown.numbers(parameter.at(float(u[k])))
+            real |= numbers
+            steps |= dict.fromkeys(numbers, step)
         y = np.empty((layout.width, S, P), dtype=kind)
         for s in range(S):
             y[:, s] = u[layout.state(s), None]
@@ -364,21 +366,20 @@ class FitProblem(Displayed):
     def _shares(self) -> dict[Place, list[tuple[int, float]]]:
         """Which numbers of switches are how many times a free one, by its place: all are proportional to theirs."""
         shares, numbers = {}, np.array(switching_of(self.system))
-        for parameter in self.parameters:
-            if is_of_switch(self.scene, parameter.place) and len(numbers):
-                now = number_at(self._rubbing, parameter.place)
-                twice = switching_of(system_of(scene_with(self._rubbing, {parameter.path: 2 * now})))
-                shares[parameter.place] = [
-                    (int(k), numbers[k] / now) for k in np.flatnonzero(np.array(twice) != numbers)
-                ]
+        for place in (place for parameter in self.parameters for place in parameter.places):
+            if is_of_switch(self.scene, place) and len(numbers):
+                now = number_at(self._rubbing, place)
+                twice = switching_of(system_of(scene_with(self._rubbing, {with_numbers(place): 2 * now})))
+                shares[place] = [(int(k), numbers[k] / now) for k in np.flatnonzero(np.array(twice) != numbers)]
         return shares
 
     @cached_property
     def _rubbing(self) -> Scene:
         """The scene with some friction or impulse wherever these are free: a joint without any has no switch."""
         none = {
-            parameter.path: parameter.unit
+            with_numbers(place): parameter.unit
             for parameter in self.parameters
-            if is_of_switch(self.scene, parameter.place) and not parameter.value
+            for place in parameter.places
+            if is_of_switch(self.scene, place) and not number_at(self.scene, place)
         }
         return scene_with(self.scene, none)

@@ -155,8 +155,8 @@ def oscillating(scene: Scene, number: int) -> tuple[Modes, int]:
     if not rows.size:
         raise SceneError([f"mode {number}: is a mode of the dampers alone, which does not oscillate"])
     row = int(rows[0])
-    if np.any(conservative_modes.eigenvalue.real > 0):
-        raise SceneError([f"mode {number}: the equilibrium is unstable"])
+    if conservative_modes.eigenvalue[row].real > 0:
+        raise SceneError([f"mode {number}: grows without swinging, as a link that stands does, and has no orbits"])
     if conservative_modes.omega[row] == 0:
         raise SceneError([f"mode {number}: a rigid translation does not oscillate"])
     shape = conservative_modes.shape(row)

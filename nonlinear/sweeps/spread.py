@@ -1,7 +1,8 @@
 """Monte Carlo over tolerances: what frequencies and motion become where numbers of a scene are not known exactly.
 
 A number is drawn from a normal distribution with a standard deviation, or evenly from an interval, all independent; the
-numbers of a fit are drawn from their joint normal distribution.  How much of the variance of a result one number x
+numbers of a fit are drawn from their joint normal distribution.  What several places share (`modal.scene.unknowns`) is
+drawn once.  How much of the variance of a result one number x
 explains by a straight line is the square of their correlation,
 
     share = cov(x, r)²/(var x · var r),
@@ -38,7 +39,8 @@ from modal.report import (
 )
 from modal.scene import Scene, describe, left_out
 from modal.scene.doors import checked, formerly
-from modal.scene.parameters import Variable, find_places, number_at, texts_of, unit_at
+from modal.scene.parameters import Place, Variable, texts_of, with_numbers
+from modal.scene.unknowns import find_unknowns
 from modal.types import Floats
 from nonlinear.ensembles import Ensemble, ensemble
 from nonlinear.ensembles.measures import places
@@ -72,7 +74,7 @@ class Tolerance:
 
     def around(self, scene: Scene) -> str:
         """In words, with the scene's own number and its unit."""
-        unit = unit_at(scene, find_places(scene, self.path)[0])
+        unit = find_unknowns(scene, self.path)[0].unit_name
         if self.sigma:
             value = _value(scene, self.path)
             return f"{self.path} = {value:g} ± {self.sigma:g} {unit}".rstrip()
@@ -99,6 +101,8 @@ def parse_tolerances(scene: Scene, texts: str | Sequence[str]) -> tuple[Toleranc
             problems += error.problems
     paths = [tolerance.path for tolerance in parsed]
     problems += [f"uncertain {path}: has two tolerances" for path in dict.fromkeys(paths) if paths.count(path) > 1]
+    names = [with_numbers(place) for path in dict.fromkeys(paths) for place in _places(scene, path)]
+    problems += [f"uncertain {name}: has two tolerances" for name in dict.fromkeys(names) if names.count(name) > 1]
     if not texts:
         problems.append("uncertain: spread needs a tolerance: gravity=0.01, for example")
     if problems:
@@ -118,20 +122,40 @@ def _parsed(scene: Scene, text: str) -> Tolerance:
         if not ends[0] < ends[1]:
             raise SceneError([f"uncertain {text}: an interval goes from a smaller to a larger number"])
         return Tolerance(path, low=ends[0], high=ends[1])
+    unknown, *_ = find_unknowns(scene, path)
+    if percent and unknown.is_shift:
+        raise SceneError([f"uncertain {text}: a shift has no size to take a percentage of: give {unknown.unit_name}"])
     deviation = _number(text, sigma) * (abs(value) / 100 if percent else 1.0)
     if not deviation > 0:
         raise SceneError([f"uncertain {text}: a standard deviation must be above 0"])
     return Tolerance(path, sigma=deviation)
 
 
+def _places(scene: Scene, path: str) -> list[Place]:
+    """The numbers that a path is of."""
+    return [place for unknown in find_unknowns(scene, path) for place in unknown.places]
+
+
 def _value(scene: Scene, path: str) -> float:
-    places = find_places(scene, path)
-    values = {number_at(scene, place) for place in places}
-    if places[0][-1] == "count":
+    """The one value of a path in the scene, 0 of a shift."""
+    unknowns = find_unknowns(scene, path)
+    if any(place[-1] == "count" for place in _places(scene, path)):
         raise SceneError([f"uncertain {path}: a count has no tolerance"])
+    values = {value for unknown in unknowns for value in ([0.0] if unknown.is_shift else unknown.given)}
     if len(values) > 1:
-        raise SceneError([f"uncertain {path}: means several numbers of different value: give each its own tolerance"])
+        words = "means several numbers of different value: give each its own tolerance, or all one shift:PLACE"
+        raise SceneError([f"uncertain {path}: {words}"])
     return values.pop()
+
+
+def _numbers(scene: Scene, values: dict[str, Floats]) -> dict[str, Floats]:
+    """The numbers of the scene that values (S,) of its unknowns make, by their places."""
+    numbers: dict[str, Floats] = {}
+    for path, drawn in values.items():
+        unknown, *_ = find_unknowns(scene, path)
+        shared = unknown.numbers(0.0) if unknown.way else {}
+        numbers |= {with_numbers(place): number + drawn for place, number in shared.items()} or {path: drawn}
+    return numbers
 
 
 def _number(text: str, word: str) -> float:
@@ -351,7 +375,8 @@ def find_spread(
     estimate = read(scene, covariance) if isinstance(covariance, str | os.PathLike) else covariance
     parsed = parse_tolerances(scene, uncertain) if uncertain or estimate is None else ()
     if estimate is not None:
-        twice = [tolerance.path for tolerance in parsed if {*find_places(scene, tolerance.path)} & {*estimate.places}]
+        fitted = {place for places in estimate.shared for place in places}
+        twice = [tolerance.path for tolerance in parsed if fitted.intersection(_places(scene, tolerance.path))]
         if twice:
             raise SceneError([f"uncertain {path}: has a tolerance and is among the fitted numbers" for path in twice])
     *_, requests = validate(
@@ -363,7 +388,8 @@ def find_spread(
     rng = np.random.default_rng(seed)
     values = {tolerance.path: tolerance.drawn(_value(scene, tolerance.path), members, rng) for tolerance in parsed}
     values |= estimate.drawn(members, rng) if estimate is not None else {}
-    points = [dict(zip(values, row, strict=True)) for row in np.column_stack([*values.values()]).tolist()]
+    numbers = _numbers(scene, values)
+    points = [dict(zip(numbers, row, strict=True)) for row in np.column_stack([*numbers.values()]).tolist()]
     variable, scenes, failures = Variable(scene, points[0]), dict[int, Scene](), dict[int, str]()
     for k, point in enumerate(points):
         try:
@@ -378,7 +404,7 @@ def find_spread(
     motion = None
     if duration is not None:
         starts = None if start is None else [start] * members
-        motion = ensemble(scene, duration, starts=starts, vary=values, output=MOTION_SAMPLES, report=report, **options)
+        motion = ensemble(scene, duration, starts=starts, vary=numbers, output=MOTION_SAMPLES, report=report, **options)
         motion.require("member")
         failures = failures | motion.failures
     measured, reasons = _measured(SweepTask(scene, requests, members), points) if requests else ({}, {})

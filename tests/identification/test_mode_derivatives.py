@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from modal import load
-from modal.assembly import matrices
+from modal.assembly import differences, matrices
 from modal.errors import SceneError
-from modal.identification.derivatives import ModeDerivatives, differences, matrix_derivatives, polar
+from modal.identification.derivatives import ModeDerivatives, matrix_derivatives, polar
 from modal.identification.parameters import natural_unit
 from modal.modes import natural_modes
 from modal.modes.sensitivity import sensitivities
@@ -20,7 +20,7 @@ from modal.scene.parameters import find_places, number_at, vary
 def derived(scene: Scene, paths: list[str]) -> ModeDerivatives:
     places = [find_places(scene, path)[0] for path in paths]
     units = [natural_unit(scene, place) for place in places]
-    return ModeDerivatives(natural_modes(scene), *matrix_derivatives(scene, places, units))
+    return ModeDerivatives(natural_modes(scene), *matrix_derivatives(scene, [(place,) for place in places], units))
 
 
 def damped() -> Scene:

@@ -1,0 +1,128 @@
+"""Unknowns of a scene: a number at a place, or one that several places share.
+
+    same:pendulum[*].links[0].inertia     p_k = u        one number for all these places
+    shift:pendulum[*].links[0].length     p_k = p_k⁰ + u    added to the number that each place has
+
+Either way ∂p_k/∂u = 1, so that a derivative by an unknown is the sum of those by the numbers at its places.  Several
+places are a place with `[*]`, or places joined by `+`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from modal.errors import SceneError, spelling_hint
+from modal.report import Displayed
+from modal.scene.model import Scene
+from modal.scene.parameters import Place, find_places, number_at, unit_at, with_numbers
+
+WAYS = ("same", "shift")
+"""How numbers share an unknown."""
+
+
+@dataclass(frozen=True, repr=False)
+class Unknown(Displayed):
+    """The numbers at `places`, `given` in the scene: each is the unknown, or in the way "shift" its own plus that."""
+
+    what = "Unknown of a scene"
+    shows = "path: place; value: value; unit_name: unit"
+
+    path: str
+    places: tuple[Place, ...]
+    given: tuple[float, ...]
+    unit_name: str = ""
+    way: str = ""
+
+    @property
+    def place(self) -> Place:
+        """The first of its places."""
+        return self.places[0]
+
+    @property
+    def is_shift(self) -> bool:
+        """Whether it is added to the numbers of the scene."""
+        return self.way == "shift"
+
+    @property
+    def is_even(self) -> bool:
+        """Whether the scene has one number at all its places."""
+        return len({*self.given}) == 1
+
+    @property
+    def size(self) -> float:
+        """The mean of the scene's numbers, their common one if they are equal."""
+        return self.given[0] if self.is_even else sum(self.given) / len(self.given)
+
+    @property
+    def value(self) -> float:
+        """What it is in the scene: 0 of a shift, of unequal numbers that are to be the same their mean."""
+        return 0.0 if self.is_shift else self.size
+
+    def numbers(self, value: float) -> dict[Place, float]:
+        """The numbers at its places where it has this value."""
+        return {
+            place: number + value if self.is_shift else value
+            for place, number in zip(self.places, self.given, strict=True)
+        }
+
+
+def find_unknowns(scene: Scene, text: str) -> tuple[Unknown, ...]:
+    """The unknowns that a text names: each number of a place by itself, or the one that `same:` and `shift:` make.
+
+    SceneError where there is no such number, or the places cannot share one.
+
+    >>> from modal import load
+    >>> [unknown.path for unknown in find_unknowns(load("crane-hook"), "pendulum[0].links[*].length")]
+    ['pendulum[0].links[0].length', 'pendulum[0].links[1].length']
+    >>> find_unknowns(load("crane-hook"), "shift:pendulum[0].links[*].length")[0].value
+    0.0
+    """
+    way, colon, words = (part.strip() for part in text.partition(":"))
+    if not colon:
+        return tuple(_unknown(scene, with_numbers(place), (place,), "") for place in find_places(scene, way))
+    if way not in WAYS:
+        hint = spelling_hint(way, WAYS)
+        raise SceneError([f"{text:.80}: {way:.20}: is not same:PLACE or shift:PLACE, by which places share one{hint}"])
+    paths = [path.strip() for path in words.split("+")]
+    path = f"{way}:{'+'.join(paths)}"
+    places = tuple(place for part in paths for place in find_places(scene, part))
+    if problems := list(dict.fromkeys(_problems(scene, path, places))):
+        raise SceneError(problems)
+    return (_unknown(scene, path, places, way),)
+
+
+def unknowns_of(
+    scene: Scene, text: str, places: dict[Place, str], words: str = "is freed twice"
+) -> Iterator[Unknown | str]:
+    """The unknowns of a text, and a mistake for each number that is among the `places` already, which it joins."""
+    for unknown in find_unknowns(scene, text):
+        for place in unknown.places:
+            if place in places:
+                yield f"{with_numbers(place)}: {words}" + _sharing(unknown.path, places[place])
+        places |= dict.fromkeys(unknown.places, unknown.path)
+        yield unknown
+
+
+def _sharing(*paths: str) -> str:
+    shared = [path for path in dict.fromkeys(paths) if ":" in path]
+    return f", in {' and '.join(shared)}" if shared else ""
+
+
+def _unknown(scene: Scene, path: str, places: tuple[Place, ...], way: str) -> Unknown:
+    given = tuple(number_at(scene, place) for place in places)
+    return Unknown(path, places, given, unit_at(scene, places[0]), way)
+
+
+def _problems(scene: Scene, path: str, places: tuple[Place, ...]) -> Iterator[str]:
+    """Why numbers at these places cannot share an unknown."""
+    names = [with_numbers(place) for place in places]
+    yield from (f"{path}: names {name} twice" for name in names if names.count(name) > 1)
+    if len(names) == 1:
+        yield f"{path}: means the one number {names[0]}: several share an unknown, so write {names[0]} alone"
+    units = [unit_at(scene, place) for place in places]
+    for name, unit in zip(names, units, strict=True):
+        if unit != units[0]:
+            yield (
+                f"{path}: {names[0]} is in {units[0] or '1'} and {name} in {unit or '1'}: what they share has one unit"
+            )
