@@ -46,7 +46,7 @@ class Undetermined(Displayed):
         if not self.changes:
             return f"{self.held} has hardly any effect on these data"
         paths = [self.held, *self.changes]
-        is_product = not any(map(_is_shift, together))
+        is_product = not any(map(_is_shift, paths))
         if is_product and all(abs(change - 1) < CHANGE_MIN for change in self.changes.values()):
             return f"only ratios of {_all(paths)} are determined: a common factor changes nothing"
         others = _all([f"{path} by {change:+.2g} %{_of_what(path)}" for path, change in self.changes.items()])
