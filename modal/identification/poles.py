@@ -8,7 +8,7 @@ records [Efron1981].
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from math import degrees, pi, sqrt
 from typing import Any, Literal
@@ -139,6 +139,12 @@ MODE = (
     ReportColumn("damping_ratio_std", "damping_ratio_std", "± ζ", ".2g"),
     ReportColumn("collinearity", "collinearity", "collinearity", ".3f"),
 )
+HARMONIC = (
+    ReportColumn("order", "order"),
+    ReportColumn("frequency", "frequency_hz"),
+    ReportColumn("share", "share"),
+    ReportColumn("share_std", "share_std"),
+)
 MODE_RECORD = (
     *MODE[:-1],
     ReportColumn(lambda mode: [mode.pole.real, mode.pole.imag], "eigenvalue_per_s"),
@@ -148,7 +154,7 @@ MODE_RECORD = (
     ReportColumn("frequency_shift", "frequency_shift_hz"),
     ReportColumn("frequency_of", "frequency_of"),
     ReportColumn("amplitude_dependence", "amplitude_dependence"),
-    ReportColumn(lambda mode: [asdict(harmonic) for harmonic in mode.harmonics], "harmonics"),
+    ReportColumn(lambda mode: records_of(HARMONIC, mode.harmonics), "harmonics"),
     ReportColumn("harmonic_of", "harmonic_of"),
 )
 ORDER_POLE = (
