@@ -172,6 +172,20 @@ def without_combination(series: Sequence[Series], decays: Decays, faint: float =
     return None
 
 
+def harmonics_among(decays: Decays) -> dict[int, tuple[int, int]]:
+    """Weak poles r with the place of the harmonic `order`, 2 or 3, of a stronger one i: {r: (i, order)}."""
+    R, size = len(decays.poles), np.max(np.abs(decays.amplitudes), axis=0)
+    std = np.sqrt(np.diag(decays.cov)[R:])
+    places: dict[int, tuple[int, int]] = {}
+    for r, i in np.argwhere(size[:, None] < COMBINATION_AMPLITUDE * size).tolist():
+        for order in (2, 3):
+            distance = abs(decays.poles[r].imag - order * decays.poles[i].imag)
+            # nearer than its damping rate it never beats with the harmonic before that has died away
+            if distance < order * abs(decays.poles[i].real) + std[r]:
+                places[r] = i, order
+    return places
+
+
 def bent(series: Sequence[Series], decays: Decays, faint: float = 0.0) -> Decays | None:
     """Decays in which one more mode's frequency changes with amplitude: the one that betters the fit most.
 
@@ -304,15 +318,19 @@ def _fit_model(series: Sequence[Series], model: DecayModel, weights: Floats) -> 
         rates = np.asarray(y[:R] + 1j * y[R : 2 * R])
         return DecayModel(rates, model.bent, np.asarray(y[2 * R : 2 * R + B] + 1j * y[2 * R + B :]), model.squares)
 
-    def residuals(x: Floats) -> Floats:
-        trial = model_of(x)
-        return np.concatenate([w * _project(record, trial, k)[0] for k, (w, record) in enumerate(weights_of_series)])
+    def project(x: Floats) -> tuple[Floats, Floats]:
+        """Residuals and their derivatives, both of one factorization."""
+        if x.tobytes() not in latest:
+            trial = model_of(x)
+            parts = [(w, _project(record, trial, k)) for k, (w, record) in enumerate(weights_of_series)]
+            latest.clear()
+            latest[x.tobytes()] = (
+                np.concatenate([w * part[0] for w, part in parts]),
+                np.vstack([-w * part[2] for w, part in parts]) * scale,
+            )
+        return latest[x.tobytes()]
 
-    def jacobian(x: Floats) -> Floats:
-        trial = model_of(x)
-        rows = [-w * _project(record, trial, k)[2] for k, (w, record) in enumerate(weights_of_series)]
-        return np.vstack(rows) * scale
-
+    latest: dict[bytes, tuple[Floats, Floats]] = {}
     weights_of_series = list(zip(weights, series, strict=True))
     longest = max(float(record.times[-1]) for record in series)
     start = np.concatenate((poles.real, poles.imag, model.shifts.real, model.shifts.imag)) / scale
@@ -320,9 +338,9 @@ def _fit_model(series: Sequence[Series], model: DecayModel, weights: Floats) -> 
     high[:R] = np.minimum(high[:R], np.maximum(start[:R] + 1e-9, 3 / longest / scale[:R]))
     last_digits = 64 * np.finfo(float).eps
     solution: Any = scipy.optimize.least_squares(
-        residuals,
+        lambda x: project(x)[0],
         start,
-        jacobian,
+        lambda x: project(x)[1],
         bounds=(low, high),
         ftol=last_digits,
         xtol=last_digits,

@@ -16,6 +16,7 @@ from typing import Any, Literal
 import numpy as np
 
 from modal.errors import ComputationError, SceneError
+from modal.identification.backbone import Backbone, Harmonic, backbone
 from modal.identification.decays import (
     FREQUENCY_STD_MAX,
     SHAPE_MAC_MIN,
@@ -23,6 +24,7 @@ from modal.identification.decays import (
     Series,
     bent,
     fit_decays,
+    harmonics_among,
     log_decrement,
     one_mode,
     shape_of,
@@ -52,6 +54,8 @@ from modal.report import (
 from modal.scene.doors import checked, checked_index
 from modal.types import Booleans, Complexes, Floats
 
+ORDINALS = {2: "second", 3: "third"}
+SMALL_SWINGS, LARGE_SWINGS = "small swings", "large swings"
 METHODS = ("era", "decrement")
 EXCITATIONS = ("free", "random")
 SAMPLES_MIN = 10
@@ -82,7 +86,11 @@ class IdentifiedMode(Displayed):
 
     The largest component of the shape is 1; `shape_std` is the standard deviation of a component.  `frequency_shift` is
     by how much the frequency (Hz) of the record's largest swing differs from that of small ones, which is the pole's;
-    None where one frequency fits the record.
+    None where one frequency fits the record.  `frequency_of` says whether the frequency is that of "small swings", or
+    of the "large swings" of the record, whose change with amplitude exceeds its interval; None of what is no angle.
+    `amplitude_dependence` is the change with amplitude over that of one link, where it is one mode's alone, with its
+    standard deviation; `harmonics` are the multiples of the frequency that the record has.  `harmonic_of` is the number
+    of the stronger mode (from 1) of which this one has the place of a harmonic, and the order of that.
     """
 
     pole: complex
@@ -91,6 +99,10 @@ class IdentifiedMode(Displayed):
     shape: Complexes
     shape_std: float | None
     frequency_shift: float | None = None
+    frequency_of: str | None = None
+    amplitude_dependence: tuple[float, float] | None = None
+    harmonics: tuple[Harmonic, ...] = ()
+    harmonic_of: tuple[int, int] | None = None
 
     def _summary(self) -> Summary:
         title = f"Identified mode: {self.frequency:.6g} Hz ± {self.frequency_std:.2g}, ζ = {self.damping_ratio:.4g}"
@@ -127,6 +139,12 @@ MODE = (
     ReportColumn("damping_ratio_std", "damping_ratio_std", "± ζ", ".2g"),
     ReportColumn("collinearity", "collinearity", "collinearity", ".3f"),
 )
+HARMONIC = (
+    ReportColumn("order", "order"),
+    ReportColumn("frequency", "frequency_hz"),
+    ReportColumn("share", "share"),
+    ReportColumn("share_std", "share_std"),
+)
 MODE_RECORD = (
     *MODE[:-1],
     ReportColumn(lambda mode: [mode.pole.real, mode.pole.imag], "eigenvalue_per_s"),
@@ -134,6 +152,10 @@ MODE_RECORD = (
     ReportColumn("shape_std", "shape_std"),
     MODE[-1],
     ReportColumn("frequency_shift", "frequency_shift_hz"),
+    ReportColumn("frequency_of", "frequency_of"),
+    ReportColumn("amplitude_dependence", "amplitude_dependence"),
+    ReportColumn(lambda mode: records_of(HARMONIC, mode.harmonics), "harmonics"),
+    ReportColumn("harmonic_of", "harmonic_of"),
 )
 ORDER_POLE = (
     ReportColumn("order", "order"),
@@ -247,7 +269,7 @@ def identify(
     notes: list[str] = []
     even_values, step = _interpolate_evenly(segments, notes)
     if method == "decrement":
-        return _by_decrement(even_values, step, names, notes)
+        return _by_decrement(segments, even_values, step, names, notes)
     lines = _lines(even_values, step)
     if excitation == "random":
         return _random(even_values, step, names, order, lines, notes)
@@ -255,7 +277,24 @@ def identify(
     realization = realize([values - values.mean(axis=0) for values in even_values], step, stride)
     chosen = min(order or min(realization.rank, ORDER_MAX), len(realization.singular))
     diagram = stabilization(realization, max(ORDER_MAX // 2, min(chosen + 10, ORDER_MAX)))
+    curve = _curve(segments, names, 0) if len(names) == 1 and order is None else None
+    if curve is not None and curve.of_one_link:
+        notes += _curve_words(curve)
+        mode = _of_curve(curve, np.ones(1, dtype=np.complex128))
+        return Identified((mode,), tuple(names), "era", "free", chosen, diagram, tuple(notes))
     poles, _ = realization.poles(chosen)
+    modes = _fit_free(segments, names, poles, order, notes)
+    return Identified(modes, tuple(names), "era", "free", chosen, diagram, tuple(notes))
+
+
+def _fit_free(
+    segments: Sequence[tuple[Floats, Floats]],
+    names: Sequence[str],
+    poles: Complexes,
+    order: int | None,
+    notes: list[str],
+) -> tuple[IdentifiedMode, ...]:
+    """The modes of free decays, from these poles on; what there is to say goes into the notes."""
     poles = poles[-poles.real / np.abs(poles) > -0.2]  # faster growth is none of a free decay: noise
     series = []
     for s, (times, values) in enumerate(segments):
@@ -279,10 +318,15 @@ def identify(
         "change with amplitude, as dry friction makes them"
         for r, s in suspects(series, decays)
     ]
-    if not decays.white:
-        notes.append(_correlation_words(series, names))
     modes = tuple(_of_decays(decays, r, segments, len(names)) for r in range(len(decays.poles)))
-    return Identified(modes, tuple(names), "era", "free", chosen, diagram, tuple(notes))
+    angle = _largest_angle(segments, names)
+    modes = tuple(replace(mode, frequency_of=_swings_of(mode, angle)) for mode in modes)
+    modes = _name_harmonics(modes, decays, notes)
+    if not decays.white:
+        notes.append("the residuals are correlated: standard deviations allow for it; large swings are not linear")
+    if any(mode.frequency_of == LARGE_SWINGS for mode in modes):
+        notes.append(_large_words(angle))
+    return modes
 
 
 # ------------------------------------------------------------------------------------------------------- records
@@ -384,18 +428,85 @@ def _of_decays(decays: Decays, r: int, segments: Sequence[tuple[Floats, Floats]]
     return replace(_mode_of_pole(pole, cov, shape, noise_of_shape), frequency_shift=decays.shift(r))
 
 
-def _correlation_words(series: Sequence[Series], names: Sequence[str]) -> str:
-    """What there is to say of correlated residuals, for which swings that are not small are the usual reason."""
-    words = "the residuals are correlated: standard deviations allow for it; large swings are not linear"
-    largest = max(
-        (float(np.ptp(record.values)) / 2 for record in series if names[record.sensor].startswith("theta")), default=0
-    )
-    if not largest:
-        return words
+def _name_harmonics(modes: tuple[IdentifiedMode, ...], decays: Decays, notes: list[str]) -> tuple[IdentifiedMode, ...]:
+    """The modes, of which those are marked and told in notes that have the place of a stronger one's harmonic."""
+    marked = list(modes)
+    for r, (i, order) in harmonics_among(decays).items():
+        marked[r] = replace(modes[r], harmonic_of=(i + 1, order))
+        notes.append(
+            f"mode {r + 1} has the place of the {ORDINALS[order]} harmonic of mode {i + 1}, "
+            f"{modes[r].frequency / modes[i].frequency:.4g} times its frequency: swings that are not small have it"
+        )
+    return tuple(marked)
+
+
+def _largest_angle(segments: Sequence[tuple[Floats, Floats]], names: Sequence[str]) -> float:
+    """The largest swing (rad) of the angles among the sensors, 0 where none is an angle."""
+    angles = [
+        float(np.nanmax(values[:, k]) - np.nanmin(values[:, k])) / 2
+        for _, values in segments
+        for k, name in enumerate(names)
+        if _is_angle(name)
+    ]
+    return max(angles, default=0.0)
+
+
+def _is_angle(name: str) -> bool:
+    return name.startswith("theta") and "dot" not in name
+
+
+def _swings_of(mode: IdentifiedMode, angle: float) -> str | None:
+    """Of which swings the frequency is, where the largest is `angle` (rad): one link's would be off by a²/16."""
+    if not angle:
+        return None
+    is_within = mode.frequency * angle**2 / 16 < 2 * mode.frequency_std
+    return SMALL_SWINGS if mode.frequency_shift is not None or is_within else LARGE_SWINGS
+
+
+def _large_words(angle: float) -> str:
+    """What there is to say of a frequency whose change with amplitude the record does not show."""
     return (
-        f"{words}: where the record does not show how a frequency changes with amplitude, that of swings of "
-        f"{degrees(largest):.2g}° is off from that of small ones by some {percent(largest**2 / 16)}"
+        "where the record does not show how a frequency changes with amplitude, it is that of the record's swings, "
+        f"of up to {degrees(angle):.2g}°, and so is its interval: small ones of one link are faster by up to "
+        f"{percent(angle**2 / 16)}"
     )
+
+
+def _curve(segments: Sequence[tuple[Floats, Floats]], names: Sequence[str], sensor: int) -> Backbone | None:
+    """How the frequency of a single mode changes with amplitude, by a sensor; None of what is no angle."""
+    if not _is_angle(names[sensor]):
+        return None
+    parts = []
+    for times, values in segments:
+        is_present = np.isfinite(values[:, sensor])
+        parts.append((times[is_present] - times[0], values[is_present, sensor]))
+    return backbone(parts)
+
+
+def _of_curve(curve: Backbone, shape: Complexes) -> IdentifiedMode:
+    return replace(
+        _mode_of_pole(curve.pole, curve.cov, shape, None),
+        frequency_shift=curve.shift / (2 * pi),
+        frequency_of=SMALL_SWINGS,
+        amplitude_dependence=(curve.ratio, curve.ratio_std),
+        harmonics=curve.harmonics,
+    )
+
+
+def _curve_words(curve: Backbone) -> list[str]:
+    """What there is to say of one link whose frequency changes with amplitude, and of its harmonics."""
+    small, large = abs(curve.pole) / (2 * pi), (abs(curve.pole) + curve.shift) / (2 * pi)
+    notes = [
+        "one mode, whose frequency changes with amplitude as that of one link does, "
+        f"{curve.ratio:.3f} ± {curve.ratio_std:.2g} times its 1 − a²/16: from {large:.6g} Hz at "
+        f"{degrees(curve.amplitude):.3g}° to {small:.6g} Hz of small swings, which is given"
+    ]
+    notes += [
+        f"{harmonic.frequency:.4g} Hz is the {ORDINALS[harmonic.order]} harmonic of mode 1, {percent(harmonic.share)} "
+        "of its largest swing, and no mode"
+        for harmonic in curve.harmonics
+    ]
+    return notes
 
 
 def _bent_words(decays: Decays, r: int) -> str:
@@ -428,7 +539,13 @@ def _mode_of_pole(pole: complex, cov: Floats, shape: Complexes, shape_std: float
     )
 
 
-def _by_decrement(even_values: Sequence[Floats], step: float, names: Sequence[str], notes: list[str]) -> Identified:
+def _by_decrement(
+    segments: Sequence[tuple[Floats, Floats]],
+    even_values: Sequence[Floats],
+    step: float,
+    names: Sequence[str],
+    notes: list[str],
+) -> Identified:
     """By the sensor with the largest swing; segments are averaged by their weights."""
     swings = [values - values.mean(axis=0) for values in even_values]
     decrements = []
@@ -443,6 +560,14 @@ def _by_decrement(even_values: Sequence[Floats], step: float, names: Sequence[st
     shape, _ = _scale_to_largest(directions[0].astype(np.complex128))
     notes.append(f"{sum(decrement.peaks for decrement in decrements)} turning points of one mode")
     mode = _mode_of_pole(complex(*mean), np.diag(1 / weights.sum(axis=0)), shape, None)
+    curve = _curve(segments, names, int(np.argmax(np.max([swing.std(axis=0) for swing in swings], axis=0))))
+    if curve is not None and curve.of_one_link:
+        mode = _of_curve(curve, shape)
+        notes += _curve_words(curve)
+    else:
+        angle = _largest_angle(segments, names)
+        mode = replace(mode, frequency_of=_swings_of(mode, angle))
+        notes += [_large_words(angle)] if mode.frequency_of == LARGE_SWINGS else []
     return Identified((mode,), tuple(names), "decrement", "free", 2, (), tuple(notes))
 
 
