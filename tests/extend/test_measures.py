@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.special import agm
 
-from modal import load, natural_frequencies
+from modal import Bob, Pendulum, Scene, load, natural_frequencies
 from modal.errors import ExtensionError, SceneError
 from modal.extend import Measure, registration
 from modal.extend.measures import measure_for, taken_by
@@ -37,6 +38,24 @@ class Swings(Measure):
     def of_motion(self, run: Any, seconds: float) -> tuple[float, float]:
         angles = run.motion.links[:, -1]
         return np.abs(angles).max(), float((angles[1:] * angles[:-1] < 0).sum())
+
+
+class Slowing(Measure):
+    """How much longer a swing of 60° takes than a small one."""
+
+    name, words, columns = "slowing", "the period of an orbit of 60° over that of small motion", ("slowing",)
+    amplitude_deg = 60.0
+
+    def of_orbit(self, orbit: Any, number: float) -> float:
+        return float(orbit.period * np.sqrt(9.81) / (2 * np.pi))
+
+
+class TestSlowing(MeasureTests):
+    """By the complete elliptic integral, with the arithmetic-geometric mean [Abramowitz1964, §17.6]."""
+
+    extension, number = Slowing, 1.0
+    scene = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0)])])
+    expected = MappingProxyType({"slowing": 1 / float(agm(1.0, np.cos(np.radians(30.0))))})
 
 
 class TestRatio(MeasureTests):
@@ -99,7 +118,7 @@ def test_errors_of_ours_stay_ours() -> None:
 
 def test_what_it_does_not_state_is_told_when_it_is_registered() -> None:
     for wrong, words in (
-        (failing(), "has none of of_modes, of_motion and of_members"),
+        (failing(), "has none of of_modes, of_orbit, of_motion and of_members"),
         (failing(words="", of_modes=max), "has no words"),
         (failing(name="Not A Name", of_modes=max), "its name 'Not A Name' must be small letters"),
         (failing(name="beat", of_modes=max), "a measure of this name exists, of nonlinear"),
