@@ -51,7 +51,7 @@ def test_its_orbit_has_the_period_of_a_quadrature() -> None:
     a = 0.9
 
     def height(x: float) -> float:
-        return -G * L * np.cos(x) - S / ORDER * np.cos(ORDER * x)
+        return float(-G * L * np.cos(x) - S / ORDER * np.cos(ORDER * x))
 
     def slowness(u: float) -> float:
         return float(a * np.cos(u) / np.sqrt(2 * (height(a) - height(a * np.sin(u))) / L**2))
