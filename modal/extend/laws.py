@@ -276,7 +276,7 @@ class DragLaw(PointForce):
     """The force −(drag + quadratic_drag |v|) v [Landau1987, §§20 and 45].
 
     >>> from modal.extend.laws import DragLaw
-    >>> [float(part) for part in DragLaw().force([3.0, 4.0], {"drag": 1.0, "quadratic_drag": 0.2})]
+    >>> [*map(float, DragLaw().force([3.0, 4.0], {"drag": 1.0, "quadratic_drag": 0.2}))]
     [-6.0, -8.0]
     """
 

@@ -1,8 +1,9 @@
 """What can be measured of a scene or of its motion: the base class, and how a verb is asked for a measure.
 
 A measure states its name, words, columns and needs, and has the function that computes it: `of_modes` of the modes of a
-scene, `of_motion` of a whole motion, `of_members` of many motions side by side.  Which verbs take it follows: a motion
-can be measured in every one, what belongs to a scene in `sweep` and `spread`.
+scene, `of_orbit` of a periodic motion along one of them, `of_motion` of a whole motion, `of_members` of many motions
+side by side.  Which verbs take it follows: a motion can be measured in every one, what belongs to a scene in `sweep`
+and `spread`.
 
 >>> from modal.extend.measures import measure_for, taken_by
 >>> measure_for("sweep", "lyapunov").columns, "beat" in taken_by("basins")
@@ -65,6 +66,8 @@ class Measure(Extension, Displayed):
     is_planar: ClassVar[bool] = False
     is_numbered: ClassVar[bool] = False
     refused: ClassVar[Mapping[str, str]] = {}
+    amplitude_deg: ClassVar[float] = 10.0
+    """The largest angle of any link in an orbit that is measured."""
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
@@ -73,8 +76,8 @@ class Measure(Extension, Displayed):
             cls.reads = cls.reads if cls.has("of_motion") or cls.has("of_members") else SCENE_ITSELF
         if cls.reads == SCENE_ITSELF:
             stated = {name for base in cls.__mro__[: cls.__mro__.index(Measure)] for name in vars(base)}
-            cls.counts = cls.counts if "counts" in stated else ""
-            cls.usual = cls.usual if "usual" in stated or cls.counts == SECONDS else 0.0
+            cls.counts = cls.counts if "counts" in stated else MODE * cls.has("of_orbit")
+            cls.usual = cls.usual if "usual" in stated or cls.counts == SECONDS else float(cls.has("of_orbit"))
             cls.refused = OF_SCENE | {**cls.refused}
 
     @classmethod
@@ -86,8 +89,8 @@ class Measure(Extension, Displayed):
     def mistakes(cls) -> Any:
         """What it does not state, and functions that it lacks."""
         yield from (f"has no {name}" for name in ("words", "columns", "needs") if not getattr(cls, name))
-        if not any(map(cls.has, ("of_modes", "of_motion", "of_members", "of_scene"))):
-            yield "has none of of_modes, of_motion and of_members"
+        if not any(map(cls.has, ("of_modes", "of_orbit", "of_motion", "of_members", "of_scene"))):
+            yield "has none of of_modes, of_orbit, of_motion and of_members"
 
     def __eq__(self, other: object) -> bool:
         return type(other) is type(self)
@@ -124,6 +127,10 @@ class Measure(Extension, Displayed):
         """Of the `Modes` of a scene and N: a number for each column, a sequence of them, or a mapping by columns."""
         raise NotImplementedError
 
+    def of_orbit(self, orbit: Any, number: float) -> Any:
+        """The same of the `Orbit` of mode N whose largest angle is `amplitude_deg`."""
+        raise NotImplementedError
+
     def of_motion(self, run: Any, seconds: float) -> Any:
         """The same of a `Trajectory` of so many seconds."""
         raise NotImplementedError
@@ -134,6 +141,8 @@ class Measure(Extension, Displayed):
 
     def of_scene(self, scene: Any, number: float, portion: Any) -> dict[str, float]:
         """Its values by their columns, of a scene with what `portion` knows of it: modes, runs, members."""
+        if self.reads == SCENE_ITSELF and self.has("of_orbit"):
+            return self.values_of("of_orbit", portion.orbit(scene, int(number), self.amplitude_deg), number)
         if self.reads == SCENE_ITSELF:
             return self.values_of("of_modes", portion.modes(scene), number)
         if self.reads == WHOLE_MOTION:

@@ -9,13 +9,15 @@ routes that do not know each other:
     class TestMagnet(LawTests):
         extension, parameters = Magnet, {"strength": 0.02}
 
-Start with `extensions`, which has what all kinds are tested for; `laws`, `measures` and `formats` have one class each.
+Start with `extensions`, which has what all kinds are tested for; `mechanics`
+what their motions are: `laws`, `supports`, `measures` and `formats` have a class for each kind.
 """
 
 from modal.testing.extensions import ExtensionTests
 from modal.testing.formats import FormatTests
-from modal.testing.laws import LawTests
+from modal.testing.laws import ForceTests, LawTests
 from modal.testing.measures import MeasureTests
+from modal.testing.supports import SupportTests
 
-__all__ = ["ExtensionTests", "FormatTests", "LawTests", "MeasureTests"]
+__all__ = ["ExtensionTests", "ForceTests", "FormatTests", "LawTests", "MeasureTests", "SupportTests"]
 __dir__ = __all__.copy

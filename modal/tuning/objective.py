@@ -73,7 +73,7 @@ class Objective:
         self.aims, self.limits, self.free = tuple(aims), tuple(limits), tuple(free)
         quantities = [*(item.quantity for item in aims), *(item.quantity for item in limits)]
         self.quantities = Quantities(scene, free, quantities, setting)
-        self.is_log = len(aims) == 1 and aims[0].quantity.kind != "damping"
+        self.is_log = len(aims) == 1 and aims[0].quantity.is_positive
         self.scale = 1.0
         self.cases: tuple[Factors, ...] = ({},)
         self.low = np.log([item.low for item in free])

@@ -4,14 +4,14 @@
     rms         √∫ |H|² S df and ∫ Re(H̄ ∂H) S df, by the rule of `modal.vibration`
     damping     ζ_k of every mode that swings, of Re λ_k and |λ_k|
     settling    ln 50 / −Re λ_k
-    residual    one number
+    residual    one number, as is a measure
 
-The derivative of a residual is a difference quotient of four values, all others are exact.
+The derivative of these is a difference quotient of four values, all others are exact.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import log, tau
@@ -21,6 +21,7 @@ import numpy as np
 from modal.errors import ComputationError, SceneError
 from modal.identification.derivatives import ModeDerivatives, polar
 from modal.modes import Modes, natural_modes
+from modal.report import deferred
 from modal.scene import Scene, require
 from modal.scene.parameters import Place, number_at, vary, with_numbers
 from modal.scene.records import Spectrum
@@ -230,7 +231,7 @@ class At:
             "settling": self._settling,
             "residual": self._residual,
         }
-        return of[quantity.kind](quantity)
+        return of.get(quantity.kind, self._measure)(quantity)
 
     def _channel(self, quantity: Quantity) -> int:
         return self.problem.channels.index(Channel(quantity.output, quantity.input))
@@ -304,13 +305,28 @@ class At:
         return Pieces(FIFTY / decay, by, np.array(rows, float), np.ones(len(rows), bool))
 
     def _residual(self, quantity: Quantity) -> Pieces:
-        value = self._swing(self.scene)
+        return self._differentiated(self._swing)
+
+    def _measure(self, quantity: Quantity) -> Pieces:
+        measure, number = quantity.request
+        portion = deferred("nonlinear.sweeps.measures:Portion")([], self.problem.scene)
+
+        def value(scene: Scene) -> float:
+            (measured,) = measure.of_scene(scene, number, portion).values()
+            return measured
+
+        pieces = self._differentiated(value)
+        return pieces if np.isfinite(pieces.values).all() else Pieces.none("it has no finite value", len(self.by))
+
+    def _differentiated(self, function: Callable[[Scene], float]) -> Pieces:
+        """A number of a scene with its difference quotients."""
+        value = function(self.scene)
         by = np.zeros(len(self.by))
         for k, places in enumerate(self.by):
             numbers = {place: number_at(self.scene, place) for place in places}
             step = STEP * min(number / self._factor(place) for place, number in numbers.items())
             for multiple, weight in PAIRS:
-                pair = [self._swing(self._moved(numbers, way * multiple * step)) for way in (1, -1)]
+                pair = [function(self._moved(numbers, way * multiple * step)) for way in (1, -1)]
                 by[k] += weight * (pair[0] - pair[1]) / step
         return Pieces(np.array([value]), by[None], np.zeros(1), np.ones(1, bool))
 

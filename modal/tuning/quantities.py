@@ -6,6 +6,7 @@
     residual                   the largest angle that a travel of the cart leaves
     damping                    the least damping ratio of the modes
     settling                   the time after which every mode is within 2 %, ln 50 over the least decay rate
+    splitting:1                a measure of one column of modes or of an orbit, also of an extension
 
 Among several a quantity has a weight, as in 2*peak:x/cart_force.
 """
@@ -18,6 +19,8 @@ from dataclasses import dataclass
 from math import inf, isfinite
 
 from modal.errors import SceneError, spelling_hint
+from modal.extend import find_extension
+from modal.extend.measures import MODES, SCENE_ITSELF, Measure, parse_request
 from modal.report import Displayed
 from modal.scene import Scene
 from modal.scene.parameters import Place, find_places, law_parameter, number_at, vary, with_numbers
@@ -27,7 +30,7 @@ KINDS = ("peak", "rms", "residual", "damping", "settling")
 POSITIVE = ("mass", "length", "centre", "inertia", "gravity")
 CAN_VANISH = ("damping", "stiffness", "drag")
 DIRECTIONS = ("sway", "heave", "roll")
-WORDS = re.compile(r"\s*(?:(?P<weight>[^*:]+)\*)?\s*(?P<kind>[a-z]+)\s*(?::(?P<of>.+))?\s*", re.ASCII)
+WORDS = re.compile(r"\s*(?:(?P<weight>[^*:]+)\*)?\s*(?P<kind>[a-z][a-z0-9_-]*)\s*(?::(?P<of>.+))?\s*", re.ASCII)
 FACTOR_MAX = 100.0
 """Limit: factor by which a number without bounds may change, its square of one that may vanish: "without end"."""
 MASS_NUDGE = 1e-3
@@ -63,6 +66,16 @@ class Quantity(Displayed):
         """Whether it is the largest of several numbers; the damping is the least."""
         return self.kind != "damping"
 
+    @property
+    def is_positive(self) -> bool:
+        """Whether it is above 0 by nature, so that its logarithm counts."""
+        return self.kind in KINDS and self.is_largest
+
+    @property
+    def request(self) -> tuple[Measure, float]:
+        """The measure that it is, with its N."""
+        return parse_request("sweep", self.name)
+
 
 def parse_quantity(text: str) -> Quantity:
     """The quantity that a text such as "2*peak:x/cart_force" names; SceneError where it names none.
@@ -72,7 +85,9 @@ def parse_quantity(text: str) -> Quantity:
     """
     match = WORDS.fullmatch(text)
     kind = match["kind"] if match else ""
-    if not match or kind not in KINDS:
+    measure = find_extension("measure", kind) if kind and kind not in KINDS else None
+    is_number = measure and len(measure.columns) == 1 and measure.reads == SCENE_ITSELF and measure.counts != MODES
+    if not match or not (kind in KINDS or is_number):
         raise SceneError(
             [
                 f"{text:.60}: must be peak:OUTPUT/INPUT, rms:OUTPUT, residual, damping or settling"
@@ -94,6 +109,10 @@ def parse_quantity(text: str) -> Quantity:
             example = "peak:OUTPUT/INPUT, such as peak:x/cart_force" if kind == "peak" else "rms:OUTPUT"
             raise SceneError([f"{text:.60}: must be {example}"])
         return Quantity(kind, output, source or SOURCE, weight)
+    if measure:
+        quantity = Quantity(kind, of, weight=weight)
+        _ = quantity.request
+        return quantity
     if of:
         raise SceneError([f"{text:.60}: {kind} is of the whole scene, and names nothing else"])
     return Quantity(kind, weight=weight)
@@ -128,10 +147,11 @@ def parse_limit(text: str, aims: Sequence[Quantity]) -> Limit:
     if not (sign and isfinite(bound) and bound > 0):
         raise SceneError([f"{text:.60}: must be OUTPUT=VALUE, such as rel_1_1=0.2, with a value above 0"])
     words = words.strip()
-    if words.partition(":")[0] in KINDS:
+    kind = words.partition(":")[0]
+    if kind in KINDS or find_extension("measure", kind):
         quantity = parse_quantity(words)
     else:
-        first = next((aim for aim in aims if aim.output), None)
+        first = next((aim for aim in aims if aim.input), None)
         if first is None:
             raise SceneError([f"{text:.60}: write of what: peak:{words}/INPUT={number} or rms:{words}={number}"])
         quantity = Quantity(first.kind, words, first.input)

@@ -274,8 +274,8 @@ COMMANDS = (
         details=(
             "Numbers are drawn within their tolerances, given as standard deviations or as intervals, or from the "
             "covariance of a fit; shift:PLACE=WIDTH is drawn once and added to all numbers of a place. The report has "
-            "quantiles of every frequency, bands of the motion with --duration, and which number matters most. In --format csv each line is a member, with its angles at every sample of "
-            "the motion."
+            "quantiles of every frequency, bands of the motion with --duration, and which number matters most. In "
+            "--format csv each line is a member, with its angles at every sample of the motion."
         ),
         examples=(
             (

@@ -148,7 +148,8 @@ COMMANDS = (
             ),
             "--minimize: peak:OUTPUT/INPUT, such as peak:x/cart_force, the largest magnitude over frequencies; "
             "rms:OUTPUT under --psd; residual, the angle that a --travel leaves; damping, the least ratio of the "
-            "modes; settling, the time to 2 percent; with a weight as in 2*peak:x/cart_force; repeat for several",
+            "modes; settling, the time to 2 percent; a measure of one column of modes, such as splitting:1; "
+            "with a weight as in 2*peak:x/cart_force; repeat for several",
             "--maximize, as for --minimize; repeat for several",
             "--max, such as rel_1_1=0.2, the stroke of a damper, as peak or RMS like the first quantity; or any "
             "quantity, such as settling=60; repeat for several",

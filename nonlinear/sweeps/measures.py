@@ -18,6 +18,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
 from itertools import islice
+from math import radians
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +34,7 @@ from modal.vibration import ParametricStability, parametric_stability, stabiliti
 from nonlinear.chaos import usual_duration
 from nonlinear.ensembles import measured_run, measured_together, run_together, times_of
 from nonlinear.integration import Trajectory, validate
+from nonlinear.orbits import Orbit, mode_orbit
 from nonlinear.reduction import usual_start
 from nonlinear.simulation import simulate
 
@@ -85,6 +87,10 @@ class Portion:
     def modes(self, scene: Scene) -> Modes:
         """The modes of a scene."""
         return natural_modes(scene)
+
+    def orbit(self, scene: Scene, number: int, angle_deg: float) -> Orbit:
+        """The orbit of a mode with this largest angle of any link."""
+        return mode_orbit(scene, number, radians(angle_deg))
 
     @cached_property
     def _modes(self) -> dict[Scene, Swinging]:

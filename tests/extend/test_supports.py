@@ -5,6 +5,7 @@ from __future__ import annotations
 import pickle
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ from modal.scene import dump, load, scene_from
 from modal.scene.carriers import CartMotion, HeaveMotion, PlatformMotion, SwingMotion, TiltMotion
 from modal.scene.parameters import vary
 from modal.structure.structure import unit_size
+from modal.testing import SupportTests
 from modal.types import Floats
 from nonlinear import simulate
 from nonlinear.dynamics import Generated, Lanes, Minimal, Recursion
@@ -288,3 +290,10 @@ def test_energies_are_those_of_lagrange(scene: Scene) -> None:
     parts = energies(system_of(scene), np.array([0.3, 0.9, -0.4]), np.array([-0.8, 0.5, 0.2]))
     rest = energies(system_of(scene), np.zeros(3), np.zeros(3))
     assert float(parts.total - rest.total) == pytest.approx(kinetic + potential, rel=1e-12)
+
+
+class TestDisc(SupportTests):
+    """As its package tests it."""
+
+    extension = Disc
+    parameters = MappingProxyType({"mass": 2.0, "inertia": 0.05, "radius": 0.3, "magnet": 0.4, "stiffness": 0.5})
