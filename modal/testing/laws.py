@@ -28,11 +28,9 @@ from modal.scene import Bob, Cart, Heave, InitialCondition, Pendulum, Rod, Scene
 from modal.scene.files import parse
 from modal.scene.parameters import vary
 from modal.testing.extensions import HOSTILE, ExtensionTests
-from modal.types import Floats
+from modal.types import IMAGINARY_STEP, Floats
 
-STEP = 1e-100
-"""Tolerance: of complex steps."""
-CLOSE = 1e-9
+LAW_ERROR_MAX = 1e-9
 """Tolerance: by which derivatives and accelerations may differ, relative to the largest."""
 PLACE = "pendulum[0].links[0].law"
 """Where the law is in the scenes."""
@@ -124,13 +122,13 @@ class LawTests(ExtensionTests):
 
     def test_derivatives_by_three_routes(self, place: tuple[float, float]) -> None:
         """By angle and by rate."""
-        steps = np.eye(2) * STEP * 1j
-        by_steps = [complex(self.torque(*(np.array(place) + step))).imag / STEP for step in steps]
-        size = max(CLOSE, *map(abs, by_steps))
+        steps = np.eye(2) * IMAGINARY_STEP * 1j
+        by_steps = [complex(self.torque(*(np.array(place) + step))).imag / IMAGINARY_STEP for step in steps]
+        size = max(LAW_ERROR_MAX, *map(abs, by_steps))
         by_symbols = [float(slope.subs(_named(place))) for slope in _symbolic(self)[1:]]
         by_tape = [_evaluated(slope, place) for slope in _recorded(self)[1:]]
-        np.testing.assert_allclose(by_symbols, by_steps, rtol=CLOSE, atol=CLOSE * size)
-        np.testing.assert_allclose(by_tape, by_steps, rtol=CLOSE, atol=CLOSE * size)
+        np.testing.assert_allclose(by_symbols, by_steps, rtol=LAW_ERROR_MAX, atol=LAW_ERROR_MAX * size)
+        np.testing.assert_allclose(by_tape, by_steps, rtol=LAW_ERROR_MAX, atol=LAW_ERROR_MAX * size)
 
     def test_derivatives_by_each_parameter(self, number_name: str) -> None:
         """By SymPy and by complex steps, as sensitivities and fits take them."""
@@ -138,9 +136,9 @@ class LawTests(ExtensionTests):
         if value is None:
             pytest.skip("its default is used")
         place, symbol = [0.7 * self.reach, -0.4 * self.reach], deferred("sympy:Symbol")(number_name)
-        by_steps = complex(self.torque(*place, **{number_name: value + STEP * 1j})).imag / STEP
+        by_steps = complex(self.torque(*place, **{number_name: value + IMAGINARY_STEP * 1j})).imag / IMAGINARY_STEP
         slope = deferred("sympy:diff")(self.torque(*place, **{number_name: symbol}), symbol)
-        assert float(slope.subs({symbol: value})) == pytest.approx(by_steps, rel=CLOSE, abs=CLOSE)
+        assert float(slope.subs({symbol: value})) == pytest.approx(by_steps, rel=LAW_ERROR_MAX, abs=LAW_ERROR_MAX)
 
     def test_small_motion_has_its_slopes(self) -> None:
         """A bob alone: λ² m l² + λ d + m g l + k = 0 with k and d by SymPy."""
@@ -151,8 +149,8 @@ class LawTests(ExtensionTests):
             k = d = 0.0
         roots = np.roots([0.25, d, 9.81 * 0.5 + k])
         eigenvalue = complex(natural_modes(scene).eigenvalue[0])
-        assert eigenvalue.real == pytest.approx(roots[0].real, abs=CLOSE)
-        assert abs(eigenvalue.imag) == pytest.approx(abs(roots[0].imag), rel=CLOSE)
+        assert eigenvalue.real == pytest.approx(roots[0].real, abs=LAW_ERROR_MAX)
+        assert abs(eigenvalue.imag) == pytest.approx(abs(roots[0].imag), rel=LAW_ERROR_MAX)
 
     # ------------------------------------------------------------------------------------------------- motions
 
@@ -173,7 +171,7 @@ class LawTests(ExtensionTests):
         forms, equations = _lagrange(self.scene()), _equations(self.scene())
         for y in self.states(seed):
             q, v, a = y[:3], y[3:6], equations.derivative(0.0, y)[3:6]
-            assert np.abs(forms(*np.stack([q, v, a], axis=1).ravel())).max() < CLOSE * max(1.0, np.abs(a).max())
+            assert np.abs(forms(*np.stack([q, v, a], axis=1).ravel())).max() < LAW_ERROR_MAX * max(1.0, np.abs(a).max())
 
     def test_a_mirrored_start_has_the_mirrored_motion(self) -> None:
         """Where the law is odd."""

@@ -44,7 +44,7 @@ from modal.vibration.prescribed import acceleration_psd, psd_at
 from modal.vibration.random import nodes
 
 FIFTY = log(50.0)
-STEP = np.finfo(float).eps ** 0.2
+QUOTIENT_STEP_OF_PIECES = np.finfo(float).eps ** 0.2
 """Tolerance: relative, of a difference quotient of four values, at which truncation and rounding are alike."""
 PAIRS = ((1, 2 / 3), (2, -1 / 12))
 
@@ -299,9 +299,9 @@ class At:
         for k, place in enumerate(self.by):
             number = number_at(self.scene, place)
             for multiple, weight in PAIRS:
-                values = [number * (1 + way * multiple * STEP) for way in (1, -1)]
+                values = [number * (1 + way * multiple * QUOTIENT_STEP_OF_PIECES) for way in (1, -1)]
                 pair = [self._swing(vary(self.scene, {with_numbers(place): value})) for value in values]
-                by[k] += weight * (pair[0] - pair[1]) / (number * STEP)
+                by[k] += weight * (pair[0] - pair[1]) / (number * QUOTIENT_STEP_OF_PIECES)
         return Pieces(np.array([value]), by[None], np.zeros(1), np.ones(1, bool))
 
     def _swing(self, scene: Scene) -> float:

@@ -90,7 +90,12 @@ def tableau() -> str:
         "E3": row(method.THIRD, count + 1)[:count],
         "E5": row(method.FIFTH, count + 1)[:count],
     }
-    limits = {name: getattr(method, name.upper()) for name in ("safety", "shrinks", "grows", "power")}
+    limits = {
+        "safety": method.STEP_SAFETY,
+        "shrinks": method.STEP_RATIO_MIN,
+        "grows": method.STEP_RATIO_MAX,
+        "power": method.ERROR_POWER,
+    }
     parts = {"DOP853": coefficients, "LIMITS": limits}
     lines = [f"export const {name} = {json.dumps(value)};" for name, value in parts.items()]
     return "\n".join(("// Written from `nonlinear.integration.method`.", *lines))
