@@ -8,10 +8,10 @@ from itertools import islice
 
 from modal.report import visible
 
-ALIKE = 0.8
-"""How alike words are that are told apart by large and small letters, for one to be suggested."""
-MOST_TOLD = 50
-"""Number of mistakes listed in a message before the rest are counted."""
+SIMILARITY_MIN = 0.8
+"""Tolerance: of a mistyped word to one that is suggested where many are known, or in large letters."""
+MISTAKES_LISTED_MAX = 50
+"""Limit: mistakes of a message; of more it says "and … more mistakes"."""
 LONG_QUOTATION = re.compile(r'("[^"]{0,200})([^"]*)"|(\S{200})\S+')
 """A quotation, or a word of over 200 letters: of long ones a message has the first 200."""
 
@@ -110,10 +110,10 @@ def installing(extra: str) -> str:
 
 
 def first_of(problems: Iterator[str], count: int) -> Iterator[str]:
-    """At most MOST_TOLD of `count` mistakes, then the number of others; a single other one is listed, not counted."""
-    yield from islice(problems, MOST_TOLD)
-    if count > MOST_TOLD + 1:
-        yield f"and {count - MOST_TOLD} more mistakes"
+    """The first of `count` mistakes, then the number of others; a single other one is listed, not counted."""
+    yield from islice(problems, MISTAKES_LISTED_MAX)
+    if count > MISTAKES_LISTED_MAX + 1:
+        yield f"and {count - MISTAKES_LISTED_MAX} more mistakes"
     else:
         yield from problems
 
@@ -129,6 +129,7 @@ def spelling_hint(word: str, words: Iterable[str], limit: int = 1, cutoff: float
     candidates = list(words)
     small = {candidate.lower(): candidate for candidate in reversed(candidates)}
     similar = get_close_matches(word, candidates, limit, cutoff) or [
-        small[candidate] for candidate in get_close_matches(word.lower(), list(small), limit, max(cutoff, ALIKE))
+        small[candidate]
+        for candidate in get_close_matches(word.lower(), list(small), limit, max(cutoff, SIMILARITY_MIN))
     ]
     return f" (did you mean {' or '.join(similar)}?)" if similar else ""

@@ -21,16 +21,12 @@ import numpy as np
 from modal import pair
 from modal.errors import SceneError
 from modal.scene import Pendulum, Scene, places_of, validate_scene
-from modal.types import Floats
+from modal.types import EPS, NEWTON_ROUNDS, NOISE_OF_SUM, Floats
 
-BALANCED = 1e-12
-"""Forces that cancel to this fraction of their sum are in balance."""
-STEPS, NEWTON, FARTHEST = 16, 30, 0.3
-"""First steps of the load, most steps of Newton's method in each, most change (rad) of an angle in one."""
-SAME, ROUNDED = 1e-15, 1e-8
-"""A change (rad) of the last digit, and the largest that rounding leaves where it shrinks no more."""
-FINEST = 2.0**-20
-"""The smallest step of the load, of which a branch that needs a smaller one ends."""
+LOAD_TURN_MAX = 0.3
+"""Tolerance: change (rad) of an angle in a step of the load, so that Newton's method stays on its branch."""
+LOAD_STEP_MIN = 2.0**-20
+"""Limit: share of the load; a branch that needs a smaller step ends there, as the refusal says."""
 
 
 class Rest(NamedTuple):
@@ -147,7 +143,7 @@ def _load_of(scene: Scene) -> _Load:
 def _imbalance(scene: Scene, load: _Load) -> Iterator[str]:
     """What is wrong with a cart that nothing holds."""
     loose = scene.cart is not None and not scene.cart.stiffness
-    if loose and abs(load.cart) > BALANCED * load.on_cart:
+    if loose and abs(load.cart) > NOISE_OF_SUM * load.on_cart:
         yield (
             f"support.stiffness = 0: the constant forces along the rail add up to {load.cart:.6g} N, which nothing "
             "holds: there is no equilibrium; give the cart a spring, or balance them"
@@ -184,7 +180,7 @@ class _LoadedChain:
         """Of links without springs, each by itself."""
         pull, problems = np.hypot(horizontal, down), []
         for k in range(self.n):
-            if pull[k] <= BALANCED * (self.weight[k] + sizes[k]):
+            if pull[k] <= NOISE_OF_SUM * (self.weight[k] + sizes[k]):
                 problems.append(f"{self.names[k]}: gravity and the constant forces on it and below it cancel")
             elif abs(torque[k]) >= pull[k]:
                 problems.append(
@@ -196,17 +192,17 @@ class _LoadedChain:
         turn = np.arcsin(torque / pull)
         sign = np.where(self.stands, -1.0, 1.0)
         theta: Floats = np.arctan2(sign * horizontal, sign * down) + sign * turn
-        return np.asarray(np.where(self.stands & (theta < -BALANCED), theta + 2 * np.pi, theta))
+        return np.asarray(np.where(self.stands & (theta < -NOISE_OF_SUM), theta + 2 * np.pi, theta))
 
     def _follow_load(self, horizontal: Floats, down: Floats, torque: Floats) -> Floats:
         """With joint springs, from the unloaded equilibrium while the load grows."""
-        theta, share, step = self.relaxed.copy(), 0.0, 1.0 / STEPS
+        theta, share, step = self.relaxed.copy(), 0.0, 1.0
         while share < 1:
             step = min(step, 1 - share)
             equilibrium = self._newton(theta, *((share + step) * part for part in (horizontal, down, torque)))
             if equilibrium is None:
                 step /= 2
-                if step < FINEST:
+                if step < LOAD_STEP_MIN:
                     raise SceneError([self._ends(share)])
                 continue
             theta, share, step = equilibrium, share + step, 1.5 * step
@@ -222,7 +218,7 @@ class _LoadedChain:
     def _newton(self, start: Floats, horizontal: Floats, down: Floats, torque: Floats) -> Floats | None:
         """The equilibrium near a start; None if Newton's method goes elsewhere."""
         theta, total, size = start, self.weight + down, np.inf
-        for _ in range(NEWTON):
+        for _ in range(NEWTON_ROUNDS):
             bend = np.diff(theta - self.relaxed, prepend=0.0)
             moments = self.springs * bend
             slope = total * np.sin(theta) - horizontal * np.cos(theta) - torque + moments - np.append(moments[1:], 0.0)
@@ -232,9 +228,9 @@ class _LoadedChain:
                 return None
             last, size = size, float(np.abs(change).max())
             theta = np.asarray(theta + change)
-            if not np.abs(theta - start).max() <= FARTHEST:
+            if not np.abs(theta - start).max() <= LOAD_TURN_MAX:
                 return None
-            if size <= SAME or (size <= ROUNDED and size > last / 2):
+            if size <= EPS**0.5 and size >= last / 2:  # rounding is left, which shrinks no more
                 return theta
         return None
 

@@ -42,7 +42,8 @@ from modal.scene.doors import require_type
 from modal.scene.parameters import Place, Variable, number_at, with_numbers
 from modal.types import Floats
 
-LARGEST_DENSE = 4000
+DENSE_COORDINATES_MAX = 4000
+"""Limit: coordinates of dense M, K and D, of their dampers by modes and of derivatives by squares."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -88,7 +89,7 @@ def matrices(scene: Scene) -> Matrices:
     Raises
     ------
     ComputationError
-        The scene has more than `LARGEST_DENSE` coordinates.
+        The scene has more than `DENSE_COORDINATES_MAX` coordinates.
     SceneError
         Constant forces leave no equilibrium.
 
@@ -107,9 +108,10 @@ def matrices(scene: Scene) -> Matrices:
 def matrices_of(rig: Rig, squares: SceneSquares | None = None) -> Matrices:
     """M, K and D from a scene's arrays, or from its `squares` where they are known."""
     size = sum(rig.blocks[block].n * copies for block, _, copies in rig.members) + rig.leading
-    if size > LARGEST_DENSE:
+    if size > DENSE_COORDINATES_MAX:
         raise ComputationError(
-            f"M, K and D would be dense {size} × {size} matrices: at most {LARGEST_DENSE} coordinates are allowed"
+            f"M, K and D would be dense {size} × {size} matrices: at most {DENSE_COORDINATES_MAX} coordinates are "
+            "allowed"
         )
     M, K, D = (squares or scene_squares(rig)).matrices
     return Matrices(M, K, D + modal_dampers(rig) if rig.damping_ratio else D, coordinate_labels(rig))
@@ -124,9 +126,10 @@ def coordinate_labels(rig: Rig) -> tuple[str, ...]:
 
 STEPS = (2.0**-2, 2.0**-6, 2.0**-12)
 """Relative steps, the first that the scene's own bounds allow."""
-FINE = 2.0**-7
+QUOTIENT_STEP = 2.0**-7
+"""Tolerance: relative step at which truncation of order 8 and rounding over the step are alike."""
 WEIGHTS = (4 / 5, -1 / 5, 4 / 105, -1 / 280)
-"""Relative step and weights of the quotient of eight values [Fornberg1988, table 1]."""
+"""Weights of the quotient of eight values [Fornberg1988, table 1]."""
 BENDING = frozenset({"length", "position"})
 """Keys of numbers in which the matrices of a structure are no polynomials."""
 Arrays = tuple[NDArray[Any], ...]
@@ -146,7 +149,7 @@ def differences(scene: Scene, place: Place, unit: float, arrays_of: Callable[[Sc
         return arrays_of(variable.at({path: number}))
 
     if scene.is_structured and not BENDING.isdisjoint(place):
-        step = FINE * (abs(value) or unit)
+        step = QUOTIENT_STEP * (abs(value) or unit)
         pairs = [(at(value + k * step), at(value - k * step)) for k in range(1, len(WEIGHTS) + 1)]
         parts = zip(*(zip(*pair, strict=True) for pair in pairs), strict=True)
         return tuple(

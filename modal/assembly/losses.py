@@ -23,15 +23,13 @@ from modal.assembly.structure import Hanging
 from modal.scene import LossTable, Scene, is_lossy
 from modal.scene.doors import checked
 from modal.structure import Row, Structure
-from modal.types import Floats, Ints
+from modal.types import EPS, Floats, Ints
 
 Loss = float | LossTable
 CART, OTHER = "cart", "other"
 DAMPER_KEYS = {JOINT: "damping", SPRING: "damping", DRAG: "drag", DRAG_DOWN: "drag"}
 LOSS_KEYS = {JOINT: "loss", SPRING: "loss", WIRE: "wire_loss"}
 """The keys of a scene that squares of D and K belong to, by their kind."""
-NEGLIGIBLE = 1e-14
-"""Share of the largest eigenvalue of a matrix of dampers below which one is rounding."""
 
 
 class Dissipator(NamedTuple):
@@ -192,7 +190,7 @@ def _of_supports(scene: Scene, rig: Rig, structure: Structure, damping: Iterable
 def _factors(place: str, D: Floats, start: int) -> list[Dissipator]:
     """The rows of a matrix of dampers of coordinates from `start` on: its eigenvectors."""
     sizes, rows = np.linalg.eigh(D)
-    significant = np.flatnonzero(sizes > NEGLIGIBLE * sizes[-1]) if len(sizes) else ()
+    significant = np.flatnonzero(sizes > 4 * len(D) * EPS * sizes[-1]) if len(sizes) else ()
     return [
         Dissipator(
             place, OTHER, {start + k: float(value) for k, value in enumerate(rows[:, j]) if value}, float(sizes[j])

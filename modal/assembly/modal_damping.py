@@ -20,14 +20,11 @@ import numpy as np
 from modal.assembly.arrays import Rig
 from modal.assembly.structure import Hanging, assemble_pendula
 from modal.errors import ComputationError, SceneError
-from modal.types import Floats, Ints
+from modal.types import EPS, Floats, Ints
 
-SAME = 1e-9
-"""Relative difference below which frequencies count as one mode of the table."""
-LARGEST = 2500
-"""Coordinates of different pendula up to which D_modal is computed."""
+MODAL_DAMPERS_MAX = 2500
+"""Limit: coordinates of different pendula up to which D_modal, a dense matrix, is computed."""
 BEYOND = "damping_ratio: the ratios in this scene are beyond double precision on the dense route of modal dampers"
-NOISE = 4 * float(np.finfo(float).eps)
 Ratios = float | tuple[float, ...]
 RatioAt = Callable[[Floats], Floats]
 
@@ -60,7 +57,7 @@ def _different(rates: Floats) -> Floats:
     """The finite ones of these rates by size, those that agree once."""
     sizes = np.sort(np.abs(rates))
     sizes = sizes[np.isfinite(sizes)]
-    return np.asarray(sizes[np.append(True, np.diff(sizes) > SAME * sizes[1:])])
+    return np.asarray(sizes[np.append(True, np.diff(sizes) > EPS**0.5 * sizes[1:])])
 
 
 def modal_factor(M: Floats, K: Floats, free: Floats | bool, ratio: RatioAt) -> Floats:
@@ -144,10 +141,10 @@ def _places(rig: Rig) -> dict[tuple[int, ...], Ints]:
 
 
 def _refuse_large(size: int) -> None:
-    if size > LARGEST:
+    if size > MODAL_DAMPERS_MAX:
         raise ComputationError(
             f"damping_ratio: the modal dampers of {size} coordinates of different pendula need a dense matrix: at most "
-            f"{LARGEST} are allowed"
+            f"{MODAL_DAMPERS_MAX} are allowed"
         )
 
 
@@ -167,7 +164,7 @@ def _eigen(M: Floats, K: Floats, free: Floats) -> tuple[Floats, Floats]:
     try:
         L = np.asarray(np.linalg.cholesky(stiffness), dtype=np.float64)
         square, v = np.linalg.eigh(_in_factors(L, inertia))
-        square = np.where(square > NOISE * square[-1], square, 0.0)
+        square = np.where(square > 4 * EPS * square[-1], square, 0.0)
         with np.errstate(divide="ignore"):
             rate, momentum = 1 / np.sqrt(square), L @ v * np.sqrt(square) / scale[:, None]
     except np.linalg.LinAlgError:

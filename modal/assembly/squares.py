@@ -32,8 +32,8 @@ WAYS = {ALONG: 0, DRAG: 0, DOWN: 1, DRAG_DOWN: 1, JOINT: 2}
 """Which motion of its pivot a chain's square feels, by `modal.structure.Phi`; angles from the vertical feel none."""
 Number = Callable[[Any], Any]
 """Floats as numbers of an arithmetic."""
-CHUNK = 64
-"""Rows of A that are written together, so that they stay in the cache of a processor."""
+ROWS_AT_ONCE = 64
+"""Cost: rows of A that are written together, so that they stay in the cache of a processor."""
 NOWHERE: Ints = np.zeros(0, dtype=np.int64)
 
 
@@ -201,8 +201,8 @@ def chain_squares(block: Block, gravity: float, number: Number | None = None) ->
         total = np.empty((P, n + 1, n + 1), dtype=size.dtype)
         total[:, 0, 0], total[:, 0, 1:], total[:, 1:, 0] = size[0] + mass_below[0], b.T, b.T
         moment, arm = b.T[:, :, None], arms.T[:, :, None]
-        for i in range(0, n, CHUNK):
-            rows = slice(i, i + CHUNK)
+        for i in range(0, n, ROWS_AT_ONCE):
+            rows = slice(i, i + ROWS_AT_ONCE)
             lower = order[rows, None] > order
             lower_entries, upper_entries = moment[:, rows] * arm.swapaxes(1, 2), arm[:, rows] * moment.swapaxes(1, 2)
             total[:, 1:, 1:][:, rows] = np.where(lower, lower_entries, upper_entries)

@@ -41,8 +41,8 @@ OTHERS = frozenset(
 """The features of scenes whose equations stacks do not have."""
 SEVERAL = OTHERS | {"space", "copies", "damping_ratio"}
 """Those whose modes are not those of one plain chain."""
-MOST_FLOAT_LINKS = 20
-"""Links up to which floats are quicker than arrays."""
+FLOAT_LINKS_MAX = 20
+"""Cost: links up to which floats are quicker than arrays."""
 KIND, SIZE = attrgetter("__class__", "count", "damping", "stiffness", "drag", "law"), attrgetter("mass", "length")
 
 
@@ -192,7 +192,7 @@ def single(scene: Scene) -> Single | None:
     """The numbers of a scene that is one short plain chain; None for any other."""
     validate_scene(scene)
     pendula = scene.pendulum
-    if len(pendula) > 1 or not SEVERAL.isdisjoint(scene.features) or pendula[0].n_links > MOST_FLOAT_LINKS:
+    if len(pendula) > 1 or not SEVERAL.isdisjoint(scene.features) or pendula[0].n_links > FLOAT_LINKS_MAX:
         return None
     links, support = pendula[0].links, scene.support
     units = Units.of(max([link.mass for link in links]), max([link.length for link in links]), scene.gravity)

@@ -53,7 +53,7 @@ from modal.structure import (
     tied,
     turning,
 )
-from modal.types import Floats, Ints
+from modal.types import NOISE_OF_TERMS, Floats, Ints
 
 
 class Elements(NamedTuple):
@@ -66,10 +66,6 @@ class Elements(NamedTuple):
     stiffness: tuple[Element, ...]
     damping: tuple[Element, ...]
     terms: Floats
-
-
-CANCELLED = 2.0**-48
-"""Entries of a row that is eliminated below this fraction of their terms are 0."""
 
 
 class SpringRow(NamedTuple):
@@ -385,7 +381,7 @@ def null_space(rows: Floats) -> Floats:
         factor[i] = 0.0
         terms = terms + np.abs(factor)[:, None] * terms[i]
         A = A - factor[:, None] * A[i]
-        A[np.abs(A) <= CANCELLED * terms] = 0.0
+        A[np.abs(A) <= NOISE_OF_TERMS * terms] = 0.0  # what rounding leaves of terms that cancel
     loose = [c for c in range(rows.shape[1]) if c not in pivots]
     basis = np.zeros((rows.shape[1], len(loose)))
     basis[loose, range(len(loose))] = 1.0

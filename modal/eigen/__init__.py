@@ -20,7 +20,7 @@ from modal.lazy import lazy_attributes
 
 if TYPE_CHECKING:
     from modal.eigen.amplitude import LIGHT, ONE_PERCENT, ModeSwing, distortion, one_percent_amplitude
-    from modal.eigen.coupled import LIGHTEST, TOLERANCE, degenerate_modes
+    from modal.eigen.coupled import LIGHTEST, degenerate_modes
     from modal.eigen.dense import is_singular
     from modal.eigen.elimination import (
         FORCE,
@@ -62,7 +62,6 @@ __all__ = [
     "ONE_PERCENT",
     "REFINED_DIGITS",
     "REPLICAS",
-    "TOLERANCE",
     "TORQUE",
     "TURN",
     "UNCERTAIN",

@@ -18,10 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from modal.assembly import WAYS, Block, Element, null_space
-from modal.eigen.components import CANCELLED, Component, Heavy, PartedRig
+from modal.eigen.components import Component, Heavy, PartedRig
 from modal.eigen.recursion import joints, kinetic
 from modal.report import deferred
-from modal.types import EPS, Floats, Ints
+from modal.types import EPS, NOISE_OF_TERMS, Floats, Ints
 
 if TYPE_CHECKING:
     from modal.eigen.trees import HungChains, Tree
@@ -249,7 +249,7 @@ class ComponentMatrices:
             return self.free
         rows, free = self.factors[2].rows, self.free
         stretches, terms = rows @ free, np.abs(rows) @ np.abs(free)
-        nonzero_stretches = np.where(np.abs(stretches) > CANCELLED * terms, stretches, 0.0)
+        nonzero_stretches = np.where(np.abs(stretches) > NOISE_OF_TERMS * terms, stretches, 0.0)
         return free @ null_space(nonzero_stretches) if nonzero_stretches.any() else free
 
     @cached_property

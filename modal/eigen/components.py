@@ -18,10 +18,7 @@ import numpy as np
 from modal.assembly import ARRAYS, Block, Element, Hanging, Rig, SquareRows, chain_squares
 from modal.eigen.recursion import at_infinity
 from modal.structure import slopes
-from modal.types import EPS, Floats, Ints
-
-CANCELLED = 16 * EPS
-"""Tolerance: a push along the rail, or a stretch of a damper, below this fraction of its terms is 0."""
+from modal.types import EPS, NOISE_OF_TERMS, Floats, Ints
 
 
 class Share(NamedTuple):
@@ -72,7 +69,7 @@ class StillGroup(NamedTuple):
         for _ in range(2):
             push = push - moving @ (moving.T @ push)
         size = np.linalg.norm(push)
-        if size <= CANCELLED * np.sqrt(counts.sum()):
+        if size <= NOISE_OF_TERMS * np.sqrt(counts.sum()):
             return cls(block, columns, counts, moving, False)
         return cls(block, columns, counts, np.column_stack((moving, push / size)), True)
 

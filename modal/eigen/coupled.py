@@ -31,7 +31,7 @@ from modal.eigen.seeds import seed_matrices
 from modal.eigen.sources import Details, ProblemSize, chain_details, noun_count, oscillating, structured_error
 from modal.eigen.squares import CLOSE, EVERYTHING, Limits, Squares, squares_of
 from modal.report import deferred
-from modal.types import EPS, NUMBERS_IN_CHUNK, Complexes, Floats, Ints
+from modal.types import NOISE_OF_TERMS, NUMBERS_IN_CHUNK, Complexes, Floats, Ints
 
 if TYPE_CHECKING:
     from modal.eigen.secular import Poles, Roots
@@ -40,8 +40,6 @@ LIGHTEST = 1e-290
 """Tolerance: least weight of a pole: a lighter one changes no digit of any root, and its products underflow."""
 MOST_LINKS_TOGETHER = 600
 """Cost: links on a cart up to which counts find modes, the secular equation those of more (benchmarks/modes.py)."""
-TOLERANCE = 16 * EPS
-"""Tolerance: squares this close are taken as equal: the largest difference of equal ones by rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,11 +80,13 @@ def degenerate_modes(squares: tuple[Floats, ...]) -> DegenerateModes:
     flat = np.concatenate([square.ravel() for square in squares])
     order = np.argsort(flat, kind="stable")
     ascending = flat[order]
-    is_first = np.diff(ascending, prepend=-1.0) > TOLERANCE * ascending
+    is_first = np.diff(ascending, prepend=-1.0) > NOISE_OF_TERMS * ascending
     starts = np.append(np.flatnonzero(is_first), len(flat))
     for cluster in np.flatnonzero(np.diff(starts) > 2):
         first, last = (int(end) for end in starts[cluster : cluster + 2])
-        while (first := int(np.searchsorted(ascending[:last], ascending[first] * (1 + TOLERANCE), "right"))) < last:
+        while (
+            first := int(np.searchsorted(ascending[:last], ascending[first] * (1 + NOISE_OF_TERMS), "right"))
+        ) < last:
             is_first[first] = True
     starts = np.flatnonzero(is_first)
     sizes = np.diff(starts, append=len(flat))

@@ -28,7 +28,7 @@ GAPS_OF_LEAF = 48
 """Cost: gaps whose poles are summed one by one, and runs into which more are divided (benchmarks/modes.py)."""
 CHEBYSHEV_POINTS = 22
 """Tolerance: points of a table of poles at least a run's length away: their sum is known to rounding."""
-MOST_STEPS = 200
+SECULAR_STEPS_MAX = 200
 """Limit: steps to a root, two a bit; beyond, the equation is said not to converge."""
 
 _NODES = np.polynomial.chebyshev.chebpts1(CHEBYSHEV_POINTS)[::-1]
@@ -155,7 +155,7 @@ def _rising_zero(function: Callable[[Floats], Floats], high: Floats, at_low: Flo
     The Illinois rule [Dowell1971]; ComputationError if it does not converge.
     """
     low, last = np.zeros_like(high), np.zeros_like(high)
-    for _ in range(MOST_STEPS):
+    for _ in range(SECULAR_STEPS_MAX):
         from_low, from_high = ((high - low) * (end / (at_low - at_high)) for end in (at_low, at_high))
         trial = np.clip(np.where(at_high > -at_low, low + from_low, high + from_high), low, high)
         if np.all(np.abs(trial - last) <= 4e-16 * trial):

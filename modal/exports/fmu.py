@@ -26,14 +26,14 @@ from modal.report import c_comment, one_line
 from modal.statespace import Signal, StateSpace
 from modal.statespace.sampling import reach, sample
 
-DEFAULT_STEP = 0.01
 COMPILERS = ("cc", "gcc", "clang")
 FLAGS = ("-std=c99", "-O2", "-shared", "-fPIC", "-fvisibility=hidden")
 SOURCE = "linear_fmu.c"
 SOURCE_ONLY = (
     "no C compiler for 64-bit Linux found: the FMU has C source and no binary; compile it on the target system"
 )
-LONGEST_COMPILATION = 120.0
+COMPILATION_SECONDS = 120.0
+"""Limit: of a C compiler; the FMU of one that takes longer has source and no binary."""
 UNITS = {
     "m": {"m": 1},
     "m/s": {"m": 1, "s": -1},
@@ -51,7 +51,7 @@ ROLES = {
 }
 
 
-def write_fmu(model: StateSpace, step: float = DEFAULT_STEP) -> bytes:
+def write_fmu(model: StateSpace, step: float = 0.01) -> bytes:
     """The FMU; `step` in seconds is the default communication step, for a discrete model its own.
 
     The same model gives the same source and GUID.  Raises SceneError for a step that is not positive.
@@ -116,7 +116,7 @@ def _compile(sources: dict[str, bytes]) -> bytes:
                 cwd=folder,
                 capture_output=True,
                 check=True,
-                timeout=LONGEST_COMPILATION,
+                timeout=COMPILATION_SECONDS,
             )
         except (OSError, subprocess.SubprocessError):
             return b""

@@ -30,8 +30,8 @@ FIRST = (
 )
 """Python looks for an encoding in the first two lines of a file: they contain no text of a scene."""
 MODEL, COLUMNS = "a linear state-space model in SI units", "columns by their names"
-LONGEST_NAME = 63
-"""Letters of a name in MATLAB."""
+MATLAB_NAME_LETTERS = 63
+"""Format: letters of a name in MATLAB, its namelengthmax."""
 BUILD = """\
 if exist('OCTAVE_VERSION', 'builtin')
   try
@@ -167,7 +167,9 @@ def columns_of_csv(text: str) -> dict[str, tuple[str, ...]]:
 
 def _variable(name: str) -> str:
     """A name as MATLAB takes it: letters, digits and underscores, a letter first, 63 of them at most."""
-    plain = re.sub(r"\W+", "_", normalize("NFKD", name).encode("ascii", "ignore").decode()).strip("_")[:LONGEST_NAME]
+    plain = re.sub(r"\W+", "_", normalize("NFKD", name).encode("ascii", "ignore").decode()).strip("_")[
+        :MATLAB_NAME_LETTERS
+    ]
     return plain if plain[:1].isalpha() else f"n_{plain}"
 
 

@@ -15,7 +15,7 @@ from modal.statespace import Signal, StateSpace
 from modal.types import Floats
 
 NUMBERS_A_LINE = 5
-LONG_ROW, MOSTLY = 8, 0.75
+"""Format: numbers of a line of C."""
 STEP = """\
 /* y from the present z and u, then z after one step; y must not overlap z or u */
 static inline void {name}_step(double z[], const double u[], double y[])
@@ -104,7 +104,7 @@ def c_matrix(
 
 def _c_row(row: list[str], *, by_place: bool) -> str:
     """A row; with `by_place`, a long one that is mostly zeros as its other entries by index."""
-    if by_place and len(row) > LONG_ROW and row.count("0.0") > MOSTLY * len(row):
+    if by_place and len(row) > 2 * NUMBERS_A_LINE and 4 * row.count("0.0") > 3 * len(row):
         entries = [f"[{place}] = {number}" for place, number in enumerate(row) if number != "0.0"]
         row = entries or ["0.0"]
     lines = [", ".join(row[k : k + NUMBERS_A_LINE]) for k in range(0, len(row), NUMBERS_A_LINE)]

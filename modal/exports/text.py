@@ -15,8 +15,8 @@ from modal.statespace import Signal, StateSpace
 from modal.types import Floats
 
 UNTITLED = "Pendula"
-LONGEST = 32
-"""Characters of an identifier."""
+IDENTIFIER_LETTERS = 32
+"""Format: characters of an identifier."""
 
 
 def heading(model: StateSpace) -> str:
@@ -67,7 +67,7 @@ def text_file(lines: Iterable[str]) -> bytes:
 
 
 def identifier(text: str, fallback: str = "pendula") -> str:
-    """ASCII letters, digits and underscores, no digit first, at most LONGEST characters; `fallback` for no text.
+    """ASCII letters, digits and underscores, no digit first, not too many; `fallback` for no text.
 
     A non-ASCII text of which no letter remains becomes `fallback` and a checksum, so that names stay distinct; so
     does one of symbols alone.
@@ -76,10 +76,10 @@ def identifier(text: str, fallback: str = "pendula") -> str:
     ('Gro_e_2_ein_Kran', 'n_2', 'pendula_87cf40f7', 'pendula')
     """
     ascii_text = "".join(c for c in unicodedata.normalize("NFKD", text) if not unicodedata.combining(c))
-    word = re.sub(r"[^A-Za-z0-9]+", "_", ascii_text)[:LONGEST].strip("_")
+    word = re.sub(r"[^A-Za-z0-9]+", "_", ascii_text)[:IDENTIFIER_LETTERS].strip("_")
     if not re.search("[A-Za-z0-9]" if text.isascii() else "[A-Za-z]", word):
         return f"{fallback}_{crc32(text.encode()):08x}" if text else fallback
-    return f"n_{word}"[:LONGEST] if word[0].isdigit() else word
+    return f"n_{word}"[:IDENTIFIER_LETTERS] if word[0].isdigit() else word
 
 
 def identifiers(names: Iterable[str], keywords: Iterable[str] = ()) -> tuple[str, ...]:

@@ -20,11 +20,10 @@ import numpy as np
 from modal.extend.parameters import Parameter
 from modal.extend.registry import Extension, call, mistake_of, register
 from modal.extend.scalars import sqrt
+from modal.types import IMAGINARY_STEP
 
 Values = Mapping[str, Any]
 """The parameters of a law by name: floats, arrays or symbols."""
-STEP = 1e-100
-"""Tolerance: of complex steps, whose square is nothing beside any float."""
 PROBE = 0.25
 """Physics: an angle (rad) and a rate (rad/s) at which a law is compared with what it says of itself."""
 SMALL = 1e-5
@@ -110,8 +109,8 @@ class JointLaw(Law):
 
     def linear_coefficients(self, parameters: Values) -> tuple[float, float]:
         """Stiffness (N m/rad) and damping (N m s/rad) about equilibrium."""
-        steps = ((complex(0.0, STEP), 0.0), (0.0, complex(0.0, STEP)))
-        stiffness, damping = (-complex(call(self, "torque", *step, parameters)).imag / STEP for step in steps)
+        steps = ((complex(0.0, IMAGINARY_STEP), 0.0), (0.0, complex(0.0, IMAGINARY_STEP)))
+        stiffness, damping = (-complex(call(self, "torque", *step, parameters)).imag / IMAGINARY_STEP for step in steps)
         return stiffness + 0.0, damping + 0.0
 
     def coefficient_slopes(self, parameters: Values) -> dict[str, tuple[float, float]]:
@@ -123,9 +122,9 @@ class JointLaw(Law):
         """
 
         def slope(name: str, *motion: float) -> float:
-            changed = {**parameters, name: complex(parameters[name], STEP)}
+            changed = {**parameters, name: complex(parameters[name], IMAGINARY_STEP)}
             ends = (call(self, "torque", *(sign * part for part in motion), changed) for sign in (1.0, -1.0))
-            above, below = (complex(end).imag / STEP for end in ends)
+            above, below = (complex(end).imag / IMAGINARY_STEP for end in ends)
             return (below - above) / (2 * SMALL) + 0.0
 
         return {name: (slope(name, SMALL, 0.0), slope(name, 0.0, SMALL)) for name in parameters}
@@ -154,7 +153,9 @@ class JointLaw(Law):
         elastic = [0.0] * len(places)
         if self.has_potential:
             for k, (angle, _) in enumerate(places):
-                slope = complex(call(self, "potential", complex(angle, STEP), parameters)).imag / STEP
+                slope = (
+                    complex(call(self, "potential", complex(angle, IMAGINARY_STEP), parameters)).imag / IMAGINARY_STEP
+                )
                 elastic[k] = float(call(self, "torque", angle, 0.0, parameters))
                 if abs(slope + elastic[k]) > AGREEMENT * max(size, abs(slope)):
                     words = f"its potential's slope is {slope:g} N m at {angle:g} rad, its torque {elastic[k]:g} N m"
@@ -196,20 +197,20 @@ class PointForce(Law):
 
     def linear_drag(self, parameters: Values) -> float:
         """The linear drag (N s/m) at rest."""
-        along, _ = call(self, "force", [complex(0.0, STEP), 0.0], parameters, shape=(2,))
-        return -complex(along).imag / STEP + 0.0
+        along, _ = call(self, "force", [complex(0.0, IMAGINARY_STEP), 0.0], parameters, shape=(2,))
+        return -complex(along).imag / IMAGINARY_STEP + 0.0
 
     def judge(self, parameters: Values) -> None:
         """ExtensionError where it is not what it says: at rest, and alike in all directions of small motions."""
         with np.errstate(all="ignore"):
             at_rest = call(self, "force", [0.0, 0.0], parameters, shape=(2,))
-            along, down = call(self, "force", [0.0, complex(0.0, STEP)], parameters, shape=(2,))
+            along, down = call(self, "force", [0.0, complex(0.0, IMAGINARY_STEP)], parameters, shape=(2,))
             drag = self.linear_drag(parameters)
         if any(at_rest):
             raise mistake_of(self, "force is not 0 at rest")
-        if not isfinite(drag) or abs(complex(down).imag / STEP + drag) + abs(complex(along).imag / STEP) > 1e-9 * abs(
-            drag
-        ):
+        if not isfinite(drag) or abs(complex(down).imag / IMAGINARY_STEP + drag) + abs(
+            complex(along).imag / IMAGINARY_STEP
+        ) > 1e-9 * abs(drag):
             raise mistake_of(self, "force differs from one direction of small motions to another")
 
 

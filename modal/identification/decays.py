@@ -43,7 +43,7 @@ FREQUENCY_STD_MAX = 0.1
 """Tolerance: relative standard deviation of a frequency above which a pole is none: noise has no frequency."""
 POLE_DISTANCE_MAX = 0.05
 """Tolerance: relative distance of two poles that may be one mode, whose frequency falls by θ²/16: of 0.9 rad."""
-SHAPE_MAC_MIN = 0.95
+DECAY_MAC_MIN = 0.95
 """Tolerance: MAC of shapes of one mode: noise leaves more, different modes on several sensors less."""
 RESIDUAL_RATIO = 1.5
 """Tolerance: ratio of residuals of which the smaller are better: those of as good a model differ by noise alone."""
@@ -219,7 +219,7 @@ def _alike(series: Sequence[Series], decays: Decays) -> Booleans:
     sensors = 1 + max(record.sensor for record in series)
     shapes = np.stack([shape_of(decays, r, sensors) for r in range(len(decays.poles))], axis=1)
     is_near = np.abs(decays.poles[:, None] / decays.poles - 1) < POLE_DISTANCE_MAX
-    return np.asarray(np.triu(is_near & (modal_assurance(shapes, shapes) > SHAPE_MAC_MIN), 1))
+    return np.asarray(np.triu(is_near & (modal_assurance(shapes, shapes) > DECAY_MAC_MIN), 1))
 
 
 def _merge(series: Sequence[Series], decays: Decays, r: int, s: int) -> DecayModel:

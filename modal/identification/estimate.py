@@ -23,7 +23,7 @@ from modal.scene.contents import text_of
 from modal.scene.doors import checked
 from modal.scene.parameters import Place, with_numbers
 from modal.scene.unknowns import Unknown, find_unknowns
-from modal.scene.validation import LARGEST
+from modal.scene.validation import NUMBER_SIZE_MAX
 from modal.types import Floats
 
 REPORT_ROUNDING = 1e-6
@@ -166,9 +166,9 @@ def _faults(matrix: Floats) -> Iterator[str]:
         k = int(np.argmin(variance))
         yield f"covariance[{k}][{k}] = {variance[k]:.6g}: a variance must not be negative"
         return
-    if np.any(variance > LARGEST**2):
+    if np.any(variance > NUMBER_SIZE_MAX**2):
         k = int(np.argmax(variance))
-        yield f"covariance[{k}][{k}] = {variance[k]:.6g}: a variance must be at most {LARGEST**2:g}"
+        yield f"covariance[{k}][{k}] = {variance[k]:.6g}: a variance must be at most {NUMBER_SIZE_MAX**2:g}"
         return
     size = np.where(variance > 0, np.sqrt(variance), 1.0)
     with np.errstate(over="ignore"):

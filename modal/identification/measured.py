@@ -24,7 +24,7 @@ import numpy as np
 from modal.errors import SceneError, spelling_hint
 from modal.report import Displayed, counted
 from modal.scene import Scene
-from modal.scene.contents import LARGEST_READ, SIZES_READ, SMALLEST_READ, first_line, text_of
+from modal.scene.contents import MEASURED_MAX, MEASURED_MIN, SIZES_READ, first_line, text_of
 from modal.scene.doors import checked
 from modal.structure import structure_of
 from modal.types import Complexes, Floats, Ints
@@ -203,7 +203,7 @@ def _mode(line: int, row: dict[str, str], components: Sequence[str]) -> Measured
             value = float(word)
         except ValueError:
             value = nan
-        if isfinite(value) and abs(value) != 0 and not SMALLEST_READ <= abs(value) <= LARGEST_READ:
+        if isfinite(value) and abs(value) != 0 and not MEASURED_MIN <= abs(value) <= MEASURED_MAX:
             problems.append(f"line {line}, {column} = {word:.40}: {SIZES_READ}")
             return None
         if not isfinite(value) or value < least or (strict and value == least):

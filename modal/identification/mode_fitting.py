@@ -43,7 +43,7 @@ from modal.scene import Scene
 from modal.scene.doors import checked
 from modal.types import Floats, Ints
 
-ROUNDS = 4
+FIT_ROUNDS = 4
 """Cost: rounds of fitting and estimating the noise of shapes, and of Gauss-Newton's method beside a direction."""
 CONFIDENCE = 0.95
 """Physics: of the region about the best fit in which other minima are solutions, and of an interval of 1.96 σ."""
@@ -258,7 +258,7 @@ def _undetermined_around(problem: _ModeFitProblem, z: Floats, held: Sequence[int
 
 def _refine(problem: _ModeFitProblem, z: Floats, loss: str) -> tuple[Floats, float | None]:
     """The minimum from this z on, and the noise of shapes where it is estimated."""
-    for _ in range(ROUNDS):
+    for _ in range(FIT_ROUNDS):
         z = _solve(problem, z, loss)
         if not problem.estimates_noise:
             return z, None
@@ -415,7 +415,7 @@ def _least_beside(problem: _ModeFitProblem, z: Floats, steps: Floats, y: Floats,
     others = np.delete(np.arange(len(y)), k)
     best = np.inf
     try:
-        for _ in range(ROUNDS):
+        for _ in range(FIT_ROUNDS):
             trial = np.maximum(z + steps @ y, lows)
             residuals = problem.residuals(trial)
             square = float(residuals @ residuals)

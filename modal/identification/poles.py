@@ -18,8 +18,8 @@ import numpy as np
 from modal.errors import ComputationError, SceneError
 from modal.identification.backbone import Backbone, Harmonic, backbone
 from modal.identification.decays import (
+    DECAY_MAC_MIN,
     FREQUENCY_STD_MAX,
-    SHAPE_MAC_MIN,
     Decays,
     Series,
     bent,
@@ -58,7 +58,7 @@ ORDINALS = {2: "second", 3: "third"}
 SMALL_SWINGS, LARGE_SWINGS = "small swings", "large swings"
 METHODS = ("era", "decrement")
 EXCITATIONS = ("free", "random")
-SAMPLES_MIN = 10
+DECAY_SAMPLES_MIN = 10
 """Limit: samples of a segment: "a segment has … samples"."""
 STEP_UNEVENNESS = 0.01
 """Tolerance: of a step, by which samples may be off an even grid without interpolation: clocks round to so much."""
@@ -334,9 +334,9 @@ def _fit_free(
 
 def _interpolate_evenly(segments: Sequence[tuple[Floats, Floats]], notes: list[str]) -> tuple[list[Floats], float]:
     """Values on even times with one step for all segments."""
-    counts = [len(times) for times, _ in segments if len(times) < SAMPLES_MIN]
+    counts = [len(times) for times, _ in segments if len(times) < DECAY_SAMPLES_MIN]
     if counts:
-        raise SceneError([f"a segment has {counts[0]} samples: at least {SAMPLES_MIN} are needed"])
+        raise SceneError([f"a segment has {counts[0]} samples: at least {DECAY_SAMPLES_MIN} are needed"])
     step = float(np.median(np.concatenate([np.diff(times) for times, _ in segments])))
     even_values, is_interpolated = [], False
     for times, values in segments:
@@ -350,8 +350,8 @@ def _interpolate_evenly(segments: Sequence[tuple[Floats, Floats]], notes: list[s
         for column in values.T:
             is_present = np.isfinite(column)
             count = int(np.count_nonzero(is_present))
-            if count < SAMPLES_MIN:
-                raise SceneError([f"a sensor has {count} values in a segment: {SAMPLES_MIN} are needed"])
+            if count < DECAY_SAMPLES_MIN:
+                raise SceneError([f"a sensor has {count} values in a segment: {DECAY_SAMPLES_MIN} are needed"])
             columns.append(np.interp(grid, times[is_present], column[is_present]))
         even_values.append(np.array(columns).T)
     if is_interpolated:
@@ -408,7 +408,7 @@ def _stable(poles: Complexes, shapes: Complexes, others: Complexes, other_shapes
     is_same = np.abs(np.abs(poles)[:, None] / np.abs(others) - 1) < FREQUENCY_TOLERANCE
     damping, dampings = -poles.real / np.abs(poles), -others.real / np.abs(others)
     is_same &= np.abs(damping[:, None] - dampings) < 2 * FREQUENCY_TOLERANCE
-    is_same &= modal_assurance(shapes, other_shapes) > SHAPE_MAC_MIN
+    is_same &= modal_assurance(shapes, other_shapes) > DECAY_MAC_MIN
     return np.asarray(is_same.any(axis=1))
 
 
@@ -684,7 +684,7 @@ def _without_doubles(modes: Sequence[IdentifiedMode]) -> list[IdentifiedMode]:
     for mode in sorted(modes, key=lambda identified: identified.frequency_std):
         for better_mode in different:
             is_near = abs(mode.frequency - better_mode.frequency) < 3 * (mode.frequency_std + better_mode.frequency_std)
-            if is_near and modal_assurance(mode.shape[:, None], better_mode.shape[:, None])[0, 0] > SHAPE_MAC_MIN:
+            if is_near and modal_assurance(mode.shape[:, None], better_mode.shape[:, None])[0, 0] > DECAY_MAC_MIN:
                 break
         else:
             different.append(mode)

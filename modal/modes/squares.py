@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from modal.assembly import Arrays, differences, rig_of, scene_squares
-from modal.assembly.linearization import LARGEST_DENSE
+from modal.assembly.linearization import DENSE_COORDINATES_MAX
 from modal.assembly.squares import SceneSquares, SquareRows
 from modal.assembly.structure import modal_supports
 from modal.eigen import REFINED_DIGITS, Digits
@@ -209,8 +209,10 @@ def slopes_by_squares(modes: Eigenvalues, number: int, phi: Complexes) -> dict[P
 
     ComputationError where a derivative keeps few digits of a number that its terms cancel to.
     """
-    if len(phi) > LARGEST_DENSE:
-        raise ComputationError(f"more than {LARGEST_DENSE} coordinates: derivatives need dense rows of their squares")
+    if len(phi) > DENSE_COORDINATES_MAX:
+        raise ComputationError(
+            f"more than {DENSE_COORDINATES_MAX} coordinates: derivatives need dense rows of their squares"
+        )
     value, (rows, changes) = complex(modes.eigenvalue[number]), square_changes(modes.scene)
     if not value:
         return dict.fromkeys(changes, 0.0)

@@ -15,6 +15,7 @@ from __future__ import annotations
 import codecs
 import os
 import re
+import sys
 from io import BytesIO
 from os import PathLike
 from stat import S_ISREG
@@ -28,8 +29,8 @@ MARKS = {
 }
 """Byte-order marks of encodings, the longer before the shorter that begin alike."""
 SHIPPED = os.path.join(os.path.dirname(__file__), "shipped")
-BEGINNING = 20_000
-"""Bytes of a text that are looked at."""
+BEGINNING_BYTES = 20_000
+"""Format: bytes of a text by which its kind is told."""
 SIGNATURES = (
     (b"\x89PNG", "picture", "a PNG picture"),
     (b"GIF8", "picture", "a GIF picture"),
@@ -121,7 +122,7 @@ def recognize(content: bytes) -> FileKind | None:
         return FileKind("picture", "a film")
     if content.startswith(b"PK\x03\x04"):
         return _archive(content)
-    text = as_text(content[:BEGINNING], errors="replace")
+    text = as_text(content[:BEGINNING_BYTES], errors="replace")
     match = next(((kind, words) for pattern, kind, words in TEXTS if re.search(pattern, text)), None)
     return FileKind(match[0], match[1], is_text=True) if match else None
 
@@ -145,7 +146,7 @@ def _archive(content: bytes) -> FileKind | None:
             names = set(zip_file.namelist())
             if "header.npy" in names:
                 with zip_file.open("header.npy") as header:
-                    header_text = header.read(BEGINNING).replace(b"\0", b"")
+                    header_text = header.read(BEGINNING_BYTES).replace(b"\0", b"")
                 if b"multipendula_" in header_text:
                     is_run = b"multipendula_trajectory" in header_text
                     return FileKind("run", "a run") if is_run else FileKind("sweep", "a result saved by multipendula")
@@ -160,20 +161,20 @@ def _archive(content: bytes) -> FileKind | None:
     )
 
 
-LARGEST_FILE = 256_000_000
-"""Bytes of a scene, and of a file of data."""
-SMALLEST_READ, LARGEST_READ = 1e-50, 1e50
-"""Sizes of measured numbers whose ratios have squares in double precision."""
-SIZES_READ = f"its size must be from {SMALLEST_READ:g} to {LARGEST_READ:g}, or 0"
-PIECE = 1 << 20
-"""Bytes that are read at once: no memory is taken for what is not there."""
+FILE_BYTES_MAX = 256_000_000
+"""Limit: bytes of a scene, of a file of data, and of the arrays of a support; larger files are refused."""
+MEASURED_MIN = 1e-50
+"""Limit: sizes of measured numbers, and seconds between them, whose ratios have squares in double precision."""
+MEASURED_MAX = 1e50
+"""Limit: sizes of measured numbers whose ratios have squares in double precision."""
+SIZES_READ = f"its size must be from {MEASURED_MIN:g} to {MEASURED_MAX:g}, or 0"
+PIECE_BYTES = 1 << 20
+"""Limit: bytes that are read at once: no memory is taken for what is not there, and a heading stands in the first."""
 NAMES = {"table": "CSV text", "report": "JSON text", "": "text"}
 """What text is called of which a file of each kind consists."""
-LONGEST_HEAD = 1_000_000
-"""Bytes within which a first line that is read alone must stand."""
 
 
-def content_of(path: str | PathLike[str], largest: int = LARGEST_FILE) -> bytes:
+def content_of(path: str | PathLike[str], largest: int = FILE_BYTES_MAX) -> bytes:
     """The bytes of a regular file of at most `largest`; SceneError, without its name, for any other."""
     return _beginning(path, largest, is_complete=True)
 
@@ -199,16 +200,16 @@ def decode_text(content: bytes, purpose: str = "") -> str:
 def first_line(path: str | PathLike[str]) -> str:
     """The first line of a file of data that is no comment, "" where the file cannot be read or has none so early."""
     try:
-        text = as_text(_beginning(path, LONGEST_HEAD, is_complete=False), errors="replace")
+        text = as_text(_beginning(path, PIECE_BYTES, is_complete=False), errors="replace")
     except SceneError:
         return ""
     return next((line for line in text.splitlines() if not line.startswith("#")), "")
 
 
-def read_within_limit(stream: IO[bytes], largest: int = LARGEST_FILE) -> bytes:
+def read_within_limit(stream: IO[bytes], largest: int = FILE_BYTES_MAX) -> bytes:
     """What a stream holds; SceneError where that is more than `largest` bytes."""
     pieces, room = [], largest + 1
-    while piece := stream.read(min(PIECE, room)):
+    while piece := stream.read(min(PIECE_BYTES, room)):
         pieces.append(piece)
         room -= len(piece)
     if not room:
@@ -256,9 +257,6 @@ try:
 except ImportError:  # Windows, browsers
     fcntl = None  # type: ignore[assignment]
 
-BEYOND = 1 << 62
-"""A byte that is never read: on Windows no other process can read locked bytes."""
-
 
 def lock(stream: IO[bytes]) -> None:
     """Lock an open file for this process until it is closed, as far as the system has locks; OSError where it cannot.
@@ -272,5 +270,5 @@ def lock(stream: IO[bytes]) -> None:
     elif os.name == "nt":
         import msvcrt
 
-        stream.seek(BEYOND)
+        stream.seek(sys.maxsize // 2)  # a byte that nobody reads: locked ones cannot be read
         msvcrt.locking(stream.fileno(), msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined]

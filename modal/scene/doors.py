@@ -26,13 +26,12 @@ from typing import Any, Literal, TypeVar, get_args, get_origin
 import numpy as np
 
 from modal.errors import SceneError, spelling_hint
+from modal.report.display import VALUE_LETTERS
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 Check = Callable[[object], str]
 """What is wrong with a value, "" where nothing is."""
 LISTS = ("Sequence", "Iterable", "tuple", "list")
-LONGEST = 60
-"""Letters of a value in a message."""
 WAYS = {
     "Scene": ': load("{value}") gives one',
     "Modes": ": natural_modes(scene) gives them",
@@ -143,7 +142,12 @@ def _value_text(value: object) -> str:
         text = repr(value)
     except ValueError:  # of a whole number of thousands of digits
         text = "(an enormous integer)"
-    return text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…"
+    return shorten(text)
+
+
+def shorten(text: str) -> str:
+    """A value in a message, of a long one its beginning."""
+    return text if len(text) <= VALUE_LETTERS else f"{text[: VALUE_LETTERS - 1]}…"
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,15 +21,15 @@ from modal.scene.model import Scene, describe, scene_from
 
 STANDARD = "-"
 """The name of standard input where a file is read, of standard output where one is written."""
-TEMPORARY, FORGOTTEN = ".multipendula-", 86_400.0
-"""How the names of files begin that are not yet whole, and seconds after which nobody is writing one any more."""
-DEEPEST = 50
-"""Most parts of a dotted key; a scene has three, and time and memory grow with their square."""
-PATIENCE = 1.0
-"""Seconds without input before a terminal is told what is expected."""
+TEMPORARY = ".multipendula-"
+"""How the names of files begin that are not yet whole."""
+FORGOTTEN_SECONDS = 86_400.0
+"""Limit: a day, after which nobody is writing a file that is not yet whole: it is removed."""
+KEY_PARTS_MAX = 50
+"""Limit: of a dotted key, refused beyond; a scene has three, and time and memory grow with their square."""
 _PART = r"""(?:[\w-]++ | "(?:\\.|[^"\\\n])*+" | '[^'\n]*+')"""
 _DEEP = re.compile(
-    rf"""(?P<deep> (?<![\w-]) {_PART} (?:[ \t]*+ \. [ \t]*+ {_PART}){{{DEEPEST}}})"""
+    rf"""(?P<deep> (?<![\w-]) {_PART} (?:[ \t]*+ \. [ \t]*+ {_PART}){{{KEY_PARTS_MAX}}})"""
     r"""| (?s:\"{3}.*?\"{3}) | (?s:'{3}.*?'{3}) | "(?:\\.|[^"\\\n])*+" | '[^'\n]*+' | \#[^\n]*+""",
     re.VERBOSE,
 )
@@ -77,7 +77,7 @@ def parse(text: bytes, folder: Path = Path()) -> Scene:
         document = decode_text(text, "scene").replace("\r\n", "\n")
         for key in _DEEP.finditer(document):
             if key["deep"]:
-                raise SceneError([f"line {_line(key)}: a key of over {DEEPEST} parts"])
+                raise SceneError([f"line {_line(key)}: a key of over {KEY_PARTS_MAX} parts"])
         data = tomllib.loads(document)
     except tomllib.TOMLDecodeError as error:
         from modal.scene.toml_mistakes import mistakes_in
@@ -293,7 +293,7 @@ def _remove_forgotten(folder: Path) -> None:
         for entry in list(os.scandir(folder)):
             if entry.name.startswith(TEMPORARY):
                 with suppress(OSError):
-                    if time() - entry.stat(follow_symlinks=False).st_mtime > FORGOTTEN:
+                    if time() - entry.stat(follow_symlinks=False).st_mtime > FORGOTTEN_SECONDS:
                         os.unlink(entry.path)
 
 
@@ -341,11 +341,11 @@ def _read_content(name: str) -> bytes:
 
 @contextmanager
 def _wait_message(name: str) -> Iterator[None]:
-    """Say on a terminal that a scene is expected if nothing has arrived for PATIENCE."""
+    """Say on a terminal that a scene is expected if nothing has arrived for a second."""
     if not sys.stderr or not sys.stderr.isatty():
         yield
         return
-    words = Timer(PATIENCE, print, (f"waiting for a scene from {name} …",), {"file": sys.stderr})
+    words = Timer(1.0, print, (f"waiting for a scene from {name} …",), {"file": sys.stderr})
     words.daemon = True
     words.start()
     try:

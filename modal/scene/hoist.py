@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import pairwise
+from math import isclose
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -12,7 +13,7 @@ from modal.report import deferred
 from modal.scene.stored import SeveralOrNone
 from modal.scene.validation import (
     FILE_NAME,
-    LARGEST,
+    NUMBER_SIZE_MAX,
     POSITIVE,
     REAL,
     REALS_OR_NONE,
@@ -24,14 +25,14 @@ from modal.scene.validation import (
     one_of,
     optional,
 )
+from modal.types import EPS
 
 if TYPE_CHECKING:
     from modal.scene.length_laws import LengthLaw
 
 RECORD = ("time_s", "length_m")
-SAME = 1e-9
-"""Relative difference up to which a record begins at the length of its link."""
-RAMP = 0.25
+RAMP_SHARE = 0.25
+"""Limit: default of `ramp`, the share of a hoist's duration in which its speed rises."""
 Profile = Literal["smooth", "trapezoidal"]
 
 
@@ -88,14 +89,14 @@ class Hoist(Part):
     def problems_from(self, length: float) -> Iterator[str]:
         """What is wrong with the way from `length` (m) on: another beginning, no positive or no finite lengths."""
         key, words = ("length_m", f"a record that begins at {self.length_m[0]:g} m") if self.length_m else ("to", "it")
-        if self.length_m and abs(self.length_m[0] - length) > SAME * length:
+        if self.length_m and not isclose(self.length_m[0], length):
             yield f".length_m: begins at {self.length_m[0]:g} m, and its link has length = {length:g}"
             return
         last = self.length_m[-1] if self.length_m else self.to
         assert last is not None
         with np.errstate(all="ignore"):
             law = self.law(length)
-            has_law = law.greatest <= LARGEST and abs(law.end - last) <= SAME * max(length, last)
+            has_law = law.greatest <= NUMBER_SIZE_MAX and isclose(law.end, last, abs_tol=EPS**0.5 * length)
         if not has_law:
             yield f".{key}: {words} changes too fast or too slowly for double precision"
         elif self.length_m and (shortest := law.extremes[0]) <= 0:
@@ -107,7 +108,7 @@ class Hoist(Part):
         if self.time_s and self.length_m:
             law = deferred("modal.scene.length_laws:recorded_law")(self.time_s, self.length_m, self.interpolation)
         else:
-            ramp = RAMP if self.ramp is None else self.ramp
+            ramp = RAMP_SHARE if self.ramp is None else self.ramp
             share = None if self.profile == "smooth" else ramp
             law = deferred("modal.scene.length_laws:profile_law")(length, self.to, self.begin, self.duration, share)
         return law

@@ -10,7 +10,7 @@ from functools import cache, lru_cache, partial
 from typing import TYPE_CHECKING, Any
 
 from modal.errors import SceneError
-from modal.scene.validation import LARGEST, Part, Schema, field, function_after, number, one_of
+from modal.scene.validation import NUMBER_SIZE_MAX, Part, Schema, field, function_after, number, one_of
 from modal.scene.wording import suggestion
 
 if TYPE_CHECKING:
@@ -96,7 +96,7 @@ def part_of(law: Any) -> type[JointPart]:
     """
     fields: dict[str, Any] = {"kind": field(one_of(law.name), default=law.name)}
     for parameter in law.parameters:
-        bounds = number(ge=max(parameter.low, -LARGEST), le=min(parameter.high, LARGEST))
+        bounds = number(ge=max(parameter.low, -NUMBER_SIZE_MAX), le=min(parameter.high, NUMBER_SIZE_MAX))
         default = {} if parameter.default is None else {"default": parameter.default}
         fields[parameter.name] = field(bounds, parameter.meaning, parameter.unit, **default)
     return type(law.__name__, (_NamedLaw,), {"__doc__": law.__doc__, "__module__": __name__, "law": law(), **fields})

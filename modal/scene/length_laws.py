@@ -24,9 +24,6 @@ import numpy as np
 from modal.report import Displayed
 from modal.types import Booleans, Floats
 
-ALMOST_REAL = 1e-9
-"""Imaginary part (s) up to which a root of a speed is real."""
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LengthLaw(Displayed):
@@ -85,7 +82,8 @@ class LengthLaw(Displayed):
         for span, piece in zip(spans[may_exceed], pieces[may_exceed], strict=True):
             slope = np.polynomial.Polynomial(piece).deriv()
             roots = slope.roots() if np.any(slope.coef[1:]) else np.empty(0)
-            inside = roots.real[(abs(roots.imag) < ALMOST_REAL) & (roots.real > 0) & (roots.real < span)]
+            # complex roots do no harm: what is looked at beside them are lengths, too
+            inside = roots.real[(roots.real > 0) & (roots.real < span)]
             lengths += [float(np.polynomial.Polynomial(piece)(root)) for root in inside]
         return min(lengths), max(lengths)
 
@@ -163,15 +161,15 @@ def _speeds(times: Floats, lengths: Floats, ends: Floats) -> Floats:
     return speed
 
 
-LEAST_SAMPLES = 6
-"""Samples of a spline of degree 5."""
-LEAVING = 0.02
-"""What a spline may leave the samples around by, over the range of the record."""
-PEAK = 0.45
-"""And over the range of these samples: a sine of 2.8 samples a period, of which a spline still is within a percent,
-is 0.42 of it above them at its top."""
-INNER = np.arange(1, 8) / 8
-"""Places within an interval at which a spline is looked at."""
+SPLINE_SAMPLES_MIN = 6
+"""Format: samples of a spline of degree 5."""
+SPLINE_EXCESS_OF_RECORD = 0.02
+"""Tolerance: what a spline may leave the samples around by, over the range of the record: what noise does."""
+SPLINE_EXCESS_OF_SAMPLES = 0.45
+"""Tolerance: and over the range of these samples: a sine of 2.8 samples a period, of which a spline still is within a
+percent, is 0.42 of it above them at its top."""
+SPLINE_PLACES = np.arange(1, 8) / 8
+"""Tolerance: places within an interval at which a spline is looked at."""
 Spline = Callable[[int, int], Callable[[Floats], Floats]]
 """The spline through the samples from one to another, both included."""
 
@@ -186,15 +184,15 @@ def unsplined_intervals(times: Floats, values: Floats, spline: Spline, interpola
     )
     neighbours = np.array([values[previous_index], values[:-1], values[1:], values[next_index]])
     low, high = neighbours.min(0), neighbours.max(0)
-    room = LEAVING * np.ptp(values) + PEAK * (high - low)
+    room = SPLINE_EXCESS_OF_RECORD * np.ptp(values) + SPLINE_EXCESS_OF_SAMPLES * (high - low)
     straight, tried_stretches = np.zeros(len(times) - 1, dtype=bool), set[tuple[int, int]]()
     while new := [ends for ends in splined_stretches(straight) if ends not in tried_stretches]:
         for first, last in new:
             tried_stretches.add((first, last))
-            if straight.any() and last - first + 1 < LEAST_SAMPLES:
+            if straight.any() and last - first + 1 < SPLINE_SAMPLES_MIN:
                 straight[first:last] = True
                 continue
-            inner = times[first:last, None] + np.diff(times)[first:last, None] * INNER
+            inner = times[first:last, None] + np.diff(times)[first:last, None] * SPLINE_PLACES
             interpolated_values, stretch = spline(first, last)(inner), slice(first, last)
             outside = (
                 (interpolated_values < (low - room)[stretch, None])

@@ -63,8 +63,10 @@ from modal.scene.validation import (
 if TYPE_CHECKING:
     from modal.extend import JointLaw
 
-MAX_CHAIN = 20_000
-MAX_LINKS = 10_000_000
+CHAIN_LINKS_MAX = 20_000
+"""Limit: links of one chain; more are refused."""
+SCENE_LINKS_MAX = 10_000_000
+"""Limit: links of a scene in all; more are refused."""
 Way = Literal["down", "up"]
 RATIO = number(ge=0, lt=1)
 
@@ -128,8 +130,8 @@ class Pendulum(Part):
 
     def problems(self) -> Iterator[str]:
         """Lists that do not fit the links, a wire that stands, and a last link on which gravity does not act."""
-        if self.n_links > MAX_CHAIN:
-            yield f".links: has {self.n_links} links, counting repeats: at most {MAX_CHAIN}"
+        if self.n_links > CHAIN_LINKS_MAX:
+            yield f".links: has {self.n_links} links, counting repeats: at most {CHAIN_LINKS_MAX}"
             return
         if self.links[-1].centre == 0:
             at = f".links[{len(self.links) - 1}].centre = 0.0"
@@ -446,8 +448,8 @@ class Scene(Displayed, Part):
             yield from (f".{words}" for words in unbalanced_words)
 
     def _own_problems(self) -> Iterator[str]:
-        if self.n_links > MAX_LINKS:
-            yield f"the scene has {self.n_links} links in all: at most {MAX_LINKS}"
+        if self.n_links > SCENE_LINKS_MAX:
+            yield f"the scene has {self.n_links} links in all: at most {SCENE_LINKS_MAX}"
         if self.has_modal_damping and self.is_hoisted:
             yield ".damping_ratio: belongs to modes of constant lengths, and a hoist changes them: give dampers instead"
         for index, pendulum in enumerate(self.pendulum):

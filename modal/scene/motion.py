@@ -8,10 +8,12 @@ that names it (`modal.scene.records`); the scene holds its numbers.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from itertools import pairwise
 from typing import Literal
 
+from modal.scene.contents import MEASURED_MIN
 from modal.scene.points import parse_point
 from modal.scene.stored import OneOrSeveralKinds, Several, SeveralOrNone
 from modal.scene.validation import (
@@ -37,10 +39,8 @@ from modal.scene.validation import (
 Direction = Literal["horizontal", "vertical"]
 Acting = Literal["horizontal", "vertical", "torque"]
 Quantity = Literal["acceleration", "velocity", "displacement"]
-FEWEST = 4  # samples of a record
-CLOSEST = 1e-50  # s between samples: slopes of splines over less are beyond double precision
-LARGEST_SEED = 2**63 - 1
-MOST_SINES = 20_000
+SINES_MAX = 20_000
+"""Limit: sines of a random motion; more are refused."""
 RECORDED: dict[str, Quantity] = {
     "displacement_m": "displacement",
     "velocity_m_per_s": "velocity",
@@ -106,12 +106,12 @@ class RecordSignal(Part):
         times, values = self.time_s, getattr(self, present_keys[0])
         if len(times) != len(values):
             yield f".{present_keys[0]}: has {len(values)} values for {len(times)} times"
-        elif len(times) < FEWEST:
-            yield f".time_s: has {len(times)} samples: at least {FEWEST} are needed"
+        elif len(times) < 4:  # a cubic spline has no fewer
+            yield f".time_s: has {len(times)} samples: at least 4 are needed"
         if any(later <= earlier for earlier, later in pairwise(times)):
             yield ".time_s: must be strictly ascending"
-        elif any(later - earlier < CLOSEST for earlier, later in pairwise(times)):
-            yield f".time_s: has samples less than {CLOSEST:g} s apart"
+        elif any(later - earlier < MEASURED_MIN for earlier, later in pairwise(times)):
+            yield f".time_s: has samples less than {MEASURED_MIN:g} s apart"
 
 
 class RandomSignal(Part):
@@ -129,7 +129,7 @@ class RandomSignal(Part):
         optional(list_of(number(ge=0, le=1e100))), "frequencies of the PSD", "Hz", default=None
     )
     seed: int = field(
-        {"type": "int", "strict": True, "ge": 0, "le": LARGEST_SEED}, "equal seeds give equal realizations"
+        {"type": "int", "strict": True, "ge": 0, "le": sys.maxsize}, "equal seeds give equal realizations"
     )
     duration: float = field(POSITIVE, "after which it repeats", "s")
 
@@ -146,8 +146,8 @@ class RandomSignal(Part):
         sines = int(self.frequency_hz[-1] * self.duration)
         if sines < max(1.0, self.frequency_hz[0] * self.duration):
             yield f".duration = {self.duration!r}: holds no whole period of a frequency between those of the PSD"
-        elif sines - self.frequency_hz[0] * self.duration > MOST_SINES:
-            yield f".duration = {self.duration!r}: takes about {sines} sines: at most {MOST_SINES} are summed"
+        elif sines - self.frequency_hz[0] * self.duration > SINES_MAX:
+            yield f".duration = {self.duration!r}: takes about {sines} sines: at most {SINES_MAX} are summed"
 
 
 # --------------------------------------------------------------------------------------------- motion of a support

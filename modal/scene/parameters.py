@@ -18,11 +18,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from modal.errors import SceneError, spelling_hint
+from modal.errors import SIMILARITY_MIN, SceneError, spelling_hint
 from modal.report import Displayed, Summary
+from modal.scene.doors import shorten
 from modal.scene.links import Escapement
 from modal.scene.model import Scene, describe, plain_data, scene_from
-from modal.scene.validation import LARGEST, SMALLEST, Part
+from modal.scene.validation import NUMBER_SIZE_MAX, NUMBER_SIZE_MIN, Part
 from modal.types import Floats
 
 if TYPE_CHECKING:
@@ -31,13 +32,13 @@ if TYPE_CHECKING:
 STEP = r"[a-z_]+(\[([0-9]{1,9}|\*)\])*"
 WRITTEN = re.compile(rf"(support\.[A-Za-z0-9_]+\.)?{STEP}(\.{STEP})*", re.ASCII)
 WORD = re.compile(r"[A-Za-z0-9_]+|\*", re.ASCII)
-MOST_NAMED = 5  # places that are named in a message
+VALUES_LISTED_MAX = 5
+"""Format: values and places that are written one by one."""
 ABBREVIATED = {"L": "length", "M": "mass", "c": "damping", "g": "gravity", "k": "stiffness", "l": "length", "m": "mass"}
-NEAR = 0.8  # similarity of a misspelt place required for a suggestion
 Step = str | int
 Place = tuple[Step, ...]
-MOST_VALUES = 100_000
-LONGEST = 60  # letters of a quotation in a message
+VARIED_VALUES_MAX = 100_000
+"""Limit: values of one number that is varied; more are refused."""
 RANGE = re.compile(r"([^:]*):([^:]*):\s*([0-9]{1,99})\s*(log)?\s*", re.ASCII)
 NUMBER = re.compile(r"\s*[+-]?(([0-9]+\.?[0-9]*|\.[0-9]+)(e[+-]?[0-9]+)?|nan|inf)\s*", re.ASCII | re.IGNORECASE)
 UNITS = {
@@ -235,7 +236,7 @@ def _is_number(value: object) -> bool:
 
 def _unknown(scene: Scene, name: str, path: str) -> str:
     numbers = number_paths(scene)
-    hint = spelling_hint(name, numbers, cutoff=NEAR) or _of_that_key(name, numbers)
+    hint = spelling_hint(name, numbers, cutoff=SIMILARITY_MIN) or _of_that_key(name, numbers)
     if ".start." in name and not any(".start." in place for place in numbers):
         hint = ": its file gives no pendulum a `start`"
     return f"{path}: " + ("" if name == path else f"{name} ") + "is not a number of this scene" + hint
@@ -247,9 +248,9 @@ def _of_that_key(name: str, numbers: Sequence[str]) -> str:
     word = name.rpartition(".")[2].partition("[")[0]
     key = word if word in keys.values() else ABBREVIATED.get(word, word.rpartition("_")[2])
     places = [place for place in numbers if keys[place] == key]
-    candidates = places or [place for place in numbers if spelling_hint(word, [keys[place]], cutoff=NEAR)]
-    remainder = f", … {len(candidates) - MOST_NAMED} more" if len(candidates) > MOST_NAMED + 1 else ""
-    names = ", ".join(candidates[:MOST_NAMED] if remainder else candidates)
+    candidates = places or [place for place in numbers if spelling_hint(word, [keys[place]], cutoff=SIMILARITY_MIN)]
+    remainder = f", … {len(candidates) - VALUES_LISTED_MAX} more" if len(candidates) > VALUES_LISTED_MAX + 1 else ""
+    names = ", ".join(candidates[:VALUES_LISTED_MAX] if remainder else candidates)
     return f": there is {names}{remainder}" if candidates else ": `scene_numbers(scene)` lists them"
 
 
@@ -272,9 +273,7 @@ def _numbers(part: Any, at: Place = ()) -> Iterator[Place]:
 Vary = Mapping[str, ArrayLike] | str | Sequence[str] | Sequence["Variation"]
 """What is varied: numbers at places, or a grid of the texts `PLACE=VALUES`, of which one may stand alone."""
 ANY_POSITIVE = {"gravity", "mass", "length", "centre", "inertia", "stiffness"}
-"""Numbers that may be anything from SMALLEST to LARGEST."""
-MOST_SHOWN = 5
-"""Values that a variation shows one by one."""
+"""Numbers that may be anything from NUMBER_SIZE_MIN to NUMBER_SIZE_MAX."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -288,12 +287,12 @@ class Variation(Displayed):
 
     def __post_init__(self) -> None:
         if not WRITTEN.fullmatch(self.path):
-            raise SceneError([f"{_shorten(self.path)}: is not a place such as pendulum[0].links[1].length"])
+            raise SceneError([f"{shorten(self.path)}: is not a place such as pendulum[0].links[1].length"])
         if problem := _problem(self.values, self.log):
             raise SceneError([f"{self.path}: {problem}"])
 
     def _summary(self) -> Summary:
-        is_short = len(self.values) <= MOST_SHOWN
+        is_short = len(self.values) <= VALUES_LISTED_MAX
         values = ", ".join(f"{value:g}" for value in (self.values if is_short else (self.values[0], self.values[-1])))
         words = values if is_short else f"{len(self.values)} values from {values.replace(', ', ' to ')}"
         return Summary(f"{self.path}: {words} {self.unit}".rstrip() + ", logarithmic" * self.log)
@@ -356,11 +355,11 @@ def parse_variations(texts: str | Sequence[str]) -> tuple[Variation, ...]:
 def _parse(text: str) -> Variation:
     path, sign, words = text.partition("=")
     if not sign:
-        raise SceneError([f"{_shorten(text)}: must be PLACE=VALUES, such as support.mass=1:1000:50log"])
+        raise SceneError([f"{shorten(text)}: must be PLACE=VALUES, such as support.mass=1:1000:50log"])
     try:
         values, log = _values(words)
     except ValueError as error:
-        raise SceneError([f"{_shorten(text)}: {error}"]) from None
+        raise SceneError([f"{shorten(text)}: {error}"]) from None
     return Variation(path.strip(), values, log)
 
 
@@ -371,9 +370,9 @@ def _values(words: str) -> tuple[tuple[float, ...], bool]:
     if not match:
         raise ValueError("a range is FROM:TO:COUNT or FROM:TO:COUNTlog")
     low, high, count, log = _number(match[1]), _number(match[2]), int(match[3]), bool(match[4])
-    if not 2 <= count <= MOST_VALUES:
-        raise ValueError(f"a range has from 2 to {MOST_VALUES} values, not {count}")
-    if not -LARGEST <= low < high <= LARGEST:
+    if not 2 <= count <= VARIED_VALUES_MAX:
+        raise ValueError(f"a range has from 2 to {VARIED_VALUES_MAX} values, not {count}")
+    if not -NUMBER_SIZE_MAX <= low < high <= NUMBER_SIZE_MAX:
         raise ValueError("a range goes from a smaller to a larger finite number")
     if log and low <= 0:
         raise ValueError("a logarithmic range begins above 0")
@@ -382,22 +381,18 @@ def _values(words: str) -> tuple[tuple[float, ...], bool]:
 
 def _number(word: str) -> float:
     if not NUMBER.fullmatch(word):
-        raise ValueError(f'"{_shorten(word)}" is not a number')
+        raise ValueError(f'"{shorten(word)}" is not a number')
     return float(word)
 
 
 def _problem(values: Sequence[float], log: bool) -> str:
-    if not 1 <= len(values) <= MOST_VALUES:
-        return f"takes from 1 to {MOST_VALUES} values, not {len(values)}"
-    if not all(abs(value) <= LARGEST for value in values):
-        return f"values must be finite and at most {LARGEST:g}"
+    if not 1 <= len(values) <= VARIED_VALUES_MAX:
+        return f"takes from 1 to {VARIED_VALUES_MAX} values, not {len(values)}"
+    if not all(abs(value) <= NUMBER_SIZE_MAX for value in values):
+        return f"values must be finite and at most {NUMBER_SIZE_MAX:g}"
     if any(later <= earlier for earlier, later in pairwise(values)):
         return "values must be strictly ascending"
     return "logarithmically spaced values must be positive" if log and values[0] <= 0 else ""
-
-
-def _shorten(text: str) -> str:
-    return text if len(text) <= LONGEST else text[: LONGEST - 1] + "…"
 
 
 def validate_variations(scene: Scene, variations: Sequence[Variation]) -> None:
@@ -477,7 +472,9 @@ def validate_arrays(variable: Variable, arrays: Mapping[str, Floats]) -> None:
     problems: dict[str, None] = {}
     for path, values in arrays.items():
         places = variable.places[path]
-        if values.size and not (places[0][-1] in ANY_POSITIVE and values.min() >= SMALLEST and values.max() <= LARGEST):
+        if values.size and not (
+            places[0][-1] in ANY_POSITIVE and values.min() >= NUMBER_SIZE_MIN and values.max() <= NUMBER_SIZE_MAX
+        ):
             problems |= dict.fromkeys(_refusals(variable.scene, path, _telling(places[0][-1], values), places))
     if problems:
         raise SceneError(tuple(problems))

@@ -12,10 +12,11 @@ from modal.scene.doors import require_type
 from modal.scene.model import Scene
 from modal.scene.motion import Force, SineForce, SineMotion, SupportMotion
 from modal.scene.parameters import with_numbers
+from modal.types import NOISE_OF_SUM
 
 SINES = (SineMotion, SineForce)
-MOST, SAME = 64, 1e-12
-"""The largest denominator of a ratio of two frequencies, and how far from it that ratio may be, relative."""
+RATIO_DENOMINATOR_MAX = 64
+"""Limit: of a ratio of two frequencies; others have no common period and are refused."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -76,12 +77,12 @@ def drive_period(scene: Scene) -> DrivePeriod:
     if not frequencies:
         raise SceneError(['nothing drives this scene: give it a [[force]], or a support of kind = "moved"'])
     first, *_ = frequencies.values()
-    ratios = {place: Fraction(hz / first).limit_denominator(MOST) for place, hz in frequencies.items()}
+    ratios = {place: Fraction(hz / first).limit_denominator(RATIO_DENOMINATOR_MAX) for place, hz in frequencies.items()}
     incommensurate_places = [
-        place for place, hz in frequencies.items() if abs(float(ratios[place]) * first - hz) > SAME * hz
+        place for place, hz in frequencies.items() if abs(float(ratios[place]) * first - hz) > NOISE_OF_SUM * hz
     ]
     if incommensurate_places:
-        words = f"is not a ratio p/q of {next(iter(frequencies))} = {first!r} with q of at most {MOST}"
+        words = f"is not a ratio p/q of {next(iter(frequencies))} = {first!r} with q of at most {RATIO_DENOMINATOR_MAX}"
         raise SceneError(
             [
                 f"{place} = {frequencies[place]!r}: {words}: these drives have no common period"

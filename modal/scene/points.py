@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 from modal.errors import spelling_hint
 from modal.scene.features import Described
-from modal.scene.validation import LARGEST
+from modal.scene.validation import NUMBER_SIZE_MAX
 
 CART = "cart"
 WRITTEN = re.compile(
@@ -121,8 +121,8 @@ def _parse_carrier_point(text: str) -> CarrierPoint | GroundPoint:
     if match is None or match["name"] == "pendulum":
         raise ValueError(f"is not a point such as {EXAMPLE}")
     place = None if match["along"] is None else (float(match["along"]), float(match["below"]))
-    if place and max(map(abs, place)) > LARGEST:
-        raise ValueError(f"a place is at most {LARGEST:g} m away")
+    if place and max(map(abs, place)) > NUMBER_SIZE_MAX:
+        raise ValueError(f"a place is at most {NUMBER_SIZE_MAX:g} m away")
     if match["name"] == GROUND:
         if match["point"] is not None:
             raise ValueError("the ground has no numbered points: write ground@x,z")

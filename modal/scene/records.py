@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from modal.errors import SceneError, spelling_hint
-from modal.scene.contents import LARGEST_READ, SIZES_READ, SMALLEST_READ
+from modal.scene.contents import MEASURED_MAX, MEASURED_MIN, SIZES_READ
 from modal.scene.hoist import RECORD
 from modal.scene.motion import FORCES, RECORDED, Quantity, spectrum_problems
 from modal.scene.supports import ARRAYS, read_matrices
@@ -111,7 +111,7 @@ def read_spectrum(
     problems = list(spectrum_problems(frequencies, psd))
     problems += [f".{name} = {value!r}: must not be negative" for value in psd if value < 0][:1]
     problems += [f".frequency_hz = {value!r}: must not be negative" for value in frequencies if value < 0][:1]
-    problems += [f".frequency_hz = {value!r}: {SIZES_READ}" for value in frequencies if 0 < value < SMALLEST_READ][:1]
+    problems += [f".frequency_hz = {value!r}: {SIZES_READ}" for value in frequencies if 0 < value < MEASURED_MIN][:1]
     if problems:
         raise SceneError([f"{fspath(path)}: {problem.removeprefix('.')}" for problem in problems])
     return Spectrum(frequencies, psd, of)
@@ -154,10 +154,10 @@ def _table(path: str | PathLike[str], has_quotes: bool, meanings: Mapping[str, s
 
 def _sizes(table: DataTable, column: str, values: Floats) -> Iterator[str]:
     """Numbers that are missing, or too large to be squared."""
-    for row in np.flatnonzero(~(np.abs(values) <= LARGEST_READ)):
+    for row in np.flatnonzero(~(np.abs(values) <= MEASURED_MAX)):
         cell = table.words(column)[row] if table.has_quotes else ""
         quotation = f' = "{cell[:40]}"' if table.has_quotes else ""
-        limit = f" of at most {LARGEST_READ:g}" * isfinite(values[row])
+        limit = f" of at most {MEASURED_MAX:g}" * isfinite(values[row])
         yield f"{table.name}: line {table.lines[row]}, {column}{quotation}: must be a finite number{limit}"
 
 

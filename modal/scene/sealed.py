@@ -23,17 +23,17 @@ from modal.errors import SceneError
 from modal.scene.contents import content_of, recognize
 from modal.types import Floats
 
-LARGEST = 1_500_000_000
-"""Largest size in bytes of a file, and of its unpacked contents."""
+SEALED_BYTES_MAX = 1_500_000_000
+"""Limit: bytes of a file, and of its unpacked contents; a larger one is refused."""
 KEY = b'"sha256": "'
-DIGITS = 64
+CHECKSUM_DIGITS = 64
+"""Format: hexadecimal digits of SHA-256."""
 NPY = re.compile(
     rb"\x93NUMPY\x01\x00.{2}\{'descr': '([<>|][fiU]\d{1,9})', 'fortran_order': (True|False), "
     rb"'shape': \(([\d, ]*)\), \} *\n",
     re.DOTALL,
 )
 """The header of an array as written by NumPy; no other is read."""
-LONGEST_HEAD = 1024
 Source = bytes | str | os.PathLike[str]
 """A file: its bytes, or the path at which it is."""
 KINDS = {
@@ -65,15 +65,15 @@ def reading(source: Source, what: str) -> Iterator[None]:
 
 
 def content(source: Source) -> bytes:
-    """The bytes of a file of at most LARGEST; SceneError for a larger one and for anything that is not a file."""
+    """The bytes of a file; SceneError for a larger one than is allowed and for anything that is not a file."""
     if isinstance(source, bytes):
         return source
-    return content_of(source, LARGEST)
+    return content_of(source, SEALED_BYTES_MAX)
 
 
 def _limit_size(size: int) -> None:
-    if size > LARGEST:
-        raise SceneError([f"is larger than {LARGEST} bytes"])
+    if size > SEALED_BYTES_MAX:
+        raise SceneError([f"is larger than {SEALED_BYTES_MAX} bytes"])
 
 
 def seal(head: bytes, tail: bytes = b"") -> bytes:
@@ -85,11 +85,11 @@ def seal(head: bytes, tail: bytes = b"") -> bytes:
 
 def verify_whole(content: bytes, head_length: int) -> None:
     """ValueError where no checksum follows these bytes, SceneError where it does not match."""
-    checksum_there, others = content[head_length : head_length + DIGITS], memoryview(content)
-    if not re.fullmatch(rb"[0-9a-f]{%d}" % DIGITS, checksum_there):
+    checksum_there, others = content[head_length : head_length + CHECKSUM_DIGITS], memoryview(content)
+    if not re.fullmatch(rb"[0-9a-f]{%d}" % CHECKSUM_DIGITS, checksum_there):
         raise ValueError
     checksum = sha256(others[:head_length])
-    checksum.update(others[head_length + DIGITS :])
+    checksum.update(others[head_length + CHECKSUM_DIGITS :])
     if checksum.hexdigest().encode() != checksum_there:
         raise SceneError(["is damaged: its checksum does not match"])
 
@@ -119,8 +119,8 @@ def archive(arrays: Mapping[str, Any]) -> bytes:
     stream = BytesIO()
     np.savez_compressed(stream, **arrays)
     with ZipFile(stream, "a") as zip_file:
-        zip_file.comment = b"0" * DIGITS
-    return seal(stream.getvalue()[:-DIGITS])
+        zip_file.comment = b"0" * CHECKSUM_DIGITS
+    return seal(stream.getvalue()[:-CHECKSUM_DIGITS])
 
 
 def unpack(content: bytes, names: Collection[str] | None = None) -> dict[str, Any]:
@@ -128,7 +128,7 @@ def unpack(content: bytes, names: Collection[str] | None = None) -> dict[str, An
 
     Nothing is unpacked before the checksum, all sizes and all names have been checked.
     """
-    verify_whole(content, len(content) - DIGITS)
+    verify_whole(content, len(content) - CHECKSUM_DIGITS)
     with ZipFile(BytesIO(content)) as zip_file:
         members = {member.filename.removesuffix(".npy"): member for member in zip_file.infolist()}
         _limit_size(sum(member.file_size for member in members.values()))
@@ -161,7 +161,7 @@ def _array(zip_file: ZipFile, member: ZipInfo) -> Any:
 def _head(stream: IO[bytes]) -> bytes:
     """The length of an array's header is in its bytes 8 and 9."""
     start = stream.read(10)
-    return start + stream.read(min(int.from_bytes(start[8:], "little"), LONGEST_HEAD))
+    return start + stream.read(int.from_bytes(start[8:], "little"))
 
 
 # ------------------------------------------------------------------------------------------------------- contents

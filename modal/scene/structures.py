@@ -26,21 +26,23 @@ WAYS = {"cart": ("horizontal",), "heave": ("vertical",)}
 """The only direction in which a force on a support does anything, by its kind."""
 RESERVED = re.compile(r"ground|pendulum|cart|support|theta(_.*)?|time|work|x", re.ASCII)
 """Names that mean something else in places, in points or in columns."""
-MOST_SUPPORTS, MOST_SPRINGS = 1000, 100_000
-"""Most supports, and most springs counting those of every copy."""
+SUPPORTS_MAX = 1000
+"""Limit: supports of a scene; more are refused."""
+SPRINGS_MAX = 100_000
+"""Limit: springs of a scene, counting those of every copy; more are refused."""
 
 
 def structure_problems(scene: Described) -> Iterator[str]:
     """Every mistake in what pendula hang from and in what joins them, but those of their balance."""
-    if len(scene.supports) > MOST_SUPPORTS:
-        yield f".support: has {len(scene.supports)} supports: at most {MOST_SUPPORTS}"
+    if len(scene.supports) > SUPPORTS_MAX:
+        yield f".support: has {len(scene.supports)} supports: at most {SUPPORTS_MAX}"
         return
     yield from _name_problems(scene)
     yield from _ground_problems(scene)
     for index, pendulum in enumerate(scene.pendulum):
         yield from _hanging_problems(scene, pendulum, f".pendulum[{index}]")
-    if len(scene.spring) > MOST_SPRINGS:
-        yield f".spring: has {len(scene.spring)} springs: at most {MOST_SPRINGS}"
+    if len(scene.spring) > SPRINGS_MAX:
+        yield f".spring: has {len(scene.spring)} springs: at most {SPRINGS_MAX}"
         return
     for index, spring in enumerate(scene.spring):
         yield from _spring_problems(scene, spring, f".spring[{index}]")
@@ -157,8 +159,8 @@ def _spring_problems(scene: Described, spring: Any, at: str) -> Iterator[str]:
     if problems:
         return
     first, second = (points_at(scene, text) for text in spring.between)
-    if max(first, second) > MOST_SPRINGS:
-        yield f"{at}.between: joins {max(first, second)} points: at most {MOST_SPRINGS}"
+    if max(first, second) > SPRINGS_MAX:
+        yield f"{at}.between: joins {max(first, second)} points: at most {SPRINGS_MAX}"
         return
     if first != second and 1 not in {first, second}:
         yield f"{at}.between: joins {first} points to {second}: as many of both, or one"

@@ -9,7 +9,7 @@ from typing import Any
 from modal.extend import Support, find_extension
 from modal.extend.registry import call, mistake_of
 from modal.scene.supports import PAIR, Placed, start_keys
-from modal.scene.validation import LARGEST, NON_NEGATIVE, POSITIVE, REAL, Part, field, number, one_of, optional
+from modal.scene.validation import NON_NEGATIVE, NUMBER_SIZE_MAX, POSITIVE, REAL, Part, field, number, one_of, optional
 
 LAWS = {"stiffness": {"m": "N/m", "rad": "N m/rad"}, "damping": {"m": "N s/m", "rad": "N m s/rad"}}
 
@@ -38,7 +38,7 @@ def _made_part(path: type[Support]) -> type[Placed]:
         body["inertia"] = field(NON_NEGATIVE, "moment of inertia about the centre of mass", "kg m²", default=0.0)
         body["centre"] = field(PAIR, "of mass: along and below the origin, as drawn", "m", default=(0.0, 0.0))
     for parameter in path.parameters:
-        bounds = {"ge": max(parameter.low, -LARGEST), "le": min(parameter.high, LARGEST)}
+        bounds = {"ge": max(parameter.low, -NUMBER_SIZE_MAX), "le": min(parameter.high, NUMBER_SIZE_MAX)}
         default = {} if parameter.default is None else {"default": parameter.default}
         body[parameter.name] = field(number(**bounds), parameter.meaning, parameter.unit, **default)
     for law, units in LAWS.items():

@@ -24,6 +24,7 @@ import numpy as np
 from modal.errors import SceneError
 from modal.extend import Support, SupportCoordinate
 from modal.scene.carriers import CartMotion, HeaveMotion, PlatformMotion, SwingMotion, TiltMotion
+from modal.scene.contents import FILE_BYTES_MAX
 from modal.scene.links import LOSS_ANGLE, Loss, is_lossy
 from modal.scene.points import parse_point
 from modal.scene.stored import Pair, Rows, RowsOfPoints, Several, SeveralOrNone
@@ -45,9 +46,12 @@ from modal.scene.validation import (
 )
 from modal.types import Floats
 
-SYMMETRIC = 1e-10
-"""How far from symmetric a matrix may be, of its largest entry; and how negative an eigenvalue of one without sign."""
-MOST_COORDINATES, MOST_POINTS = 500, 10_000
+ASYMMETRY_MAX = 1e-10
+"""Tolerance: of a matrix, of its largest entry, as of files of ten digits; and how negative an eigenvalue may be."""
+SUPPORT_COORDINATES_MAX = 500
+"""Limit: coordinates of a support that is given by matrices; more are refused."""
+SUPPORT_POINTS_MAX = 10_000
+"""Limit: points of a support that is given by matrices; more are refused."""
 Matrix = tuple[tuple[float, ...], ...]
 
 
@@ -59,14 +63,14 @@ def matrix_problems(M: Matrix, K: Matrix, D: Matrix | None, points: tuple[Matrix
 
 def _matrix_problems(M: Matrix, K: Matrix, D: Matrix | None, points: tuple[Matrix, ...]) -> Iterator[str]:
     size = len(M)
-    if not 0 < size <= MOST_COORDINATES:
-        yield f".M: has {size} rows: from 1 to {MOST_COORDINATES} are possible"
+    if not 0 < size <= SUPPORT_COORDINATES_MAX:
+        yield f".M: has {size} rows: from 1 to {SUPPORT_COORDINATES_MAX} are possible"
         return
     square = [(name, matrix) for name, matrix in (("M", M), ("K", K), ("D", D)) if matrix is not None]
     wrong = [name for name, matrix in square if len(matrix) != size or any(len(row) != size for row in matrix)]
     yield from (f".{name}: must have {size} rows of {size} numbers, as M has rows" for name in wrong)
-    if not 0 < len(points) <= MOST_POINTS:
-        yield f".points: has {len(points)} points: from 1 to {MOST_POINTS} are possible"
+    if not 0 < len(points) <= SUPPORT_POINTS_MAX:
+        yield f".points: has {len(points)} points: from 1 to {SUPPORT_POINTS_MAX} are possible"
     for k, point in enumerate(points):
         if len(point) != 2 or any(len(row) != size for row in point):
             yield f".points[{k}]: must be 2 lists of {size} numbers: displacements along and down"
@@ -78,7 +82,9 @@ def _matrix_problems(M: Matrix, K: Matrix, D: Matrix | None, points: tuple[Matri
 def _sign_problems(matrices: Mapping[str, Floats]) -> Iterator[str]:
     """Matrices that are not symmetric, not positive definite, or not semidefinite."""
     skew = [
-        name for name, matrix in matrices.items() if np.abs(matrix - matrix.T).max() > SYMMETRIC * np.abs(matrix).max()
+        name
+        for name, matrix in matrices.items()
+        if np.abs(matrix - matrix.T).max() > ASYMMETRY_MAX * np.abs(matrix).max()
     ]
     yield from (f".{name}: must be symmetric" for name in skew)
     if "M" in skew:
@@ -91,15 +97,13 @@ def _sign_problems(matrices: Mapping[str, Floats]) -> Iterator[str]:
     for name, matrix in matrices.items():
         if name != "M" and name not in skew:
             values = np.linalg.eigvalsh(inverse @ matrix @ inverse.T)
-            if values[0] < -SYMMETRIC * max(values[-1], 0.0):
+            if values[0] < -ASYMMETRY_MAX * max(values[-1], 0.0):
                 yield f".{name}: must be positive semidefinite"
 
 
 # ------------------------------------------------------------------------------------------------------- files
 
 ARRAYS = ("M", "K", "D", "points")
-LARGEST_FILE = 64_000_000
-"""Bytes of all arrays of a file, unpacked."""
 RANKS = {"M": 2, "K": 2, "D": 2, "points": 3}
 
 
@@ -114,7 +118,7 @@ def read_matrices(path: str | PathLike[str]) -> dict[str, Any]:
     from modal.scene.sealed import content, members_of, reading
 
     with reading(path, "NPZ file of M, K and points"), ZipFile(BytesIO(content(path))) as zip_file:
-        arrays = members_of(zip_file, ARRAYS, LARGEST_FILE)
+        arrays = members_of(zip_file, ARRAYS, FILE_BYTES_MAX)
         if missing := [name for name in ("M", "K", "points") if name not in arrays]:
             raise SceneError([f"has no array {', '.join(missing)}"])
         for name, matrix in arrays.items():

@@ -23,8 +23,8 @@ WORDS = {
     "tilt": ("board that tilts", "boards that tilt"),
 }
 """Supports in words, one and several, where they are called otherwise than their kind says."""
-MOST_SORTS = 3
-"""Sorts of pendula that a title names one by one."""
+TITLE_SORTS_MAX = 3
+"""Format: sorts of pendula or links that a title names one by one."""
 
 
 def title_of(scene: Scene) -> str:
@@ -87,7 +87,7 @@ def _pendula(scene: Scene) -> str:
     for pendulum in scene.pendulum:
         singular, plural_words = _sort(pendulum)
         counts[singular] = plural_words, counts.get(singular, (plural_words, 0))[1] + pendulum.count
-    if len(counts) > MOST_SORTS:
+    if len(counts) > TITLE_SORTS_MAX:
         return f"{_number(scene.n_pendula)} pendula of {_number(scene.n_links)} links in all"
     phrases = [
         singular if count == 1 else f"{_number(count)} {plural_words}"
@@ -116,7 +116,7 @@ def _links(pendulum: Pendulum) -> str:
     if len(runs) == 1:
         (kind, count), n = runs[0], pendulum.n_links
         return plural(kind, count) if n in NAMES and n > 1 else f"{_number(count)} {plural(kind, count)}"
-    if len(runs) > MOST_SORTS:
+    if len(runs) > TITLE_SORTS_MAX:
         return f"{_number(pendulum.n_links)} links"
     phrases = [f"{_number(count)} {plural(kind, count)}" for kind, count in runs]
     return listed(phrases, len(phrases))
@@ -142,7 +142,8 @@ def _number(count: int) -> str:
     return NUMBERS[count] if count < len(NUMBERS) else str(count)
 
 
-MOST_RUNS = 4
+TABLE_ITEMS_MAX = 4
+"""Format: items of a cell that are written one by one."""
 HEADINGS = ("pendulum", "links", "mass (kg)", "length (m)", "also")
 ALSO = ("damping", "stiffness", "friction", "drag", "quadratic_drag", "drive", "hoist")
 CART = (("mass", "kg"), ("damping", "N s/m"), ("stiffness", "N/m"), ("friction", "N"), ("friction_coefficient", ""))
@@ -170,9 +171,9 @@ def _facts(scene: Scene) -> Iterator[tuple[str, str]]:
         for name, support in zip(scene.support_names, scene.supports, strict=True):
             yield name, ", ".join(_numbers_of(support)) or support.kind
     if scene.spring:
-        yield "springs", ", ".join(" – ".join(spring.between) for spring in scene.spring[:MOST_RUNS])
+        yield "springs", ", ".join(" – ".join(spring.between) for spring in scene.spring[:TABLE_ITEMS_MAX])
     if scene.force:
-        yield "forces", ", ".join(f"{force.kind} on {force.on}" for force in scene.force[:MOST_RUNS])
+        yield "forces", ", ".join(f"{force.kind} on {force.on}" for force in scene.force[:TABLE_ITEMS_MAX])
 
 
 def _numbers_of(support: Part) -> Iterator[str]:
@@ -205,5 +206,5 @@ def _times(count: int, value: float) -> str:
 
 
 def _first_words(words: Iterable[str]) -> str:
-    beginning = list(islice(words, MOST_RUNS + 1))
-    return ", ".join(beginning if len(beginning) <= MOST_RUNS else [*beginning[:MOST_RUNS], "…"])
+    beginning = list(islice(words, TABLE_ITEMS_MAX + 1))
+    return ", ".join(beginning if len(beginning) <= TABLE_ITEMS_MAX else [*beginning[:TABLE_ITEMS_MAX], "…"])

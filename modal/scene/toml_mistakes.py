@@ -21,14 +21,12 @@ from functools import cached_property
 from modal.report.escaping import visible
 from modal.report.fitting import breadth
 
-LARGEST = 50_000
-"""Letters of a document from which on nothing is guessed."""
-MOST_TOLD = 5
-"""Mistakes that are told of."""
-MOST_ALONE = 3
-"""Places in a line at which a correction is tried alone."""
-WIDEST = 100
-"""Letters of a line that are shown."""
+GUESSED_LETTERS_MAX = 50_000
+"""Limit: letters of a document from which on a message says what is wrong, and guesses nothing."""
+BROKEN_LINES_MAX = 5
+"""Limit: broken lines of a document that a message names."""
+LINE_LETTERS_MAX = 100
+"""Format: letters of a line that are shown."""
 SPACE = "    "
 PLACE = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
 TOKEN = re.compile(
@@ -59,7 +57,7 @@ def mistakes_in(document: str, error: Exception) -> list[str]:
     """What is wrong with a document that the parser refused with this error."""
     broken: Broken | None = Broken.of(document, error)
     lines: list[str] = []
-    for _ in range(MOST_TOLD):
+    for _ in range(BROKEN_LINES_MAX):
         if broken is None:
             break
         guess = broken.guess()
@@ -120,7 +118,7 @@ class Broken:
 
     def guess(self) -> Guess | None:
         """The first correction that brings the parser further; None where none does, or the document is too long."""
-        if len(self.document) > LARGEST:
+        if len(self.document) > GUESSED_LETTERS_MAX:
             return None
         for mistake in MISTAKES:
             for guess in mistake(self):
@@ -135,13 +133,16 @@ class Broken:
         line = self.document[start:].partition("\n")[0]
         number = self.document.count("\n", 0, start) + 1
         words = guess.words if guess else f"broken TOML: {self.why[:1].lower()}{self.why[1:]}"
-        first = max(0, min(at - start - WIDEST // 2, len(line) - WIDEST))
-        visible_line, caret = visible(line[first : first + WIDEST]), breadth(visible(line[first : at - start]))
+        first = max(0, min(at - start - LINE_LETTERS_MAX // 2, len(line) - LINE_LETTERS_MAX))
+        visible_line, caret = (
+            visible(line[first : first + LINE_LETTERS_MAX]),
+            breadth(visible(line[first : at - start])),
+        )
         lines = [f"line {number}: {words}", f"{SPACE}{visible_line}", f"{SPACE}{' ' * caret}^"]
         corrected_line = guess.line(number) if guess and guess.is_meant else ""
         return (
             [*lines, f"{SPACE}perhaps: {visible(corrected_line)}"]
-            if corrected_line and len(corrected_line) <= WIDEST
+            if corrected_line and len(corrected_line) <= LINE_LETTERS_MAX
             else lines
         )
 
@@ -191,7 +192,7 @@ def _replacement(pattern: str, by: str | Callable[[re.Match[str]], str], words: 
 
     def mistake(broken: Broken) -> Iterator[Guess]:
         matches = [] if HEADER.fullmatch(broken.line) else list(re.finditer(pattern, broken.line))
-        for number, match in enumerate([*matches[:1], *matches[:MOST_ALONE]]):
+        for number, match in enumerate([*matches[:1], *matches[:3]]):
             line = re.sub(pattern, by, broken.line)
             if number:
                 replacement = match.expand(by) if isinstance(by, str) else by(match)

@@ -15,23 +15,22 @@ from typing import Any, ClassVar, NamedTuple, Self, cast, dataclass_transform
 
 from pydantic_core import SchemaValidator, ValidationError
 
-from modal.errors import SceneError, first_of, spelling_hint
+from modal.errors import SIMILARITY_MIN, SceneError, first_of, spelling_hint
 from modal.scene.stored import PartDocumentation, PartSignature
 from modal.scene.wording import OTHER_NAMES, as_table, in_brackets, number_in, suggestion
 
-LARGEST = 1e100
-SMALLEST = 1e-100
-MAX_COPIES = 1_000_000
-MOST_WRITTEN = 3
-"""Items of a list that are shown."""
+NUMBER_SIZE_MAX = 1e100
+"""Limit: of any number of a scene; larger ones are refused."""
+NUMBER_SIZE_MIN = 1e-100
+"""Limit: of a number of a scene that is not 0; smaller ones are refused."""
+COPIES_MAX = 1_000_000
+"""Limit: of a pendulum, a link or a spring; more are refused."""
 TAGS: set[str] = set()
 """The kinds of all parts."""
 KINDS: dict[str, str] = {}
 """The kinds of the parts under a key, as a message lists them."""
 KEYS: set[str] = set()
 """The keys of all parts."""
-ALIKE = 0.85
-"""Similarity from which a key that belongs elsewhere is taken for a slip of another."""
 WORDS = {
     "finite_number": "must be finite",
     "float_type": "must be a number",
@@ -61,8 +60,8 @@ REQUIRED = object()
 
 
 def _zero_or_sizeable(value: float) -> float:
-    if 0 < value < SMALLEST:
-        raise ValueError(f"must be 0 or at least {SMALLEST:g}")
+    if 0 < value < NUMBER_SIZE_MIN:
+        raise ValueError(f"must be 0 or at least {NUMBER_SIZE_MIN:g}")
     return value
 
 
@@ -96,11 +95,11 @@ def number(**bounds: float) -> Schema:
     return {"type": "float", "strict": True, "allow_inf_nan": False, **bounds}
 
 
-POSITIVE = number(ge=SMALLEST, le=LARGEST)
-NON_NEGATIVE = function_after(_zero_or_sizeable, number(ge=0, le=LARGEST))
-REAL = number(ge=-LARGEST, le=LARGEST)
+POSITIVE = number(ge=NUMBER_SIZE_MIN, le=NUMBER_SIZE_MAX)
+NON_NEGATIVE = function_after(_zero_or_sizeable, number(ge=0, le=NUMBER_SIZE_MAX))
+REAL = number(ge=-NUMBER_SIZE_MAX, le=NUMBER_SIZE_MAX)
 TRUTH: Schema = {"type": "bool", "strict": True}
-COUNT = function_before(_to_integer, {"type": "int", "strict": True, "ge": 1, "le": MAX_COPIES})
+COUNT = function_before(_to_integer, {"type": "int", "strict": True, "ge": 1, "le": COPIES_MAX})
 
 
 def one_of(*words: str) -> Schema:
@@ -347,9 +346,9 @@ class Part:
 
 def _value_text(value: Any) -> str:
     """As in Python, of a long list the first items and the number of the others."""
-    if not isinstance(value, tuple) or len(value) <= MOST_WRITTEN:
+    if not isinstance(value, tuple) or len(value) <= 3:
         return repr(value)
-    return f"({', '.join(map(repr, value[:MOST_WRITTEN]))}, … {len(value) - MOST_WRITTEN} more)"
+    return f"({', '.join(map(repr, value[:3]))}, … {len(value) - 3} more)"
 
 
 def _dump(value: Any) -> Any:
@@ -497,7 +496,7 @@ def _words(finding: Mapping[str, Any]) -> str:
 def _unknown(key: str, is_table: bool) -> str:
     """What is wrong with a key that is not known where it stands."""
     if key in KEYS:
-        return "does not belong here" + spelling_hint(key, KEYS - {key}, cutoff=ALIKE)
+        return "does not belong here" + spelling_hint(key, KEYS - {key}, cutoff=SIMILARITY_MIN)
     kind = key if key in TAGS else OTHER_NAMES.get(key.lower(), "")
     if key == "scene" and is_table:
         return "is not a table: the keys of a scene stand at the top of the file"

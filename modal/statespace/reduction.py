@@ -20,7 +20,6 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 
 from modal.assembly import frequencies, ratio_at, rig_of
-from modal.eigen import TOLERANCE
 from modal.errors import ComputationError, SceneError
 from modal.modes import Modes, natural_modes
 from modal.report import Displayed, Summary, brief, counted, first_line
@@ -32,7 +31,7 @@ from modal.statespace.geometry import geometry_of
 from modal.statespace.modal_form import ModalBlock, ModalForm, block_diagonal, to_modal_form
 from modal.statespace.model import StateSpace, state_space
 from modal.statespace.signals import OF_A_CART, SUPPORT, Signal, is_point, own_signals
-from modal.types import EPS, NOISE_OF_SUM, Complexes, Floats
+from modal.types import EPS, NOISE_OF_SUM, NOISE_OF_TERMS, Complexes, Floats
 
 Choice = Literal["contribution", "lowest"]
 APART = "acts differently on equal pendula, so they cannot be merged"
@@ -192,7 +191,7 @@ def _rotate_equal_modes(blocks: Sequence[ModalBlock], rows: list[Floats], matrix
 def _equal(block: ModalBlock, next_block: ModalBlock) -> bool:
     """Whether two modes have the same frequency within rounding, as modes of different pendula may."""
     return block.A.shape == next_block.A.shape and bool(
-        abs(block.eigenvalue - next_block.eigenvalue) <= TOLERANCE * abs(block.eigenvalue)
+        abs(block.eigenvalue - next_block.eigenvalue) <= NOISE_OF_TERMS * abs(block.eigenvalue)
     )
 
 

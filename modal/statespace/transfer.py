@@ -29,7 +29,7 @@ from modal.statespace.response import ExactResponse, terms
 from modal.statespace.signals import Signal
 from modal.types import EPS, NOISE_OF_SUM, Complexes, Floats
 
-MOST_POLES = 100
+TRANSFER_POLES_MAX = 100
 """Limit: poles of a transfer function, refused beyond: polynomials of such a degree say nothing."""
 STEP_TO_ZERO_MAX = 1e-3
 """Tolerance: how far Newton's method may lead from a zero, relative to it; further away is another, or a double one."""
@@ -78,11 +78,11 @@ class TransferFunction(Displayed):
 def transfer_functions(form: ModalForm) -> list[list[TransferFunction]]:
     """G of every output (rows) for every input (columns).
 
-    Raises ComputationError for more than MOST_POLES poles: polynomials of such a degree say nothing.
+    Raises ComputationError for more than TRANSFER_POLES_MAX poles: polynomials of such a degree say nothing.
     """
     terms = _terms(form)
-    if (poles := sum(2 if c[0] else 1 for c in terms)) > MOST_POLES:
-        raise ComputationError(f"transfer functions of {poles} poles: at most {MOST_POLES}")
+    if (poles := sum(2 if c[0] else 1 for c in terms)) > TRANSFER_POLES_MAX:
+        raise ComputationError(f"transfer functions of {poles} poles: at most {TRANSFER_POLES_MAX}")
     return [
         [_one(form, terms, row, column) for column in range(len(form.model.inputs))]
         for row in range(len(form.model.outputs))

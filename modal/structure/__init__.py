@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from modal.structure.carriers import PLATFORM, CarrierNumbers, Moving, carrier_numbers
     from modal.structure.outlines import STILL, Piece, Scaffold
     from modal.structure.rest import (
-        BALANCED,
         Phi,
         Row,
         bends,
@@ -35,7 +34,6 @@ if TYPE_CHECKING:
     from modal.structure.structure import SpringNumbers, Structure, coordinate_units, scale_structure, structure_of
 
 __all__ = [
-    "BALANCED",
     "PLATFORM",
     "STILL",
     "CarrierEnd",

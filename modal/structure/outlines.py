@@ -23,14 +23,18 @@ from modal.types import Floats, Ints
 Role = Literal["body", "line", "spring", "dot", "ground", "hatch", "guide"]
 STILL: frozenset[Role] = frozenset({"ground", "hatch", "guide"})
 """The roles of what does not move with η."""
-THICK, MARGIN, LEAST = 0.055, 0.13, 0.2
-"""Half the height of a body, what it reaches beyond its points, and its least half length, over the unit."""
-WHEEL, GAP, WALL = 0.05, 0.55, 0.55
-"""Radius of wheels, room between bodies set apart, and from a body to the wall that its spring is fixed to."""
-FAR_OFF = 0.12
-"""Points this far above or below a body, over the unit, have a stem."""
-TEETH, TOOTH, LEAD = 7, 0.035, 0.18
-TURNS, COIL = 2.25, 0.085
+HALF_HEIGHT = 0.05
+"""Format: of a body, and radius of wheels, over the unit of a picture, as all lengths here."""
+BODY_MARGIN = 0.13
+"""Format: what a body reaches beyond its points; those farther above or below it have a stem."""
+WALL_GAP = 0.55
+"""Format: room between bodies that are set apart, and to the wall that a spring is fixed to."""
+SPRING_TEETH = 7
+"""Format: of the zigzag of a spring."""
+SPRING_LEAD = 0.18
+"""Format: straight share of a spring at each of its ends."""
+SPIRAL_TURNS = 2.25
+"""Format: of a torsion spring."""
 
 
 class Piece(NamedTuple):
@@ -54,7 +58,7 @@ class Scaffold:
     pendula: Ints
     first: Ints
     unit: float
-    gap: float = GAP
+    gap: float = WALL_GAP
     hanging: Mapping[int, Floats] | None = None
 
     # ------------------------------------------------------------------------------------------- where things are
@@ -93,15 +97,15 @@ class Scaffold:
         for body, points in zip(self.structure.carriers, self._points, strict=True):
             close_points = points if body.turning is None else points[np.abs(points[:, 1]) < 10 * self.unit]
             level = 0.0
-            if body.kind == "tilt" and len(close_points) and np.ptp(close_points[:, 1]) < FAR_OFF * self.unit:
+            if body.kind == "tilt" and len(close_points) and np.ptp(close_points[:, 1]) < BODY_MARGIN * self.unit:
                 level = float(close_points[:, 1].mean())
             if body.kind == "platform":
                 close_points = close_points[np.abs(close_points[:, 1]) < 0.5 * self.unit]
-            half_width = LEAST * self.unit * (2.5 if body.kind == "platform" else 1.0)
+            half_width = 4 * HALF_HEIGHT * self.unit * (2.5 if body.kind == "platform" else 1.0)
             extents = np.concatenate(
                 [
-                    close_points[:, 0] - MARGIN * self.unit,
-                    close_points[:, 0] + MARGIN * self.unit,
+                    close_points[:, 0] - BODY_MARGIN * self.unit,
+                    close_points[:, 0] + BODY_MARGIN * self.unit,
                     [-half_width, half_width],
                 ]
             )
@@ -115,7 +119,7 @@ class Scaffold:
     @cached_property
     def shifts(self) -> Floats:
         """How far (m) every carrier is set apart along the rail, (C,); 0 where no two bodies overlap."""
-        carriers, high = self.structure.carriers, 3 * THICK * self.unit
+        carriers, high = self.structure.carriers, 3 * HALF_HEIGHT * self.unit
         boxes = []
         for body, (left_end, right_end, level) in zip(carriers, self._bodies, strict=True):
             x, z = (float(part) for part in body.position)
@@ -193,7 +197,7 @@ class Scaffold:
         if body.points is not None:
             yield from self._frame(k, eta)
             return
-        half = THICK * u
+        half = HALF_HEIGHT * u
         if body.kind == "platform":
             hull = [
                 (left_end, -half),
@@ -212,7 +216,7 @@ class Scaffold:
             ]
             yield Piece("body", self._at(k, box, eta), is_outline=True)
         for s, h in self._points[k].tolist():
-            if abs(h - level) > FAR_OFF * u:
+            if abs(h - level) > BODY_MARGIN * u:
                 foot = (0.3 * s if body.kind == "platform" else s, level)
                 yield Piece("line", self._at(k, [foot, (s, h)], eta))
         if (drawing := getattr(self, f"_{body.kind}", None)) is not None:
@@ -246,18 +250,20 @@ class Scaffold:
                 if self.structure.pivots[p] == (k, where)
             ] or [0.0]
             ends = [self.place(k, where, eta, aside) for aside in (min(asides), max(asides))]
-            margin = np.array([LEAST * self.unit / 2, 0.0])
+            margin = np.array([4 * HALF_HEIGHT * self.unit / 2, 0.0])
             yield Piece("line", np.stack([ends[0] - margin, ends[1] + margin], axis=1))
             yield Piece("dot", np.stack([(ends[0] + ends[1]) / 2], axis=1))
 
     def _cart(self, k: int, body: CarrierNumbers, eta: Floats) -> Iterator[Piece]:
         left_end, right_end, _ = self._bodies[k]
-        u, low = self.unit, (THICK + WHEEL) * self.unit
+        u, low = self.unit, 2 * HALF_HEIGHT * self.unit
         for s in (0.75 * left_end + 0.25 * right_end, 0.25 * left_end + 0.75 * right_end):
             middle = self.place(k, (s, low), eta)[:, None]
             turn = np.linspace(0, 2 * np.pi, 25)
-            yield Piece("body", middle + WHEEL * u * np.stack((np.cos(turn), np.sin(turn)), axis=-1), is_outline=True)
-        rail = low + WHEEL * u
+            yield Piece(
+                "body", middle + HALF_HEIGHT * u * np.stack((np.cos(turn), np.sin(turn)), axis=-1), is_outline=True
+            )
+        rail = low + HALF_HEIGHT * u
         yield Piece("ground", self._ground_points(k, [(left_end - 0.3 * u, rail), (right_end + 0.3 * u, rail)]))
         yield from self._to_wall(k, body.stiffness[0], body.damping[0], eta)
 
@@ -274,7 +280,7 @@ class Scaffold:
         left_end, right_end, level = self._bodies[k]
         u, way = self.unit, 1.0 if level < 0 or (level == 0 and not len(self._points[k])) else -1.0
         foot = min(max(0.0, left_end), right_end)
-        if abs(level) > THICK * u:
+        if abs(level) > HALF_HEIGHT * u:
             yield Piece("line", self._at(k, [(0.0, 0.0), (foot, level)], eta))
         apex, base = (0.0, 0.0), way * 0.17 * u
         yield Piece("ground", self._ground_points(k, [apex, (-0.09 * u, base), (0.09 * u, base)]), is_outline=True)
@@ -306,7 +312,7 @@ class Scaffold:
             return
         side = self._side(k)
         end = self._bodies[k][1 if side > 0 else 0]
-        wall = end + side * WALL * self.unit
+        wall = end + side * WALL_GAP * self.unit
         yield from self._wall(k, wall, level, side)
         body_end = self.place(k, (end, level), eta)
         wall_end = np.broadcast_to(self._ground_points(k, [(wall, level)])[:, 0], body_end.shape)
@@ -332,7 +338,7 @@ class Scaffold:
         """A spring from below."""
         if not stiffness:
             return
-        u, low = self.unit, THICK * self.unit * (2.2 if self.structure.carriers[k].kind == "platform" else 1.0)
+        u, low = self.unit, HALF_HEIGHT * self.unit * (2.2 if self.structure.carriers[k].kind == "platform" else 1.0)
         floor = low + 0.42 * u
         yield from _hatch(self._ground_points(k, [(s - 0.12 * u, floor), (s + 0.12 * u, floor)]), u, 1.0)
         body_end = self.place(k, (s, low), eta)
@@ -406,7 +412,7 @@ class Scaffold:
         else:
             rest_joints = {pendulum: place[None] for pendulum, place in (self.hanging or {}).items()}
             rest_end = self._end(end, np.zeros((1, self.structure.size)), rest_joints, torsion=False)
-            wall = (moving_end if rest_end is None else rest_end)[0] + np.array([-WALL * self.unit, 0.0])
+            wall = (moving_end if rest_end is None else rest_end)[0] + np.array([-WALL_GAP * self.unit, 0.0])
             yield Piece("ground", wall + np.array([[[0.0, -0.11], [0.0, 0.11]]]) * self.unit)
             yield Piece(
                 "spring", _zigzag(np.broadcast_to(wall, moving_end.shape), moving_end, self.unit, is_damper=is_damper)
@@ -459,17 +465,23 @@ def _zigzag(start: Floats, end: Floats, unit: float, *, is_damper: bool = False)
         aside = np.array([0.0, 0.0, 1.0, 1.0, -1.0, -1.0, 0.0, 0.0, 0.0, 0.0])
     else:
         shares = np.concatenate(
-            [[0.0, LEAD], LEAD + (1 - 2 * LEAD) * (np.arange(TEETH) + 0.5) / TEETH, [1 - LEAD, 1.0]]
+            [
+                [0.0, SPRING_LEAD],
+                SPRING_LEAD + (1 - 2 * SPRING_LEAD) * (np.arange(SPRING_TEETH) + 0.5) / SPRING_TEETH,
+                [1 - SPRING_LEAD, 1.0],
+            ]
         )
-        aside = np.concatenate([[0.0, 0.0], np.where(np.arange(TEETH) % 2, -1.0, 1.0), [0.0, 0.0]])
-    points: Floats = start[:, None] + shares[:, None] * line[:, None] + TOOTH * unit * aside[:, None] * normal[:, None]
+        aside = np.concatenate([[0.0, 0.0], np.where(np.arange(SPRING_TEETH) % 2, -1.0, 1.0), [0.0, 0.0]])
+    points: Floats = (
+        start[:, None] + shares[:, None] * line[:, None] + 2 / 3 * HALF_HEIGHT * unit * aside[:, None] * normal[:, None]
+    )
     return points
 
 
 def _spiral(middle: Floats, angle: Floats, unit: float) -> Floats:
     """A spiral about points (F, 2), turned by an angle (F,)."""
-    turn = np.linspace(0, 2 * np.pi * TURNS, 50)
-    radius = COIL * unit * (0.15 + 0.85 * turn / turn[-1])
+    turn = np.linspace(0, 2 * np.pi * SPIRAL_TURNS, 50)
+    radius = 2 * HALF_HEIGHT * unit * (0.15 + 0.85 * turn / turn[-1])
     angles = turn[:-1] - np.pi / 2 + np.outer(angle, 1 - turn[:-1] / turn[-1])
     inner = radius[:-1, None] * np.stack((np.cos(angles), np.sin(angles)), axis=-1)
     anchor = radius[-1] * np.array([np.sin(turn[-1]), -np.cos(turn[-1])])

@@ -22,12 +22,10 @@ from modal.scene.doors import require_type
 from modal.scene.points import LinkEnd, Where
 from modal.structure.carriers import CarrierNumbers
 from modal.structure.structure import Structure, structure_of
-from modal.types import Floats
+from modal.types import NOISE_OF_SUM, Floats
 
 Row = dict[int, float]
 """The entries of a row by their coordinates."""
-DRAWN_TOGETHER = 1e-12
-"""Ends of a spring this close, over their distance from the origin, are one point as drawn."""
 
 
 class Phi(NamedTuple):
@@ -101,7 +99,7 @@ def drawn_together(first: tuple[Any, Any], second: tuple[Any, Any]) -> Any:
     """
     parts = np.array(np.broadcast_arrays(*first, *second))
     distance = np.hypot(*(parts[:2] - parts[2:]))
-    return distance <= DRAWN_TOGETHER * np.abs(parts).max(0)
+    return distance <= NOISE_OF_SUM * np.abs(parts).max(0)
 
 
 def tied(structure: Structure, sizes: Sequence[int]) -> frozenset[int]:
@@ -111,8 +109,6 @@ def tied(structure: Structure, sizes: Sequence[int]) -> frozenset[int]:
     return frozenset(np.searchsorted(ends, links, side="right").tolist()) if links else frozenset()
 
 
-BALANCED = 1e-12
-"""Of the sum of the sizes of all moments: what is left of moments that balance."""
 VERBS = {"rad": ("turn it with", "N m"), "m": ("pull it with", "N")}
 
 
@@ -198,7 +194,7 @@ def find_imbalance(scene: Scene) -> Iterator[str]:
     coordinates = [(carrier.name, suffix) for carrier in structure.carriers for suffix in carrier.suffixes]
     coordinate_weights = weights(structure, hung_masses(scene), scene.gravity)
     for (name, suffix), weight, is_held in zip(coordinates, coordinate_weights, _has_spring(structure), strict=True):
-        if is_held or abs(weight.force) <= BALANCED * weight.size:
+        if is_held or abs(weight.force) <= NOISE_OF_SUM * weight.size:
             continue
         verb, unit = VERBS[suffix.rpartition("_")[2]]
         key = "stiffness" + (f".{suffix.partition('_')[0]}" if "_" in suffix else "")

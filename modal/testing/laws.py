@@ -19,10 +19,9 @@ from modal.assembly import matrices
 from modal.modes import natural_modes
 from modal.report import deferred
 from modal.scene import Bob, Pendulum, Scene
-from modal.testing.mechanics import CLOSE, MechanicsTests, simulated
+from modal.testing.mechanics import LAW_ERROR_MAX, MechanicsTests, simulated
+from modal.types import IMAGINARY_STEP
 
-STEP = 1e-100
-"""Tolerance: of complex steps."""
 OPERATORS = {"+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv, "neg": operator.neg}
 
 
@@ -85,13 +84,13 @@ class LinkTests(MechanicsTests):
 
     def test_derivatives_by_three_routes(self, place: tuple[float, float]) -> None:
         """By angle and by rate."""
-        steps = np.eye(2) * STEP * 1j
-        by_steps = [complex(self.torque(*(np.array(place) + step))).imag / STEP for step in steps]
-        size = max(CLOSE, *map(abs, by_steps))
+        steps = np.eye(2) * IMAGINARY_STEP * 1j
+        by_steps = [complex(self.torque(*(np.array(place) + step))).imag / IMAGINARY_STEP for step in steps]
+        size = max(LAW_ERROR_MAX, *map(abs, by_steps))
         by_symbols = [float(slope.subs(_named(place))) for slope in _symbolic(self)[1:]]
         by_tape = [_evaluated(slope, place) for slope in _recorded(self)[1:]]
-        np.testing.assert_allclose(by_symbols, by_steps, rtol=CLOSE, atol=CLOSE * size)
-        np.testing.assert_allclose(by_tape, by_steps, rtol=CLOSE, atol=CLOSE * size)
+        np.testing.assert_allclose(by_symbols, by_steps, rtol=LAW_ERROR_MAX, atol=LAW_ERROR_MAX * size)
+        np.testing.assert_allclose(by_tape, by_steps, rtol=LAW_ERROR_MAX, atol=LAW_ERROR_MAX * size)
 
     def test_derivatives_by_each_parameter(self, number_name: str) -> None:
         """By SymPy and by complex steps, as sensitivities and fits take them."""
@@ -99,9 +98,9 @@ class LinkTests(MechanicsTests):
         if value is None:
             pytest.skip("its default is used")
         place, symbol = [0.7 * self.reach, -0.4 * self.reach], deferred("sympy:Symbol")(number_name)
-        by_steps = complex(self.torque(*place, **{number_name: value + STEP * 1j})).imag / STEP
+        by_steps = complex(self.torque(*place, **{number_name: value + IMAGINARY_STEP * 1j})).imag / IMAGINARY_STEP
         slope = deferred("sympy:diff")(self.torque(*place, **{number_name: symbol}), symbol)
-        assert float(slope.subs({symbol: value})) == pytest.approx(by_steps, rel=CLOSE, abs=CLOSE)
+        assert float(slope.subs({symbol: value})) == pytest.approx(by_steps, rel=LAW_ERROR_MAX, abs=LAW_ERROR_MAX)
 
 
 class LawTests(LinkTests):
@@ -125,8 +124,8 @@ class LawTests(LinkTests):
             k = d = 0.0
         roots = np.roots([0.25, d, 9.81 * 0.5 + k])
         eigenvalue = complex(natural_modes(scene).eigenvalue[0])
-        assert eigenvalue.real == pytest.approx(roots[0].real, abs=CLOSE)
-        assert abs(eigenvalue.imag) == pytest.approx(abs(roots[0].imag), rel=CLOSE)
+        assert eigenvalue.real == pytest.approx(roots[0].real, abs=LAW_ERROR_MAX)
+        assert abs(eigenvalue.imag) == pytest.approx(abs(roots[0].imag), rel=LAW_ERROR_MAX)
 
     def test_a_mirrored_start_has_the_mirrored_motion(self) -> None:
         """Where the law is odd."""
@@ -155,7 +154,7 @@ class ForceTests(LinkTests):
         """Where the third component is 0."""
         x, z = place
         plane, space = (self.law.force(velocity, self.values) for velocity in ([x, z], [x, 0.0, z]))
-        assert [space[0], space[2]] == pytest.approx(plane, rel=CLOSE)
+        assert [space[0], space[2]] == pytest.approx(plane, rel=LAW_ERROR_MAX)
         assert space[1] == 0
 
     def test_the_matrix_of_damping_has_its_slope(self) -> None:
@@ -164,7 +163,7 @@ class ForceTests(LinkTests):
         links = [Bob(mass=1.0, length=0.5, point_force=force)]
         D = matrices(Scene(gravity=9.81, pendulum=[Pendulum(links=links)])).D
         ends = [self.law.force([step, 0.0], self.values)[0] for step in (1e-6, -1e-6)]
-        assert D[-1, -1] == pytest.approx(0.25 * (ends[1] - ends[0]) / 2e-6, rel=1e-4, abs=CLOSE)
+        assert D[-1, -1] == pytest.approx(0.25 * (ends[1] - ends[0]) / 2e-6, rel=1e-4, abs=LAW_ERROR_MAX)
 
 
 # ----------------------------------------------------------------------------------------------------------- routes

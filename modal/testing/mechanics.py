@@ -28,7 +28,7 @@ from modal.scene.parameters import find_places, number_at, vary
 from modal.testing.extensions import HOSTILE, ExtensionTests
 from modal.types import Floats
 
-CLOSE = 1e-9
+LAW_ERROR_MAX = 1e-9
 """Tolerance: by which derivatives and accelerations may differ, relative to the largest."""
 QUESTION = """
 const scene = %s, system = $system.systemOf(scene);
@@ -116,7 +116,7 @@ class MechanicsTests(ExtensionTests):
         half = equations.layout.half
         for y in self.states(seed):
             q, v, a = y[:half], y[half : 2 * half], equations.derivative(0.0, y)[half : 2 * half]
-            assert np.abs(forms(*np.stack([q, v, a], axis=1).ravel())).max() < CLOSE * max(1.0, np.abs(a).max())
+            assert np.abs(forms(*np.stack([q, v, a], axis=1).ravel())).max() < LAW_ERROR_MAX * max(1.0, np.abs(a).max())
 
     def test_modes_are_those_of_the_accelerations(self) -> None:
         """By differences about rest."""

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from modal.report import deferred
-from modal.testing.mechanics import CLOSE, MechanicsTests
+from modal.testing.mechanics import LAW_ERROR_MAX, MechanicsTests
 
 
 class SupportTests(MechanicsTests):
@@ -39,14 +39,16 @@ class SupportTests(MechanicsTests):
         place = [deferred("sympy:sympify")(part) for part in path.place(q, numbers)]
         displacement, slopes, bend = path.motion(eta, rates, numbers)
         for part, expression in zip(displacement, place, strict=True):
-            assert float(part) == pytest.approx(float(expression.subs(at)), rel=CLOSE, abs=CLOSE)
+            assert float(part) == pytest.approx(float(expression.subs(at)), rel=LAW_ERROR_MAX, abs=LAW_ERROR_MAX)
         for row, name in zip(slopes, q, strict=True):
             expected = [float(part.diff(name).subs(at)) for part in place]
-            assert [*map(float, row)] == pytest.approx(expected, rel=CLOSE, abs=CLOSE)
+            assert [*map(float, row)] == pytest.approx(expected, rel=LAW_ERROR_MAX, abs=LAW_ERROR_MAX)
         pairs = [*zip(q, rates, strict=True)]
         for part, expression in zip(bend, place, strict=True):
             expected = sum(float(expression.diff(a, b).subs(at)) * u * v for a, u in pairs for b, v in pairs)
-            assert float(part) == pytest.approx(expected, rel=CLOSE, abs=CLOSE)
+            assert float(part) == pytest.approx(expected, rel=LAW_ERROR_MAX, abs=LAW_ERROR_MAX)
         energy = deferred("sympy:sympify")(path.potential(q, numbers))
         for jet, name in zip(path.forces(eta, numbers) or [], q, strict=False):
-            assert float(jet.first) == pytest.approx(float(energy.diff(name).subs(at)), rel=CLOSE, abs=CLOSE)
+            assert float(jet.first) == pytest.approx(
+                float(energy.diff(name).subs(at)), rel=LAW_ERROR_MAX, abs=LAW_ERROR_MAX
+            )

@@ -45,7 +45,7 @@ from modal.vibration.prescribed import acceleration_psd, psd_at
 from modal.vibration.random import nodes
 
 FIFTY = log(50.0)
-STEP = np.finfo(float).eps ** 0.2
+QUOTIENT_STEP_OF_PIECES = np.finfo(float).eps ** 0.2
 """Tolerance: relative, of a difference quotient of four values, at which truncation and rounding are alike."""
 PAIRS = ((1, 2 / 3), (2, -1 / 12))
 
@@ -324,7 +324,7 @@ class At:
         by = np.zeros(len(self.by))
         for k, places in enumerate(self.by):
             numbers = {place: number_at(self.scene, place) for place in places}
-            step = STEP * min(number / self._factor(place) for place, number in numbers.items())
+            step = QUOTIENT_STEP_OF_PIECES * min(number / self._factor(place) for place, number in numbers.items())
             for multiple, weight in PAIRS:
                 pair = [function(self._moved(numbers, way * multiple * step)) for way in (1, -1)]
                 by[k] += weight * (pair[0] - pair[1]) / step

@@ -18,7 +18,7 @@ from modal.tuning.pieces import Pieces, Quantities
 from modal.tuning.quantities import Quantity
 from modal.types import Floats
 
-CURVE_POINTS = 400
+TUNED_CURVE_POINTS = 400
 """Format: points of a curve, beside those near its peaks."""
 
 
@@ -150,7 +150,7 @@ class Tuned(Drawable, TextResult):
         frequencies = np.concatenate([poles[poles > 0], rates])
         distances = np.geomspace(1e-4, 0.05, SIDE_POINTS)
         close_points = np.outer(frequencies, 1 + np.concatenate((-distances, [0.0], distances)))
-        omega = np.unique(np.concatenate((np.geomspace(low, high, CURVE_POINTS), close_points.ravel())))
+        omega = np.unique(np.concatenate((np.geomspace(low, high, TUNED_CURVE_POINTS), close_points.ravel())))
         omega = omega[(omega >= low) & (omega <= high)]
         before, after = (np.abs(model.response(0, omega)) for model in models)
         row, column = quantities.form.signals[0]

@@ -40,7 +40,7 @@ from modal.types import EPS, NEWTON_ROUNDS, Floats
 from modal.vibration.curves import Collision, Curve, curves_of, seeds_of
 from modal.vibration.hill import KINDS, hill_systems
 
-STEP_MAX = 1 / 50
+TONGUE_STEP_MAX = 1 / 50
 """Tolerance: longest step along a curve, the sides of the window being 1."""
 TURN_MAX = 0.25
 """Tolerance: radians that the tangent turns in a step at most; a third of it lets steps grow."""
@@ -209,7 +209,7 @@ class Window:
             if way is None or not (rise := float(slope @ way)) or not np.isfinite(value / rise):
                 return None
             step = value / rise
-            if abs(step) > STEP_MAX:
+            if abs(step) > TONGUE_STEP_MAX:
                 return None
             point = point - step * way
             if abs(step) < (EPS**0.5 if direction is None else SLOW_STEP_MAX):
@@ -218,7 +218,7 @@ class Window:
 
     def follow(self, start: CurvePlace, sense: float) -> tuple[list[CurvePlace], bool]:
         """Places from a start to the window's edge, and whether the curve closes before it."""
-        places, step = [start], STEP_MAX / 4
+        places, step = [start], TONGUE_STEP_MAX / 4
         while len(places) < MOST_POINTS and step > EPS**0.5:
             place = places[-1]
             next_place = self.settle(place.point + sense * step * place.tangent, place.frame)
@@ -237,7 +237,7 @@ class Window:
             if len(places) > 3 and hypot(*back) < step and onward:
                 return [*places, start], True
             if place.normal @ next_place.normal > cos(TURN_MAX / 3):
-                step = min(STEP_MAX, 1.5 * step)
+                step = min(TONGUE_STEP_MAX, 1.5 * step)
         return places, False
 
     def tip(self, places: list[CurvePlace]) -> list[CurvePlace]:

@@ -39,7 +39,7 @@ from modal.errors import ComputationError, SceneError
 from modal.report import Displayed, Summary, brief
 from modal.scene import Scene, SineMotion, require, validate_scene, validate_scenes
 from modal.statespace.geometry import geometry_of
-from modal.structure import BALANCED, hung_masses, structure_of, weights
+from modal.structure import hung_masses, structure_of, weights
 from modal.types import NOISE_OF_SUM, NUMBERS_IN_CHUNK, Booleans, Complexes, Floats
 
 ORDER = 28
@@ -230,7 +230,7 @@ def _on_structure(scene: Scene) -> Iterator[HillSystem]:
         f"{name}: the ground shakes the weights that its spring carries, which then never rests: a Floquet multiplier "
         "needs weights that balance"
         for name, weight in zip(structure.names, weights(structure, hung_masses(scene), scene.gravity), strict=True)
-        if abs(weight.force) > BALANCED * weight.size
+        if abs(weight.force) > NOISE_OF_SUM * weight.size
     ]
     if problems:
         raise SceneError(problems)

@@ -32,7 +32,7 @@ PROGRESS_SECONDS = 1.0
 """Format: seconds until progress is shown, and between two looks at it."""
 MEASURED = "{desc}{percentage:3.0f} % |{bar:24}| {remaining} left, {elapsed} passed"
 COUNTED = "{desc}{unit}: {n_fmt}, {elapsed} passed"
-NUMBERS_MAX = 20
+NUMBERS_SHOWN_MAX = 20
 """Format: numbers of a scene that are named where one has to be chosen."""
 MANY_LINKS = 60
 """Cost: links from which a command that integrates disturbances says beforehand that it takes minutes."""
@@ -447,8 +447,8 @@ def missing(scene: Scene, flag: str, values: str, more: str = "") -> SceneError:
     numbers = [number for number in scene_numbers(scene) if number.is_physical]
     first = next((number for number in numbers if number.place != "gravity"), numbers[0])
     given = first.place + values.format(half=f"{first.value / 2:g}", double=f"{first.value * 2:g}")
-    lines = [f"  {number.place} = {number.value:g} {number.unit}" for number in numbers[:NUMBERS_MAX]]
-    others = f"{len(numbers) - NUMBERS_MAX} more and " if len(numbers) > NUMBERS_MAX else ""
+    lines = [f"  {number.place} = {number.value:g} {number.unit}" for number in numbers[:NUMBERS_SHOWN_MAX]]
+    others = f"{len(numbers) - NUMBERS_SHOWN_MAX} more and " if len(numbers) > NUMBERS_SHOWN_MAX else ""
     return SceneError(
         [
             f"{flag}: is required, such as {flag} {quote(given)}{more}; the scene has",

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from nonlinear.orbits import FiniteSwing
 
 AIMS = ("--minimize", "--maximize", "--max", "--over-hz", "--psd", "--mode", "--travel", "--over", "--kind")
-BAND_RATIO = 1.4
+TUNED_BAND_RATIO = 1.4
 """Format: how far the band of forced orbits goes beyond the outermost peaks; `--band` chooses another."""
 
 
@@ -101,7 +101,7 @@ def _swing(best: Tuned, degrees: float) -> FiniteSwing:
         )
     at = best.pieces_after[0]
     peaks = at.at[at.inside] / tau
-    band = best.objective.quantities.setting.band or (peaks.min() / BAND_RATIO, peaks.max() * BAND_RATIO)
+    band = best.objective.quantities.setting.band or (peaks.min() / TUNED_BAND_RATIO, peaks.max() * TUNED_BAND_RATIO)
     return finite_swing(scene, on, direction, labels.index(quantity.output), radians(degrees), band)
 
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 MOST_LINKS = 60
 """Limit: links of a scene: "the live page cannot show more than 60"."""
-COORDINATES_MAX = 40
+PAGE_COORDINATES_MAX = 40
 """Limit: coordinates of a structure with its links, whose equations stand in the page: "cannot show more than 40"."""
 RECORDING_NUMBERS = 26_000
 """Format: numbers of a recording: 139 kB as 32-bit floats in base64."""
@@ -81,8 +81,8 @@ def _problems(scene: Scene) -> Iterator[str]:
 def _structure_problems(scene: Scene) -> Iterator[str]:
     """What the page cannot show of a structure."""
     count = scene.n_links + structure_of(scene).size
-    if scene.n_links <= MOST_LINKS and count > COORDINATES_MAX:
-        words = f"the live page cannot show more than {COORDINATES_MAX}"
+    if scene.n_links <= MOST_LINKS and count > PAGE_COORDINATES_MAX:
+        words = f"the live page cannot show more than {PAGE_COORDINATES_MAX}"
         yield f"the structure has {count} coordinates, links included: {words}"
     yield from _named_problems(scene)
 

@@ -20,7 +20,7 @@ STEP_TURN_MAX = 1.0
 """Tolerance: largest rotation (rad) within a step, which Lawson's form takes exactly but for what it turns."""
 BEAT_PLACES = 8
 """Tolerance: places within a step at which amplitudes that rotate freely are looked at: they miss 8 % of a beat."""
-FIRST_PERIODS = 64
+SLOW_FIRST_PERIODS = 64
 """Cost: fast periods in the first part; benchmarks/sync/survivors.py."""
 SLOW_STEPS_MAX = 6000
 """Limit: "averaged equations need more than 6000 steps"."""
@@ -165,7 +165,7 @@ def _settling(
     equations: AveragedEquations, starts: Complexes, max_steps: int, shortest: float, coarse: bool = False
 ) -> Settling:
     state = _begin_stretch(equations, starts, equations.reach(starts))
-    until = min(FIRST_PERIODS * 2 * pi / float(equations.omega.min()), max_steps / state.pace)
+    until = min(SLOW_FIRST_PERIODS * 2 * pi / float(equations.omega.min()), max_steps / state.pace)
     state, times, z = yield from _part(equations, state, 0.0, until, coarse)
     going = _going(equations, z, starts)
     while (going.any() or times[-1] < shortest) and not runs_away(equations, state.z):

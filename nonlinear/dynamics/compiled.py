@@ -24,9 +24,13 @@ from nonlinear.dynamics.recursion import Answer, Turn, link_acceleration, link_r
 from nonlinear.dynamics.text import sincos
 from nonlinear.system import System
 
-CONSTANTS, TURNS = 12, 5
+LINK_NUMBERS = 12
+"""Format: constants of a link in a row of a compiled scene."""
+TURN_ROWS = 5
+"""Format: rows of what turning links have at an instant."""
 Arguments = tuple[Floats, Floats, Ints, Floats, float, bool, bool, FlatStructure | None]
-NEAR = 1e6  # rad, up to which `sincos` reduces angles exactly
+SINCOS_ANGLE_MAX = 1e6
+"""Tolerance: rad, up to which `sincos` reduces angles exactly; beyond the library does."""
 
 
 _joint_law, _sincos = in_place(joint_law), in_place(sincos)
@@ -42,7 +46,7 @@ def _sines(angles, sin, cos):  # type: ignore[no-untyped-def]
     """Sines and cosines, several at once where no angle is so large that its reduction would lose digits."""
     within = True
     for i in range(angles.size):
-        within &= abs(angles[i]) < NEAR
+        within &= abs(angles[i]) < SINCOS_ANGLE_MAX
     if within:
         for i in range(angles.size):
             sin[i], cos[i] = _sincos(angles[i])
@@ -165,7 +169,7 @@ class Compiled(Minimal):
 
     def derivative(self, time: float, y: Any) -> Any:
         """The derivative y' of one y (size,)."""
-        slopes, turns = np.empty(self.layout.size), np.empty((TURNS, self.system.n_links))
+        slopes, turns = np.empty(self.layout.size), np.empty((TURN_ROWS, self.system.n_links))
         try:
             scene = self._of_thread.scene
         except AttributeError:
@@ -176,7 +180,7 @@ class Compiled(Minimal):
 
 def _rows(system: System, places: Floats) -> Floats:
     """The constants of every link in the order of the file, (L, 12)."""
-    rows = np.empty((system.n_links, CONSTANTS))
+    rows = np.empty((system.n_links, LINK_NUMBERS))
     for group in system.groups:
         joints = group.block.stiffness, group.block.damping, group.joint_rest, *np.moveaxis(places[group.index], -1, 0)
         rows[group.index] = np.stack((*np.swapaxes(links_of(group), 0, 1), *joints), axis=-1)

@@ -33,10 +33,10 @@ from nonlinear.dynamics.structure import Carriers, eliminate
 from nonlinear.dynamics.text import sincos
 from nonlinear.system import System
 
-STRAIGHT, ARC, TURNING = 0, 1, 2
+STRAIGHT, ARC, TURNING = range(3)
 """Kinds of coordinates: along a line, of a swing along its arc, of what turns."""
-TIGHT, LOOSE, TORSION = 0, 1, 2
-GROUND, ON_LINK, ON_CARRIER = 0, 1, 2
+TIGHT, LOOSE, TORSION = range(3)
+GROUND, ON_LINK, ON_CARRIER = range(3)
 
 _sincos, _joint_law, _versine = in_place(sincos), in_place(joint_law), in_place(versine)
 _tip_response, _link_response, _link_acceleration, _driven = (

@@ -20,7 +20,7 @@ from functools import cached_property, partial
 from hashlib import sha256
 from importlib.util import find_spec
 from pathlib import Path
-from stat import S_IMODE, S_ISREG, S_ISVTX, S_IWGRP
+from stat import S_IMODE, S_ISREG, S_ISVTX, S_IWGRP, S_IWOTH
 from textwrap import dedent
 from time import monotonic, sleep
 from types import CodeType, FunctionType, ModuleType
@@ -29,10 +29,10 @@ from typing import IO, Any
 from modal.scene.contents import lock, private
 
 DIGEST = sha256().digest_size
-OTHERS_WRITE = 0o022
+OTHERS_WRITE = S_IWGRP | S_IWOTH
 """Permissions of others to change a file."""
-PATIENCE = 120.0
-"""Seconds that a process waits for what another one compiles, several times what the largest form takes."""
+LOCK_SECONDS = 120.0
+"""Limit: that a process waits for what another compiles, several times what the largest takes; then it does itself."""
 ANY_ORDER = frozenset({"contract", "nsz", "reassoc"})
 """Of products and sums: contracted, and added up in any order, as vector instructions want it."""
 watching: ContextVar[Callable[[], AbstractContextManager[object]]] = ContextVar("watching", default=nullcontext)
@@ -179,7 +179,7 @@ class KeptFile:
 
     @contextmanager
     def turn(self) -> Iterator[None]:
-        """A block that one process at a time runs, as far as the platform has locks; none waits longer than PATIENCE.
+        """A block that one process at a time runs, as far as the platform has locks; none waits longer than that.
 
         A function that compiles itself for another signature meanwhile has its turn already.
         """
@@ -191,7 +191,7 @@ class KeptFile:
             flags = os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0)
             path = os.path.join(self._folder(), f"{self._index_name.removesuffix('.nbi')}.lock")
             stream = os.fdopen(os.open(path, flags, 0o600), "rb+")
-        end = monotonic() + PATIENCE
+        end = monotonic() + LOCK_SECONDS
         while stream is not None and monotonic() < end:
             with suppress(OSError):
                 lock(stream)

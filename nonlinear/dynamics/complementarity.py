@@ -14,8 +14,10 @@ from __future__ import annotations
 
 from typing import Any
 
-EXCESS = 1e-12  # rounding of a torque relative to its limit, and of an acceleration relative to its parts
-UNBOUNDED = 1e301  # a limit that nothing exceeds
+EXCESS = 1e-12
+"""Tolerance: rounding of a torque relative to its limit, and of an acceleration relative to its parts."""
+UNBOUNDED = 1e301
+"""Format: a limit that nothing exceeds; infinity times 0 would be no number."""
 
 
 def solve_definite(G: Any, b: Any, n: int) -> Any:

@@ -47,7 +47,8 @@ from modal.types import Floats, Ints
 from nonlinear.dynamics.recursion import RecursiveLink, links_of
 from nonlinear.system import Group, System
 
-JAM = 1e4  # friction on the rail over that of all weights and centrifugal forces, beyond which it has no bound
+JAM_RATIO = 1e4
+"""Limit: push on the rail over all weights and centrifugal forces, beyond which it has no bound: JAMMED says so."""
 JAMMED = "the rail's friction has no consistent value: its coefficient is too large for these links"
 
 
@@ -105,11 +106,11 @@ def jams(system: System, rates: Sequence[float], normal: float) -> bool:
     Before its friction has no value it grows as 1/(1 + s μ e n₀), and no integrator's steps, however short, reach
     that end.
     """
-    if abs(normal) <= JAM * system.gravity * system.total_mass:
+    if abs(normal) <= JAM_RATIO * system.gravity * system.total_mass:
         return False
     w = np.asarray(rates)
     thrown = sum(float(group.block.b.ravel() @ w[group.index].ravel() ** 2) for group in system.groups)
-    return abs(normal) > JAM * (system.gravity * system.total_mass + thrown)
+    return abs(normal) > JAM_RATIO * (system.gravity * system.total_mass + thrown)
 
 
 @dataclass(frozen=True, eq=False)

@@ -38,20 +38,17 @@ from modal.types import Floats
 from nonlinear.dynamics.minimal import Projection
 from nonlinear.system import Group, System
 
-LIGHT = 1e-2  # cart mass over suspended mass below which the dense form would lose digits
-FRAIL = 1e-3  # mass of a link over that of a heavier one below it, under which dense forms lose digits
-LIGHTEST = 0.0  # that of a modal support may be anything
+MASS_RATIO_MIN = 1e-2
+"""Tolerance: of a cart to what hangs from it, or of a link to a heavier one below it: dense forms lose its digits."""
 SINGULAR = "the mass matrix is singular in double precision"
 
 
 def loses_digits(group: Group, system: System) -> bool:
     """Whether a carrier, or a link above a heavier one, is so light that dense matrices would lose digits."""
     heaviest = np.maximum.accumulate(group.block.mass[::-1])[::-1]
-    masses = [
-        LIGHTEST if carrier.M is not None else carrier.mass for carrier in system.suspension.carriers if carrier.size
-    ]
-    light = min(masses, default=np.inf) < LIGHT * float(system.mass.sum())
-    return bool(light or np.any(group.block.mass < FRAIL * heaviest))
+    masses = [0.0 if carrier.M is not None else carrier.mass for carrier in system.suspension.carriers if carrier.size]
+    light = min(masses, default=np.inf) < MASS_RATIO_MIN * float(system.mass.sum())
+    return bool(light or np.any(group.block.mass < MASS_RATIO_MIN * heaviest))
 
 
 class Elimination:
@@ -159,8 +156,8 @@ class Eliminated:
         return self.body.unwound(self.parts[1], turns)
 
 
-REACH = 3
-MIDDLE = 2 * REACH
+MIDDLE = 6
+"""Format: rows above the diagonal in LAPACK's columns of a band that reaches 3 to each side."""
 TURN, FORCE_N, FORCE_U, END_N, END_U = range(5)
 COSINES = ((FORCE_N, 2), (FORCE_U, 2), (END_N, -2), (END_U, -2))
 SINES = ((FORCE_N, 3, 1.0), (FORCE_U, 1, -1.0), (END_N, -1, -1.0), (END_U, -3, 1.0))
@@ -180,7 +177,7 @@ class Banded:
 
     def _without_bends(self) -> Floats:
         """LAPACK's columns (P, n, 5, rows): the entry `down` rows below the diagonal is at MIDDLE + down."""
-        band = np.zeros((*self.m.shape, 5, MIDDLE + REACH + 1))
+        band = np.zeros((*self.m.shape, 5, MIDDLE + 4))
         ratio = self.below / self.m
         band[..., TURN, MIDDLE] = self.spin / self.m
         band[..., TURN, MIDDLE + 1] = 1.0
@@ -225,7 +222,7 @@ class Banded:
     def solve_band(band: Floats, sides: Floats) -> Floats:
         """The unknowns, (1 + d, P, n, 5)."""
         columns, rows = band.reshape(-1, band.shape[-1]).T, sides.reshape(len(sides), -1).T
-        *_, solution, info = scipy.linalg.lapack.dgbsv(REACH, REACH, columns, rows, overwrite_ab=1, overwrite_b=1)
+        *_, solution, info = scipy.linalg.lapack.dgbsv(3, 3, columns, rows, overwrite_ab=1, overwrite_b=1)
         if info:
             raise ComputationError(f"equation {info} of the chain's joint forces is singular in double precision")
         return np.asarray(solution.T.reshape(sides.shape))

@@ -34,7 +34,8 @@ from nonlinear.system import (
 )
 from nonlinear.system.numbers import BEFORE, FIELDS
 
-SHORT = 6  # links of a chain up to which its matrix takes fewer operations than the recursion
+MATRIX_LINKS_MAX = 6
+"""Cost: links of a chain up to which its matrix takes fewer operations than the recursion."""
 Table = tuple[tuple[Any, ...], ...]
 
 
@@ -180,11 +181,11 @@ def _pays(group: Group, system: System) -> bool:
     """Whether matrices take fewer operations than the recursion: those of fewer links under several coordinates."""
     structure = system.suspension
     size = max(structure.carriers[structure.pivots[pendulum].carrier].size for pendulum in group.pendula.tolist())
-    return group.n <= (SHORT if size <= 1 else 2)
+    return group.n <= (MATRIX_LINKS_MAX if size <= 1 else 2)
 
 
 def _can_eliminate(group: Group, frail: bool) -> bool:
-    return group.n <= SHORT and not frail
+    return group.n <= MATRIX_LINKS_MAX and not frail
 
 
 class Symbolic:

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from nonlinear.dynamics.elimination import FRAIL, LIGHT
+from nonlinear.dynamics.elimination import MASS_RATIO_MIN
 from nonlinear.dynamics.forms import Form, form_of, module_of
 from nonlinear.dynamics.inputs import Inputs
 from nonlinear.dynamics.minimal import Arranged, Minimal, Recursion
@@ -123,7 +123,8 @@ class Generated(Written, Arranged):
         return [np.broadcast_to(value, y.shape[1:]) for value in self.inputs.beside(times)]
 
 
-WRITTEN = 32  # links of a scene whose equations are written out
+WRITTEN_LINKS_MAX = 32
+"""Cost: links of a scene whose equations are written out; longer text takes longer to compile than it saves."""
 Rates = Callable[..., Sequence[Any]]
 """The function that gives y' from y (size, S) and the times (s), one or a time each."""
 
@@ -165,7 +166,7 @@ class Lanes:
     @cached_property
     def is_written(self) -> bool:
         """Whether the equations are written out."""
-        return self.tangent or self.system.n_links <= WRITTEN
+        return self.tangent or self.system.n_links <= WRITTEN_LINKS_MAX
 
     @cached_property
     def form(self) -> Form:
@@ -212,5 +213,5 @@ def _frail(numbers: Numbers, group: Group) -> bool:
     mass = next(candidate for candidate in system.groups if candidate.index is group.index).block.mass
     heaviest = np.maximum.accumulate(mass[::-1])[::-1]
     total = sum(candidate.block.mass.sum((0, 1)) for candidate in system.groups)
-    light = system.cart is not None and np.any(np.asarray(system.cart.mass) < LIGHT * total)
-    return bool(light or np.any(mass < FRAIL * heaviest))
+    light = system.cart is not None and np.any(np.asarray(system.cart.mass) < MASS_RATIO_MIN * total)
+    return bool(light or np.any(mass < MASS_RATIO_MIN * heaviest))

@@ -33,14 +33,16 @@ from nonlinear.system import AppliedForces, Group, Layout, Load, System
 NOTHING = AppliedForces()
 CLOCK = Polynomials(np.empty(0), np.zeros(1), np.array([[0.0, 1.0]]))
 """The time itself."""
-LEAST_BEND = 10.0
-"""Bends of accelerations over the tolerance, in gravity, that steps may pass over: they then add less than the method
-itself errs by, for smooth records, noisy ones and such with jumps, of 201 to 20,001 samples."""
+BEND_MIN = 10.0
+"""Tolerance: bends of accelerations over the tolerance, in gravity, that steps may pass over: they then add less than
+the method itself errs by, for smooth records, noisy ones and such with jumps, of 201 to 20,001 samples."""
 
-DEGREE = 9
-"""Of the polynomials by which a record is seen to be smooth, one above the order of the methods."""
-LOOKS, FEWEST_LOOKS, MOST_LOOKS = 2, 32, 8
-"""Looks at the shortest piece of a record, in its shortest window, and at most for each of its pieces."""
+RECORD_DEGREE = 9
+"""Tolerance: of the polynomials by which a record is seen to be smooth, one above the order of the methods."""
+LOOKS_OF_WINDOW = 32
+"""Tolerance: in the shortest window of a record in which it may be smooth: three times the degree."""
+LOOKS_PER_PIECE = 8
+"""Cost: of a record of uneven pieces, two to the shortest; one that takes more is not asked whether it is smooth."""
 
 
 class Lengths(NamedTuple):
@@ -157,11 +159,11 @@ class Inputs:
         """The times (s), ascending, at which an acceleration of the support or of a length, or a force, jumps or bends.
 
         Steps that end there keep the order of their method.  For an `accuracy`, a relative tolerance, a knot counts
-        where it bends by LEAST_BEND times that part of gravity, or of a force as heavy as the lightest link, or of the
+        where it bends by BEND_MIN times that part of gravity, or of a force as heavy as the lightest link, or of the
         largest value if that is less.
         """
         gravity, times = float(np.min(self.system.gravity)), set[float]()
-        accuracy *= LEAST_BEND
+        accuracy *= BEND_MIN
         for course in self.courses:
             times |= {*course.motion.breaks}
         for course, unit in self._bending(gravity):
@@ -195,7 +197,7 @@ class Inputs:
             pieces, window = course.polynomials if accuracy else None, 0.0
             if pieces is not None and pieces.period == inf:
                 largest = float(np.abs(pieces.coefficients[:, 0]).max())
-                window = smooth_window(pieces, course.motion.breaks, LEAST_BEND * accuracy * min(unit, largest))
+                window = smooth_window(pieces, course.motion.breaks, BEND_MIN * accuracy * min(unit, largest))
             longest = min(longest, max(course.motion.shortest, window))
         return longest
 
@@ -308,21 +310,21 @@ def _bends(polynomials: Polynomials, threshold: float) -> set[float]:
 
 
 def smooth_window(pieces: Polynomials, breaks: Sequence[float], error: float) -> float:
-    """The longest time (s) such that within it, wherever it begins, one polynomial of DEGREE is right to an `error`.
+    """The longest time (s) such that within it, wherever it begins, one such polynomial is right to an `error`.
 
     Between the `breaks` (s); of windows that double; 0 where the shortest of them already has more to it.
     """
     knots = pieces.knots
-    width = float(np.diff(knots).min()) / LOOKS
+    width = float(np.diff(knots).min()) / 2
     ends = np.unique(np.clip([knots[0], *breaks, knots[-1]], knots[0], knots[-1]))
-    if ends[-1] - ends[0] > MOST_LOOKS * len(knots) * width:
+    if ends[-1] - ends[0] > LOOKS_PER_PIECE * len(knots) * width:
         return 0.0
     counts = np.maximum(np.round(np.diff(ends) / width).astype(int), 1)
     stretches = [
         pieces.beside(start + (end - start) * (np.arange(count) + 0.5) / count)
         for start, end, count in zip(ends[:-1], ends[1:], counts.tolist(), strict=True)
     ]
-    window, looks = 0.0, FEWEST_LOOKS
+    window, looks = 0.0, LOOKS_OF_WINDOW
     while all(_is_smooth(values, looks, error) for values in stretches):
         if looks >= counts.max():
             return inf
@@ -331,9 +333,11 @@ def smooth_window(pieces: Polynomials, breaks: Sequence[float], error: float) ->
 
 
 def _is_smooth(values: Floats, looks: int, error: float) -> bool:
-    """Whether a polynomial of DEGREE is right to the error in all windows of so many of the values (T,)."""
+    """Whether a polynomial of RECORD_DEGREE is right to the error in all windows of so many of the values (T,)."""
     looks = min(looks, len(values))
-    basis, _ = np.linalg.qr(np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, looks), min(DEGREE, looks - 1)))
+    basis, _ = np.linalg.qr(
+        np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, looks), min(RECORD_DEGREE, looks - 1))
+    )
     windows = np.lib.stride_tricks.sliding_window_view(values, looks)
     chosen = np.concatenate((windows[:: max(looks // 2, 1)], windows[-1:]))
     fit = np.einsum("lk,wk->wl", basis, np.einsum("wl,lk->wk", chosen, basis))

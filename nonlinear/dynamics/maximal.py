@@ -41,14 +41,17 @@ import numpy as np
 import scipy
 
 from modal.errors import ComputationError
-from modal.types import Floats, Ints
+from modal.types import EPS, Floats, Ints
 from nonlinear.dynamics.forces import cart_force, forces_of, joint_torques, modal_drag, resultants
 from nonlinear.dynamics.mechanics import Reactions
 from nonlinear.system import AppliedForces, Load, Motion, State, System
 
-NEWTON = 6
-CLOSED, OPEN = 4 * float(np.finfo(float).eps), 1e-9
-DENSE = 120
+CLOSING_ROUNDS = 6
+"""Limit: of Newton's method on the gaps of pivots; those torn so far apart that it takes more are refused."""
+OPEN_GAP_MAX = 1e-9
+"""Limit: of a pivot, over the reach; torn farther apart, a message says so."""
+DENSE_UNKNOWNS_MAX = 120
+"""Cost: unknowns up to which a dense matrix is quicker than a sparse one."""
 SINGULAR = "an acceleration stays open, as of a cart without mass over hanging bobs: give the cart some mass"
 
 
@@ -179,14 +182,14 @@ class Maximal:
 
     def _close_gaps(self, q: Floats) -> Floats:
         extent = self.pivots.reach + abs(q[0])
-        for _ in range(NEWTON):
+        for _ in range(CLOSING_ROUNDS):
             gaps = self.pivots.gaps(q)
-            if _widest(gaps) <= CLOSED * extent:
+            if _widest(gaps) <= 4 * EPS * extent:
                 return q
             q = q + self._step(q, gaps)
         gap = _widest(self.pivots.gaps(q))
-        if not gap <= OPEN * extent:
-            raise ComputationError(f"pivots still {gap:.2g} m open after {NEWTON} steps: torn too far apart")
+        if not gap <= OPEN_GAP_MAX * extent:
+            raise ComputationError(f"pivots still {gap:.2g} m open after {CLOSING_ROUNDS} steps: torn too far apart")
         return q
 
     def _step(self, q: Floats, gaps: Floats) -> Floats:
@@ -318,7 +321,7 @@ class Saddle:
     @property
     def is_dense(self) -> bool:
         """Whether it is solved as a dense matrix."""
-        return self.size <= DENSE
+        return self.size <= DENSE_UNKNOWNS_MAX
 
     def solve(self, angles: Floats, upper: Floats | float, lower: Floats | float) -> Floats:
         """The solution (q'', λ) with forces `upper` and accelerations `lower` on the right-hand side.

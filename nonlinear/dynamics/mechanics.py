@@ -30,7 +30,8 @@ from nonlinear.system import Group, Layout, Motion, System
 
 Along = tuple[Any, Any]
 """Something of first joints along the rail and down, each beside that of links (T, n, P)."""
-AT_ONCE = 20_000  # links times instants in one block
+NUMBERS_IN_CACHE = 16_000
+"""Cost: links times instants in one block that fits a processor's cache."""
 
 
 def vectors(motion: Motion) -> tuple[Floats, Floats]:
@@ -211,7 +212,7 @@ class Mechanics(Displayed):
     @cached_property
     def energies(self) -> tuple[Floats, Floats]:
         """Kinetic and potential energy (J) of the scene, each (T,), in blocks that fit a processor's cache."""
-        rows, times = max(1, AT_ONCE // self.system.n_links), len(self.motion.cart)
+        rows, times = max(1, NUMBERS_IN_CACHE // self.system.n_links), len(self.motion.cart)
         none = 0.0 * self.motion.cart
         if times <= rows:
             return np.asarray(self._parts.moving + none), np.asarray(self._parts.potential_energy + none)

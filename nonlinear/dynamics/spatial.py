@@ -48,7 +48,7 @@ from modal.types import Floats, Ints
 from nonlinear.dynamics.forces import Base, External, drag
 from nonlinear.dynamics.minimal import Projection, Suspended
 from nonlinear.dynamics.recursion import Answer, RecursiveLink, driven, links_of
-from nonlinear.dynamics.tape import where
+from nonlinear.dynamics.tape import DIVISOR_MIN, where
 from nonlinear.system import Group
 
 NEXT, LAST = [1, 2, 0], [2, 0, 1]
@@ -168,9 +168,6 @@ def _mirrored_form(v: Any, beta: Any, M: Any) -> Any:
     return M - (half + half.swapaxes(0, 1))
 
 
-STRAIGHT = 1e-300  # z of a joint without a bend, or bent right back
-
-
 def generalized_forces(moments: Any, u: Any) -> Any:
     """The generalized forces (N m) of moments on links."""
     return cross(moments, u)
@@ -211,7 +208,7 @@ def _bend(group: Group, u: Any) -> tuple[Any, Any, Any, Any]:
 
 def _per_sine(z: Any, rest: Any) -> Any:
     product = z * rest
-    root, rest_root = np.sqrt(where(product, z, STRAIGHT)), np.sqrt(where(product, rest, 1.0))
+    root, rest_root = np.sqrt(where(product, z, DIVISOR_MIN)), np.sqrt(where(product, rest, 1.0))
     return np.arctan(root / rest_root) / (root * rest_root)
 
 

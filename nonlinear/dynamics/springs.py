@@ -23,7 +23,6 @@ from modal.structure import CarrierEnd, End, LinkEnd, Moving, SpringNumbers, Str
 from modal.types import Booleans, Ints
 from nonlinear.system import Group, System, drawn_place, place_of
 
-GROUND = -1
 Vector = tuple[Any, Any]
 
 
@@ -141,7 +140,7 @@ class Springs:
                     links.append((side, k, end))
                 elif isinstance(end, CarrierEnd):
                     carriers.append((side, k, end))
-        pairs = np.full((2, len(self.structure.springs)), GROUND)
+        pairs = np.full((2, len(self.structure.springs)), -1)
         for number, (side, k, _) in enumerate([*links, *carriers]):
             pairs[side, k] = number
         link = np.array([end.link for *_, end in links], dtype=np.int64)

@@ -3,7 +3,7 @@
 Escapements kick joints `kicks`, dry friction acts at the `contacts` of a form.  Every switch has a value that passes
 from below to above 0 where it switches, and the rate of it along y' and the rates of the inputs:
 
-    a kick on the right, then on the left   ±(γ − bent) − angle,  −FAR on a side where none is possible
+    a kick on the right, then on the left   ±(γ − bent) − angle,  −FAR_BELOW on a side where none is possible
     a contact that slides to the side s     −s γ'
     a contact that sticks                   |τ| − M (1 + firm),   on a rail with a coefficient μ |N| in place of M
     N of such a rail, while it slides       −e N,  e = sign N
@@ -23,8 +23,8 @@ from nonlinear.dynamics.forms import Form, TapedEquations, responding
 from nonlinear.dynamics.tape import directional_derivatives
 from nonlinear.dynamics.text import Module
 
-FAR = 1000.0
-"""How far below 0 (rad, N or N m) a value is that cannot pass."""
+FAR_BELOW = 1000.0
+"""Format: how far below 0 (rad, N or N m) a value is that cannot pass."""
 Pairs = tuple[tuple[int, int], ...]
 
 
@@ -86,7 +86,7 @@ def switching_of(form: Form, kicks: Pairs = ()) -> Module:
             R.append((s * s).where(slowing[j], force[j].where(slope[j], -slope[j]) - dM * firmly))
         if form.presses:
             s, e = signs[0], v[size + len(kicks) + contacts]
-            V.append((s * s).where(-(e * force[-1]), -FAR))
+            V.append((s * s).where(-(e * force[-1]), -FAR_BELOW))
             R.append((s * s).where(-(e * slope[-1]), 0.0))
     texts["values"] = [*V, *R]
     texts.setdefault("clear", texts["values"])
@@ -111,8 +111,8 @@ def _of_kicks(kicks: Pairs, rows: tuple[Any, Any], sides: Any, numbers: Any) -> 
     rests, angle = numbers[: len(kicks)], numbers[len(kicks) :]
     gamma = [joint_value(rows[0], pair) - rest for pair, rest in zip(kicks, rests, strict=True)]
     speed = [joint_value(rows[1], pair) for pair in kicks]
-    right = [(-s).where(-FAR, g - a) for s, g, a in zip(sides, gamma, angle, strict=True)]
-    left = [s.where(-FAR, -g - a) for s, g, a in zip(sides, gamma, angle, strict=True)]
+    right = [(-s).where(-FAR_BELOW, g - a) for s, g, a in zip(sides, gamma, angle, strict=True)]
+    left = [s.where(-FAR_BELOW, -g - a) for s, g, a in zip(sides, gamma, angle, strict=True)]
     rates = [(-s).where(0.0, r) for s, r in zip(sides, speed, strict=True)]
     return right + left, rates + [s.where(0.0, -r) for s, r in zip(sides, speed, strict=True)]
 

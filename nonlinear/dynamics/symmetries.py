@@ -28,14 +28,17 @@ import numpy as np
 
 from modal.assembly import ARRAYS
 from modal.structure import scale_structure
-from modal.types import Floats, Ints
+from modal.types import IMAGINARY_STEP, NOISE_OF_SUM, NOISE_OF_TERMS, Floats, Ints
 from nonlinear.dynamics.contacts import contacts_of
 from nonlinear.dynamics.forces import bend, link_torques
 from nonlinear.dynamics.minimal import Minimal, Recursion
+from nonlinear.dynamics.tape import DIVISOR_MIN
 from nonlinear.system import Equations, Group, Load, Motion, State, System, motion_of, of_plane
 
-FAR = 10.0  # rad, or lengths of the longest link, beyond which whole turns and travel are removed
-WIDE = 200  # powers of two of m l² (kg m²) beyond which units are changed
+TRAVEL_MAX = 10.0
+"""Tolerance: rad, or lengths of the longest link, beyond which whole turns and travel are removed: they cost digits."""
+UNIT_POWER_MAX = 200
+"""Tolerance: powers of two of m l² (kg m²) beyond which units are changed: products of five are finite."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,7 +198,7 @@ def near_origin(system: System, start: State) -> Symmetry | None:
     """The system without whole turns and with its cart at the origin; None where neither is far away."""
     turns = np.zeros_like(start.links) if system.spatial else start.links - _unwind(system, start.links)
     travel = start.cart if system.cart and not system.cart.stiffness else 0.0
-    if np.abs(turns).max() < FAR and abs(travel) < FAR * system.length:
+    if np.abs(turns).max() < TRAVEL_MAX and abs(travel) < TRAVEL_MAX * system.length:
         return None
     return Symmetry(
         system,
@@ -226,7 +229,7 @@ def _unwind(system: System, links: Floats) -> Floats:
 def natural(system: System, start: State) -> Symmetry | None:
     """The system in natural units of mass and length; None where kg and m serve as well."""
     m, l = (frexp(float(system.by_link(name).max()))[1] for name in ("mass", "length"))
-    if abs(m) + 2 * abs(l) < WIDE or any(group.point_forces for group in system.groups):
+    if abs(m) + 2 * abs(l) < UNIT_POWER_MAX or any(group.point_forces for group in system.groups):
         return None
     mass, length, moment = 2.0**m, 2.0**l, 2.0 ** (m + 2 * l)
     units = {"mass": mass, "length": length, "centre": length, "sigma": 1.0}
@@ -296,10 +299,8 @@ class Reduced:
         return self.inner.project(y)
 
 
-ROUNDING = 16 * float(np.finfo(float).eps)  # of moments that are in balance, relative to their parts
-TINY = float(np.finfo(float).tiny)
-STEP = 1e-100
-AT_REST, GROWS = 1e-12, 1e-9  # acceleration in natural units, and growth over the largest, beyond rounding
+GROWTH_NOISE = 1e-9
+"""Tolerance: of a growth over the largest rate, above rounding."""
 
 
 def is_unstable_equilibrium(system: System, start: State) -> bool:
@@ -319,7 +320,7 @@ def is_unstable_equilibrium(system: System, start: State) -> bool:
         weight, group_angles = system.gravity * group.block.b, angles[group.index]
         remainder = np.abs(link_torques(group, group_angles, 0.0 * group_angles) - weight * np.sin(group_angles))
         stiffness = _joint_stiffness(group, group_angles)
-        in_balance = remainder <= ROUNDING * (weight + np.abs(stiffness)) * (1 + np.abs(group_angles))
+        in_balance = remainder <= NOISE_OF_TERMS * (weight + np.abs(stiffness)) * (1 + np.abs(group_angles))
         verdicts.append(
             (np.all(in_balance & is_still[group.index], axis=0), _falls(stiffness, weight * np.cos(group_angles)))
         )
@@ -338,11 +339,11 @@ def _on_structure(system: System, start: State) -> bool:
     equations = Minimal(quiet, tuple(Recursion(group, tail=1) for group in quiet.groups), counts_work=False)
     y, half = equations.layout.begin(start), equations.layout.half
     units = equations.scale[half:] * system.rate
-    if np.any(np.abs(equations.derivative(0.0, y[:, None])[half:, 0]) > AT_REST * units * (1 + np.abs(y).max())):
+    if np.any(np.abs(equations.derivative(0.0, y[:, None])[half:, 0]) > NOISE_OF_SUM * units * (1 + np.abs(y).max())):
         return False
-    perturbations = np.repeat(y[:, None], half, axis=1) + 1j * STEP * np.eye(len(y))[:, :half]
-    growing = np.linalg.eigvals(equations.derivative(0.0, perturbations)[half:].imag / STEP)
-    return bool(growing.real.max() > GROWS * np.abs(growing).max())
+    perturbations = np.repeat(y[:, None], half, axis=1) + 1j * IMAGINARY_STEP * np.eye(len(y))[:, :half]
+    growing = np.linalg.eigvals(equations.derivative(0.0, perturbations)[half:].imag / IMAGINARY_STEP)
+    return bool(growing.real.max() > GROWTH_NOISE * np.abs(growing).max())
 
 
 def _joint_stiffness(group: Group, angles: Floats) -> Floats:
@@ -360,5 +361,5 @@ def _falls(stiffness: Floats, weight: Floats) -> Any:
         below = stiffness[at + 1] if at + 1 < len(weight) else 0.0 * stiffness[0]
         pivot = weight[at] + stiffness[at] + below - below**2 / pivot
         falling |= pivot < 0
-        pivot = np.where(pivot == 0, TINY, pivot)
+        pivot = np.where(pivot == 0, DIVISOR_MIN, pivot)
     return falling

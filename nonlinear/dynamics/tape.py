@@ -202,8 +202,8 @@ def gradient(tape: Tape, output: Any, by: Sequence[Any]) -> list[Any]:
     return [slopes.get(id(symbol), 0.0) for symbol in by]
 
 
-LEAST = 1e-300
-"""Added to a divisor that is 0 where what it divides is: the speed of a body at rest."""
+DIVISOR_MIN = 1e-300
+"""Format: in place of a divisor that is 0 where what it divides is: the speed of a body at rest."""
 
 RULES: dict[str, Callable[..., Any]] = {
     "+": lambda f, a, b, da, db: da + db,
@@ -213,7 +213,7 @@ RULES: dict[str, Callable[..., Any]] = {
     "neg": lambda f, a, da: -da,
     "sin": lambda f, a, da: a.cos() * da,
     "cos": lambda f, a, da: -(a.sin() * da),
-    "sqrt": lambda f, a, da: 0.5 * da / (f + LEAST),
+    "sqrt": lambda f, a, da: 0.5 * da / (f + DIVISOR_MIN),
     "arctan": lambda f, a, da: da / (1.0 + a * a),
     "exp": lambda f, a, da: f * da,
     "log": lambda f, a, da: da / a,

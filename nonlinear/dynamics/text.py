@@ -20,10 +20,12 @@ from typing import Any
 
 import numpy as np
 
-from nonlinear.dynamics.tape import LEAST, Symbol, Tape, order, uses, where
+from nonlinear.dynamics.tape import DIVISOR_MIN, Symbol, Tape, order, uses, where
 
-FEW = 200  # complex numbers
-DEEPEST = 40  # nesting of parentheses
+WIDE_ARRAY_NUMBERS = 200
+"""Cost: complex numbers from which a first-order formula is quicker than NumPy's complex functions."""
+NESTING_MAX = 40
+"""Format: of parentheses, which parsers limit."""
 KINDS = ("y", "u", "v")
 """The arguments of a function that is written, in this order; those of no use are empty."""
 FUNCTIONS: dict[str, Mapping[str, Any]] = {
@@ -52,7 +54,7 @@ Function = Callable[..., Any]
 
 
 def _is_wide(z: Any) -> bool:
-    return isinstance(z, np.ndarray) and z.dtype.kind == "c" and z.size >= FEW
+    return isinstance(z, np.ndarray) and z.dtype.kind == "c" and z.size >= WIDE_ARRAY_NUMBERS
 
 
 def _first_order(function: Callable[[Any], Any], slope: Callable[[Any, Any], Any]) -> Callable[[Any], Any]:
@@ -107,7 +109,7 @@ FUNCTIONS["columns"] = {
     "inverse": _inverse,
     "sin": lambda z: _sincos(z)[0],
     "cos": lambda z: _sincos(z)[1],
-    "sqrt": _first_order(_root, lambda x, value: 0.5 / (value + LEAST)),
+    "sqrt": _first_order(_root, lambda x, value: 0.5 / (value + DIVISOR_MIN)),
     "arctan": _first_order(np.arctan, lambda x, value: 1 / (1 + x * x)),
     "exp": _first_order(np.exp, lambda x, value: value),
     "log": _first_order(np.log, lambda x, value: 1 / x),
@@ -266,7 +268,7 @@ class _Lines:
             text = f"{words[0]}{words[1]}" if is_input else operation_text(operator, words)
             deep[id(symbol)] = 0 if is_input else 1 + max(deep.get(id(operand), 0) for operand in operands)
             often = used[id(symbol)] > 1 or id(symbol) in angles
-            if id(symbol) in line_ids or (not is_input and (often or deep[id(symbol)] >= DEEPEST)):
+            if id(symbol) in line_ids or (not is_input and (often or deep[id(symbol)] >= NESTING_MAX)):
                 name = f"{self.letter}{len(self.lines)}"
                 self.lines.append(f"{name} = {text}")
                 text, deep[id(symbol)] = name, 0

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from modal.errors import ComputationError
-from modal.types import Floats
+from modal.types import IMAGINARY_STEP, Floats
 from nonlinear.dynamics.elimination import SINGULAR
 from nonlinear.dynamics.forces import cart_force, modal_drag, plane_drag
 from nonlinear.dynamics.forms import Form, Symbolic, form_of, jacobian_of, module_of
@@ -28,9 +28,8 @@ from nonlinear.dynamics.text import Module
 from nonlinear.system import constants_of, entries_of
 
 Force = Callable[[float], Floats]
-TINY = 1e-20  # imaginary part of a number: its square vanishes beside any
-SPARSE = 8
-"""Links up to which the entries of J are written one by one; longer scenes have J v written, and take all directions.
+WRITTEN_DERIVATIVES_MAX = 8
+"""Cost: links up to which entries of J are written one by one; longer scenes have J v written, in all directions.
 
 A cart with a chain of eight takes 9 µs a state rather than 23 µs, 1,200 at once, but 105 ms rather than 28 ms to be
 written.
@@ -80,7 +79,7 @@ class Variational(Generated):
         y = np.asarray(y)
         target = "floats" if y.ndim == 1 else "arrays"
         try:
-            if self.system.n_links > SPARSE:
+            if self.system.n_links > WRITTEN_DERIVATIVES_MAX:
                 return self._by_directions(y, u)
             values = self._derivatives[target](y.tolist() if y.ndim == 1 else y, u)
         except UNDEFINED:
@@ -129,11 +128,16 @@ class Variational(Generated):
         """
         name = "sticking" if self.form.contacts else "rates"
         module = switching_of(self.form) if self.form.contacts else module_of(self.form)
-        p = [np.array([value + 1j * TINY * step]) for value, step in zip(self.numbers, change.tolist(), strict=True)]
-        inputs = np.asarray(u) + 1j * TINY * np.asarray(input_change) if len(input_change) else u
+        p = [
+            np.array([value + 1j * IMAGINARY_STEP * step])
+            for value, step in zip(self.numbers, change.tolist(), strict=True)
+        ]
+        inputs = np.asarray(u) + 1j * IMAGINARY_STEP * np.asarray(input_change) if len(input_change) else u
         with np.errstate(all="ignore"):
             values = module.function(name, module.constants(p), "arrays")([*y.astype(complex)], inputs)
-        return np.array([np.broadcast_to(np.imag(value), y.shape[1:]) for value in values[: self.size]]) / TINY
+        return (
+            np.array([np.broadcast_to(np.imag(value), y.shape[1:]) for value in values[: self.size]]) / IMAGINARY_STEP
+        )
 
     def energy_slope(self, y: Floats) -> Floats:
         """The derivative of the energy (J) by y, (d,)."""
@@ -147,8 +151,10 @@ class Variational(Generated):
         """The derivative by y (d,) of the momentum of a structure along a displacement (half,) of its coordinates."""
         half = self.layout.half
         q, v = y[:half, None], y[half:, None]
-        changes = self.momenta(q + 1j * TINY * np.eye(half), np.broadcast_to(v, (half, half)))
-        return np.concatenate((displacement @ changes.imag / TINY, self.momenta(q, displacement[:, None])[:, 0]))
+        changes = self.momenta(q + 1j * IMAGINARY_STEP * np.eye(half), np.broadcast_to(v, (half, half)))
+        return np.concatenate(
+            (displacement @ changes.imag / IMAGINARY_STEP, self.momenta(q, displacement[:, None])[:, 0])
+        )
 
     @cached_property
     def _momenta(self) -> Any:

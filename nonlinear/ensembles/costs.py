@@ -10,7 +10,7 @@ import numpy as np
 from modal.errors import SceneError
 from modal.scene import CAPABILITIES, Scene, refusals
 from nonlinear.dynamics import Lanes
-from nonlinear.dynamics.generated import WRITTEN
+from nonlinear.dynamics.generated import WRITTEN_LINKS_MAX
 from nonlinear.dynamics.inputs import Inputs
 from nonlinear.ensembles.measures import why_one_by_one
 from nonlinear.ensembles.members import Members
@@ -131,7 +131,7 @@ def _takes(name: str, members: Members) -> bool:
     """Whether it is a choice: equations that are not written out in a few lines numba compiles for minutes."""
     if not _recorded(name, members.scene) or refusals(members.scene, f"engine {name}", *members.varied):
         return False
-    return name == LANES or members.scene.n_links <= WRITTEN
+    return name == LANES or members.scene.n_links <= WRITTEN_LINKS_MAX
 
 
 def first_numbers(members: Members) -> Numbers:

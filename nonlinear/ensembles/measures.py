@@ -28,9 +28,10 @@ from nonlinear.synchronization import ENDING
 from nonlinear.synchronization.phases import from_rest, own_shapes
 from nonlinear.system import Layout, Numbers, System
 
-PER_PERIOD, FEWEST, MOST = 12, 24, 240  # samples of the last tenth
-ALIKE = 0.9  # overlap with a configuration from which on a motion is one of it
-WITHIN = 2.0  # and how many times larger or smaller it may be
+ENDING_SAMPLES_MAX = 240
+"""Tolerance: of the last tenth, 12 to each of its periods, and a tenth of these at least."""
+OVERLAP_MIN = 0.9
+"""Tolerance: with a configuration, from which on a motion of about its size is one of it."""
 SECTION = re.compile(r"section:\s*([^=<>]+?)\s*(=|<|>)\s*(\S+)\s*")
 DIRECTIONS = {"=": 0, ">": 1, "<": -1}
 Columns = dict[str, Floats]
@@ -86,19 +87,19 @@ class Context:
             weights = averaged.omega**2
             norms = np.sqrt(weights @ np.abs(z) ** 2)
             for number, state in enumerate(known):
-                overlaps[:, number] += likeness(state, z, ALIKE) / ending.shape[1]
+                overlaps[:, number] += likeness(state, z, OVERLAP_MIN) / ending.shape[1]
                 sizes[:, number] += norms / np.sqrt(weights @ np.abs(state.z) ** 2) / ending.shape[1]
         best = np.argmax(overlaps, axis=1)
         rows = np.arange(len(ending))
         like, size = overlaps[rows, best], sizes[rows, best]
-        fits = (like >= ALIKE) & (size > 1 / WITHIN) & (size < WITHIN)
+        fits = (like >= OVERLAP_MIN) & (size > 1 / 2) & (size < 2)
         return np.where(fits, best + 1.0, 0.0)
 
 
 def ending_times(scene: Scene, duration: float) -> tuple[float, ...]:
     """Samples (s) of the last tenth, some for each of the fastest periods."""
     periods = ENDING * duration * estimate_timescales(scene).swing / (2 * pi)
-    count = min(max(ceil(PER_PERIOD * periods), FEWEST), MOST)
+    count = min(max(ceil(12 * periods), ENDING_SAMPLES_MAX // 10), ENDING_SAMPLES_MAX)
     return tuple(np.linspace((1 - ENDING) * duration, duration, count).tolist())
 
 

@@ -19,15 +19,13 @@ from modal.identification.parameters import numbers_at
 from modal.report import Displayed
 from modal.scene import Scene, refusals
 from modal.scene.parameters import Place, is_of_switch, number_at, with_numbers
-from modal.types import Booleans, Floats
+from modal.types import IMAGINARY_STEP, Booleans, Floats
 from nonlinear.dynamics.inputs import Inputs
 from nonlinear.identification.flow import MOTION_STEPS_MAX, Readings, Segments, SensorChannel, integrate_segments
 from nonlinear.identification.records import Recording, Sensor
 from nonlinear.integration.switches import numbers_of as switching_of
 from nonlinear.system import Numbers, System, numbers_of, system_of, translations
 
-IMAGINARY_STEP = 1e-20
-"""Tolerance: imaginary part of a column: its square vanishes beside any number."""
 MOTION_TOLERANCE = 1e-8
 """Tolerance: of the motion: well below what sensors resolve."""
 GAP_STD = 0.1

@@ -26,7 +26,7 @@ import numpy as np
 from modal.errors import SceneError, spelling_hint
 from modal.report import Displayed, counted, listed
 from modal.scene import Scene
-from modal.scene.contents import LARGEST_READ, SIZES_READ, SMALLEST_READ
+from modal.scene.contents import MEASURED_MAX, MEASURED_MIN, SIZES_READ
 from modal.scene.tables import DataTable, read_table
 from modal.structure import structure_of
 from modal.types import Floats
@@ -38,7 +38,7 @@ SENSOR = re.compile(r"theta_([1-9][0-9]{0,6})_([1-9][0-9]{0,6})_(rad|deg)|cart_m
 ANGLE = re.compile(r"(?:\w*?[^\W\d_])_*(?P<number>\d*)(?:_\w*?)??_(?P<unit>rad|deg)")
 """A column of an angle that is called otherwise, perhaps with a number."""
 LIKE_ONE = re.compile(r"theta_(?!dot_)|cart|time", re.ASCII)
-ANGLE_MAX = 60.0
+RECORD_ANGLE_MAX = 60.0
 """Limit: rad, some ten turns: "if these are degrees, name it …"."""
 SEGMENT_ROWS_MIN = 4
 """Limit: rows of a segment: "at least 4 are needed"."""
@@ -467,7 +467,7 @@ def _segment_problems(segment: Segment, sensors: Sequence[Sensor], lines: Sequen
         yield f"{segment.where}: has {rows}, at least {SEGMENT_ROWS_MIN} are needed"
     for sensor, values in zip(sensors, segment.values.T, strict=True):
         numbers = values[np.isfinite(values)]
-        if sensor.pendulum and len(numbers) and np.abs(numbers).max() > ANGLE_MAX:
+        if sensor.pendulum and len(numbers) and np.abs(numbers).max() > RECORD_ANGLE_MAX:
             largest = float(np.abs(numbers).max())
             hint = f"if these are degrees, name it {sensor.name}_deg"
             yield f"{segment.where}: {sensor.name} reaches {largest:.4g} rad: {hint}"
@@ -477,7 +477,7 @@ def _clock_problems(segment: Segment) -> Iterator[str]:
     """Times that double precision cannot square, and gaps of more samples than can be filled."""
     step, span = float(np.median(np.diff(segment.times))), float(segment.times[-1]) - float(segment.times[0])
     largest = float(np.abs(segment.times).max())
-    if largest > LARGEST_READ or 0 < step < SMALLEST_READ:
+    if largest > MEASURED_MAX or 0 < step < MEASURED_MIN:
         yield f"{segment.where}: its times reach {largest:.3g} s in steps of {step:.3g} s: {SIZES_READ}"
     elif step > 0 and span > SEGMENT_STEPS_MAX * step:
         count = f"{SEGMENT_STEPS_MAX:,}".replace(",", " ")
@@ -493,7 +493,7 @@ def _empty(sensors: Sequence[Sensor], segments: Sequence[Segment]) -> Iterator[s
             yield f"column {sensor.name}: has no values"
             continue
         largest = float(np.abs(values).max())
-        if largest and not SMALLEST_READ <= largest <= LARGEST_READ:
+        if largest and not MEASURED_MIN <= largest <= MEASURED_MAX:
             yield f"column {sensor.name}: reaches {largest:.3g} {sensor.unit}: {SIZES_READ}"
         elif np.ptp(values) == 0:
             yield f"column {sensor.name}: is constant, {values[0]:.6g} {sensor.unit}: nothing can be fitted to it"

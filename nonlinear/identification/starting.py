@@ -23,7 +23,7 @@ SPECTRUM_PADDING = 8
 """Tolerance: length of a spectrum over that of its segment: a peak is within a sixteenth of a bin of its line."""
 PEAK_POWER_MIN = 0.02
 """Tolerance: part of the highest peak's power that counts as a line: less may be a harmonic."""
-FREQUENCY_ERROR_MAX = 0.08
+START_FREQUENCY_ERROR_MAX = 0.08
 """Cost: relative error of a frequency beyond which the numbers are first fitted to the lines."""
 
 
@@ -88,7 +88,7 @@ def starting_numbers(scene: Scene, parameters: Sequence[Parameter], recording: R
             return z0
     else:
         rows = [*range(pairs)]
-    if np.all(np.abs(np.log(omega[rows] / chosen)) < FREQUENCY_ERROR_MAX):
+    if np.all(np.abs(np.log(omega[rows] / chosen)) < START_FREQUENCY_ERROR_MAX):
         return z0
 
     def residuals(numbers: Floats) -> Floats:

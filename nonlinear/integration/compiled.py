@@ -13,7 +13,7 @@ from typing import Any, cast
 import numpy as np
 
 from modal.types import Floats
-from nonlinear.dynamics.compiled import TURNS, Compiled, rate
+from nonlinear.dynamics.compiled import TURN_ROWS, Compiled, rate
 from nonlinear.dynamics.compiling import compiled, in_place, part
 from nonlinear.integration.kernels import integrator
 from nonlinear.integration.method import (
@@ -101,7 +101,7 @@ def steps(scene, clock, relative, absolute, y, stages, due, rows, ends, states, 
     """
     time, next_length, longest, end, _ = clock
     z, work, terms = np.empty_like(y), np.empty_like(y), np.empty((TERM_COUNT, y.size))
-    turns = np.empty((TURNS, len(scene[0])))
+    turns = np.empty((TURN_ROWS, len(scene[0])))
     step_count = row_count = calls = 0
     while step_count < len(ends) and time < end and (row_count < len(due) or not len(due)):
         shortest, is_retry, is_good = SHORTEST_STEP * abs(np.nextafter(time, end) - time), False, False

@@ -20,11 +20,11 @@ import scipy
 
 from modal.errors import ComputationError
 from modal.report import Displayed
-from modal.types import Floats
+from modal.types import IMAGINARY_STEP, Floats
 from nonlinear.averaging.equations import ARRAY_ENTRIES
 from nonlinear.dynamics.elimination import SINGULAR
 from nonlinear.dynamics.generated import UNDEFINED, InputFunction, Rate
-from nonlinear.dynamics.variational import TINY, Force, Variational
+from nonlinear.dynamics.variational import Force, Variational
 from nonlinear.integration.analytic import imaginary_after_kick, impulses_since
 from nonlinear.integration.floats import FloatDOP853, FloatStep, Numbers, attempt_of
 from nonlinear.integration.method import (
@@ -177,12 +177,14 @@ class Flow(Displayed):
         saltation: Floats = scipy.linalg.block_diag(np.array(S).T, 1.0)
         if j < 2 * switches.places.K:
             parts = zip((self.equations.numbers, switches.numbers), self.change, strict=True)
-            form, kicks = ([np.array([a + 1j * TINY * b]) for a, b in zip(*pair, strict=True)] for pair in parts)
+            form, kicks = (
+                [np.array([a + 1j * IMAGINARY_STEP * b]) for a, b in zip(*pair, strict=True)] for pair in parts
+            )
             impulses = impulses_since(switches, count_before)
             jump_slope = imaginary_after_kick(
                 switches, (form, kicks), j, y[:, None] + 0j, f, impulses, held_inputs, switched_equations.state, u
             )
-            saltation[:-1, -1] = jump_slope[:, 0] / TINY
+            saltation[:-1, -1] = jump_slope[:, 0] / IMAGINARY_STEP
         return saltation
 
     def _solver(self, y: Floats, duration: float, state: list[float] | None, start: float) -> FloatDOP853:

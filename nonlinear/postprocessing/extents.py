@@ -30,7 +30,7 @@ STRETCHES_MAX = 24
 """Cost: stretches integrated anew for an extreme: a steady motion comes as near to it in every period."""
 PLACES_MAX = 2_000_000
 """Cost: places on cubics in a run beyond which extremes are those of the samples, as the summary says."""
-TURN_MAX = 1.5
+EXTENT_TURN_MAX = 1.5
 """Tolerance: rad from one sample to the next, from which on cubics do not tell where extremes are."""
 Quantity = Callable[[Motion], Floats]
 WAY = Choice("minimal", "DOP853", compiled=False, reason="", tolerance=EXTREME_TOLERANCE)
@@ -96,7 +96,7 @@ def _can_interpolate(trajectory: Trajectory) -> bool:
     if len(times) * motion.links[0].size * CUBIC_PLACES > PLACES_MAX:
         return False
     rates = np.abs(motion.link_rates).reshape(len(times), -1).max(1)
-    return bool(np.max(np.diff(times) * np.maximum(rates[:-1], rates[1:])) < TURN_MAX)
+    return bool(np.max(np.diff(times) * np.maximum(rates[:-1], rates[1:])) < EXTENT_TURN_MAX)
 
 
 def _equations(trajectory: Trajectory) -> Equations:

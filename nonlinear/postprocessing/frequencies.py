@@ -33,7 +33,7 @@ ORDER = 3
 OTHER_ORDERS = (2, 4)
 LEAST_PERIODS = 4.0
 """Limit: periods of a line in a signal."""
-PEAK_RATIO = 30.0
+PEAK_TO_NOISE_MIN = 30.0
 """Tolerance: of a line over the median of the spectrum, above what noise has anywhere."""
 LINE_SETTLED = 1e-13
 """Tolerance: relative change of a frequency that is rounding, and amplitude of a line over the strongest likewise."""
@@ -200,7 +200,7 @@ def _add_lines(signal: _Signal, waves: _Waves, count: int) -> _Waves:
         is_separate = np.abs(x[:, None] - waves.x).min(1) >= pi * (ORDER + 1)
         size = np.where(is_separate & (x >= LEAST_PERIODS * pi), size, 0.0)
         at, strongest = int(np.argmax(size)), waves.amplitude.max()
-        if size[at] < max(PEAK_RATIO * float(np.median(size)), LINE_SETTLED * strongest):
+        if size[at] < max(PEAK_TO_NOISE_MIN * float(np.median(size)), LINE_SETTLED * strongest):
             break
         try:
             extension = signal.fit(np.append(waves.x, x[at]))

@@ -28,7 +28,8 @@ from modal.structure import CarrierEnd, CarrierNumbers, End, GroundEnd, LinkEnd,
 from modal.types import Floats
 from nonlinear.system.system import Group, JointTerm, System, system_of
 
-BEFORE = 1  # entries before those of links
+BEFORE = 1
+"""Format: entries before those of links: gravity."""
 FIELDS = ("mass", "length", "centre", "inertia", "damping", "stiffness", "drag", "quadratic_drag")
 DRAG = ("drag", "quadratic_drag")
 WORKING = ("damping", *DRAG)

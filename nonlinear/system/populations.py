@@ -23,8 +23,6 @@ from modal.scene.points import PendulumPoint, parse_point, places_of
 from modal.structure import CarrierEnd, Structure, structure_of
 from modal.types import Ints
 
-HALVES = 2  # pendula that stand for a population
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Population(Displayed):
@@ -55,7 +53,7 @@ class Population(Displayed):
     @property
     def halves(self) -> int:
         """How many pendula stand for it in the scene of `representatives`."""
-        return min(self.size, HALVES)
+        return min(self.size, 2)
 
 
 @lru_cache(maxsize=16)

@@ -25,11 +25,10 @@ from modal.assembly import (
     rig_of,
 )
 from modal.extend import JointLaw
-from modal.extend.laws import STEP
 from modal.report import Displayed, Summary, counted
 from modal.scene import Escapement, Pendulum, Scene, validate_scene
 from modal.structure import Structure, is_damped
-from modal.types import Floats, Ints
+from modal.types import IMAGINARY_STEP, Floats, Ints
 from nonlinear.system.prescribed import ActingForce, MovingSupport, acting_forces, moving_support
 from nonlinear.system.springs import slack_of
 
@@ -112,7 +111,7 @@ class JointTerm:
 
     def stiffness(self, bends: Floats) -> Floats:
         """The stiffness (N m/rad) at these bends, (C,), by a complex step."""
-        return np.asarray(-np.imag(sum(self.torques(bends + 1j * STEP, 0.0 * bends))) / STEP)
+        return np.asarray(-np.imag(sum(self.torques(bends + 1j * IMAGINARY_STEP, 0.0 * bends))) / IMAGINARY_STEP)
 
     def take(self, columns: Ints) -> JointTerm:
         """The term of the pendula in these columns, as many as there are."""

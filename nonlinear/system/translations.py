@@ -8,8 +8,6 @@ from modal.structure import CarrierEnd, End, LinkEnd, Structure
 from modal.types import Floats
 from nonlinear.system.system import System
 
-HELD = -1
-
 
 def translations(system: System) -> Floats:
     """Displacements (m) of the coordinates before those of links that leave every force as it is, (k, first).
@@ -25,14 +23,14 @@ def translations(system: System) -> Floats:
     structure, sets = system.suspension, _sets(system, system.suspension)
     moves = np.zeros((len(structure.carriers), system.first))
     for owner, carrier, offset in zip(sets[1:], structure.carriers, structure.offsets, strict=False):
-        if owner != HELD and carrier.sliding is not None:
+        if owner != -1 and carrier.sliding is not None:
             moves[owner, offset + carrier.sliding] = 1.0
     return moves[moves.any(1)]
 
 
 def _sets(system: System, structure: Structure) -> list[int]:
-    """The set to which the ground and each carrier belong; those that something holds are in the ground's, HELD."""
-    sets = [HELD, *range(len(structure.carriers))]
+    """The set to which the ground and each carrier belong; those that something holds are in the ground's, −1."""
+    sets = [-1, *range(len(structure.carriers))]
 
     def join(member: int, other: int) -> None:
         first, second = sorted((sets[member], sets[other]))

@@ -39,7 +39,7 @@ from nonlinear.simulation import simulate
 
 FREQUENCY_ERROR_MIN = 1e-8
 """Tolerance: of a run over its amplitude, and so the relative error that a frequency has at least."""
-TOLERANCE_MAX = 1e-10
+MODE_TOLERANCE_MAX = 1e-10
 """Tolerance: of a run at large angles."""
 FREQUENCY_ERROR_MAX = 1e-3
 """Limit: relative error of a frequency beyond which the report calls the motion irregular."""
@@ -78,7 +78,7 @@ def measure_mode(modes: Modes, number: int, amplitude: float, periods: float = 4
         scene.in_plane,
         float(times[-1]),
         method=method,
-        tolerance=float(np.clip(FREQUENCY_ERROR_MIN * amplitude, TIGHTEST, TOLERANCE_MAX)),
+        tolerance=float(np.clip(FREQUENCY_ERROR_MIN * amplitude, TIGHTEST, MODE_TOLERANCE_MAX)),
         output=times,
         start=start_in_mode(scene, modes, number, copy, amplitude),
     )

@@ -37,7 +37,7 @@ def test_what_a_killed_process_left_is_removed_by_a_later_one(tmp_path: Path) ->
     old, young = (tmp_path / f"{files.TEMPORARY}{name}" for name in ("old", "young"))
     for path in (old, young):
         path.write_bytes(b"part")
-    os.utime(old, (time.time() - files.FORGOTTEN - 60,) * 2)
+    os.utime(old, (time.time() - files.FORGOTTEN_SECONDS - 60,) * 2)
     with whole_file(tmp_path / "x") as stream:
         stream.write(b"x")
     assert {path.name for path in tmp_path.iterdir()} == {"x", young.name}

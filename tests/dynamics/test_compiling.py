@@ -312,7 +312,7 @@ def test_what_one_process_compiles_others_wait_for(tmp_path: Path, monkeypatch: 
         assert not ended
     other.join()
     assert ended == ["second"]
-    monkeypatch.setattr(compiling, "PATIENCE", 0.1)
+    monkeypatch.setattr(compiling, "LOCK_SECONDS", 0.1)
     with first.turn(), second.turn():
         ended.append("both")
     assert ended == ["second", "both"]

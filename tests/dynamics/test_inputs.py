@@ -239,7 +239,7 @@ def test_records_of_a_support_are_followed_within_the_tolerance(name: str) -> No
 
 
 def test_steps_that_pass_over_knots_would_not_do(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(inputs, "LEAST_BEND", inf)
+    monkeypatch.setattr(inputs, "BEND_MIN", inf)
     run = simulate(shaken(0.01 * RECORDS["noisy"]), 2.0, tolerance=TOLERANCE, output=2)
     assert abs(run.motion.links[-1, 0] - last_angle(0.01 * RECORDS["noisy"])) > 20 * TOLERANCE
 

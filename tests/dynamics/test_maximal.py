@@ -134,7 +134,7 @@ def test_sparse_is_dense(monkeypatch: pytest.MonkeyPatch) -> None:
     y = equations.begin(state)
     unknowns = []
     for limit in (0, 10_000):
-        monkeypatch.setattr(maximal, "DENSE", limit)
+        monkeypatch.setattr(maximal, "DENSE_UNKNOWNS_MAX", limit)
         unknowns.append(equations.unknowns(0.0, y))
     assert not np.array_equal(*unknowns)
     np.testing.assert_allclose(*unknowns, rtol=0, atol=1e-12 * np.abs(unknowns[0]).max())
@@ -160,7 +160,7 @@ def final(equations: Equations, state: State, **options: float) -> State:
 
 @pytest.mark.parametrize("limit", [0, 10_000])
 def test_a_cart_that_nothing_holds_back_is_refused(limit: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(maximal, "DENSE", limit)
+    monkeypatch.setattr(maximal, "DENSE_UNKNOWNS_MAX", limit)
     scene = Scene(gravity=9.81, support=Cart(mass=0.0), pendulum=(Pendulum(links=(Bob(mass=1.0, length=1.0),)),))
     equations = Maximal(system_of(scene))
     equations.unknowns(0.0, equations.begin(State(np.ones(1), np.ones(1))))

@@ -35,7 +35,7 @@ from modal import Bob, Cart, ComputationError, Pendulum, Scene, SceneError, load
 from modal.exports import FORMATS, find_format
 from modal.exports.data import read_json, read_npz, write_json, write_npz
 from modal.exports.scripts import to_control, to_scipy, write_mat
-from modal.exports.text import LONGEST, identifier, identifiers
+from modal.exports.text import IDENTIFIER_LETTERS, identifier, identifiers
 from modal.statespace import Signal, StateSpace, state_space
 from modal.statespace.sampling import METHODS, reach, sample
 
@@ -439,7 +439,16 @@ def test_a_title_breaks_out_of_no_comment() -> None:
 def test_identifiers_are_valid_and_unique() -> None:
     words = ["a b", "a_b", "2", "", "é", "a-b", "x" * 99, "x" * 98]
     names = identifiers(words, keywords=["e"])
-    assert names == ("a_b", "a_b_2", "n_2", "signal", "e_2", "a_b_3", "x" * LONGEST, "x" * LONGEST + "_2")
+    assert names == (
+        "a_b",
+        "a_b_2",
+        "n_2",
+        "signal",
+        "e_2",
+        "a_b_3",
+        "x" * IDENTIFIER_LETTERS,
+        "x" * IDENTIFIER_LETTERS + "_2",
+    )
     assert all(word.isidentifier() and word.isascii() for word in names)
 
 

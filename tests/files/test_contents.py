@@ -14,7 +14,7 @@ from modal.errors import SceneError
 from modal.exports.data import read_json, read_npz
 from modal.identification.estimate import read_estimate
 from modal.identification.measured import has_modes, read_modes
-from modal.scene.contents import LARGEST_FILE, LONGEST_HEAD, content_of, first_line, read_within_limit, text_of
+from modal.scene.contents import FILE_BYTES_MAX, PIECE_BYTES, content_of, first_line, read_within_limit, text_of
 from modal.scene.records import read_lengths, read_record, read_spectrum
 from nonlinear import load as load_run
 from nonlinear.identification import read_recording
@@ -93,7 +93,7 @@ def test_the_first_line_is_looked_for_at_the_beginning_only(tmp_path: Path) -> N
     path.write_text("# of a rig\nmode,frequency_hz,std_hz\n", encoding="utf-8-sig")
     assert first_line(path) == "mode,frequency_hz,std_hz"
     assert has_modes(path)
-    path.write_bytes(b"#" * (LONGEST_HEAD + 1) + b"\nmode\n")
+    path.write_bytes(b"#" * (PIECE_BYTES + 1) + b"\nmode\n")
     assert not has_modes(path)
     os.mkfifo(tmp_path / "pipe")
     with patience():
@@ -109,8 +109,8 @@ def test_a_file_of_the_largest_size_is_read_and_a_larger_one_is_not(tmp_path: Pa
     with path.open("rb") as stream, pytest.raises(SceneError, match=r"^is larger than 4 bytes$"):
         read_within_limit(stream, 4)
     with path.open("r+b") as stream:
-        stream.truncate(LARGEST_FILE + 1)
-    with pytest.raises(SceneError, match=f"is larger than {LARGEST_FILE} bytes"):
+        stream.truncate(FILE_BYTES_MAX + 1)
+    with pytest.raises(SceneError, match=f"is larger than {FILE_BYTES_MAX} bytes"):
         text_of(path)
 
 

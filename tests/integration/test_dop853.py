@@ -100,7 +100,7 @@ def test_many_complex_y_go_through_what_is_written_as_through_the_recursion(seed
 def test_energies_of_few_instants_at_once_are_those_of_all(monkeypatch: pytest.MonkeyPatch) -> None:
     run = simulate(load("paper-cart-3"), 2.0, output=101)
     whole = run.mechanics.energies
-    monkeypatch.setattr(mechanics, "AT_ONCE", 50)
+    monkeypatch.setattr(mechanics, "NUMBERS_IN_CACHE", 50)
     parts = Mechanics(run.system, run.motion).energies
     for part, other in zip(parts, whole, strict=True):
         assert np.abs(part - other).max() < 1e-14 * np.abs(other).max()

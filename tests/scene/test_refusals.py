@@ -16,10 +16,10 @@ from amounts import usually
 
 from modal import Bob, Body, Cart, ComputationError, Fixed, Pendulum, Rod, Scene, SceneError, natural_modes
 from modal.coupling import coupling_report, explain
-from modal.errors import MOST_TOLD, MissingExtraError, MultipendulaError
+from modal.errors import MISTAKES_LISTED_MAX, MissingExtraError, MultipendulaError
 from modal.modes.tables import table
 from modal.scene import parse
-from modal.scene.files import DEEPEST
+from modal.scene.files import KEY_PARTS_MAX
 from modal.statespace import state_space
 from multipendula.cli import main
 
@@ -50,7 +50,7 @@ def refused(capsys: pytest.CaptureFixture[str], code: int, *words: str) -> list[
 def test_a_key_without_end_is_not_followed(key: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its parts cost time and memory by their square, 40 s and 1.6 GB for these: the parser never sees it."""
     monkeypatch.setattr("modal.scene.files.tomllib.loads", lambda text: pytest.fail("parsed"))
-    assert problems(f"{GOOD}{key} = 1") == [f"line 4: a key of over {DEEPEST} parts"]
+    assert problems(f"{GOOD}{key} = 1") == [f"line 4: a key of over {KEY_PARTS_MAX} parts"]
     assert problems(f"x = {{ {key.splitlines()[0].strip('[]')} = 1 }}")[0].startswith("line 1: a key")
 
 
@@ -64,13 +64,19 @@ def test_the_first_mistakes_are_named_and_the_rest_is_counted(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "many.toml"
-    for count in (MOST_TOLD - 1, MOST_TOLD, MOST_TOLD + 1, MOST_TOLD + 2, 2_000):
+    for count in (
+        MISTAKES_LISTED_MAX - 1,
+        MISTAKES_LISTED_MAX,
+        MISTAKES_LISTED_MAX + 1,
+        MISTAKES_LISTED_MAX + 2,
+        2_000,
+    ):
         path.write_text("".join(f"k{k} = 1\n" for k in range(count)) + GOOD)
         told = refused(capsys, 2, "table", str(path))
         assert told[0] == f"multipendula: {path}: k0: is not a known key"
-        assert len(told) == min(count, MOST_TOLD + 1)
-        if count > MOST_TOLD + 1:
-            assert told[-1] == f"multipendula: {path}: and {count - MOST_TOLD} more mistakes"
+        assert len(told) == min(count, MISTAKES_LISTED_MAX + 1)
+        if count > MISTAKES_LISTED_MAX + 1:
+            assert told[-1] == f"multipendula: {path}: and {count - MISTAKES_LISTED_MAX} more mistakes"
     links = ", ".join('{ kind = "bob", mass = -1.0, length = 1.0 }' for _ in range(200))
     assert problems(f"gravity = 9.81\n[[pendulum]]\nlinks = [{links}]")[-1] == "and 150 more mistakes"
 
@@ -79,7 +85,7 @@ def test_mistakes_that_come_together_are_counted_each() -> None:
     links = "[[pendulum]]\nlinks = [{ kind = 'bob', mass = 1.0, length = 1.0 }]\n"
     starts = f"{links}start = {{ angles_deg = [1], azimuths_deg = [1] }}\n"
     told = problems("gravity = 9.81\n" + 70 * starts)
-    assert len(told) == MOST_TOLD + 1
+    assert len(told) == MISTAKES_LISTED_MAX + 1
     assert told[-1] == "and 20 more mistakes"
 
 

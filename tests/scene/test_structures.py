@@ -350,7 +350,7 @@ def test_a_modal_support_is_read_from_its_file(tmp_path: Path, monkeypatch: pyte
     assert np.array_equal(scene.support[0].points, points)
     assert np.array_equal(scene.support[0].K, root @ root.T)
     assert parse(dumps(scene).encode()) == scene
-    monkeypatch.setattr("modal.scene.supports.LARGEST_FILE", 100)
+    monkeypatch.setattr("modal.scene.supports.FILE_BYTES_MAX", 100)
     with pytest.raises(SceneError, match=r'support\[0\].file = "frame.npz": has arrays of more than'):
         parse(text.encode(), tmp_path)
 

@@ -10,7 +10,7 @@ import pytest
 
 from modal import SceneError, example_names, load
 from modal.scene.files import example_text, parse
-from modal.scene.toml_mistakes import LARGEST, mistakes_in
+from modal.scene.toml_mistakes import GUESSED_LETTERS_MAX, mistakes_in
 
 GOOD = """gravity = 9.81
 
@@ -122,7 +122,7 @@ def test_what_nobody_guesses_is_shown_at_its_place() -> None:
     long = lines_of("x = [" + "1, " * 200 + "@]")
     assert all(len(line) <= 110 for line in long)
     assert long[1][len(long[2]) - 1] == "@"
-    huge = lines_of("a = 1,5 #" + " " * LARGEST)
+    huge = lines_of("a = 1,5 #" + " " * GUESSED_LETTERS_MAX)
     assert huge[0] == "line 1: broken TOML: expected newline or end of document after a statement"
 
 

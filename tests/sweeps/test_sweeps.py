@@ -27,7 +27,7 @@ from modal.extend import registered, registration
 from modal.extend.measures import taken_by
 from modal.scene import InitialCondition
 from modal.scene.parameters import (
-    MOST_VALUES,
+    VARIED_VALUES_MAX,
     Variation,
     find_places,
     parse_variations,
@@ -83,7 +83,7 @@ def test_values_are_lists_ranges_and_ratios() -> None:
         ("support.mass", "must be PLACE=VALUES"),
         ("support.mass=1:2:0", "from 2 to"),
         ("support.mass=1:2:1", "from 2 to"),
-        (f"support.mass=1:2:{MOST_VALUES + 1}", "from 2 to"),
+        (f"support.mass=1:2:{VARIED_VALUES_MAX + 1}", "from 2 to"),
         ("support.mass=1:2:99999999999", "a range has from 2 to"),
         ("support.mass=2:1:5", "from a smaller to a larger"),
         ("support.mass=1:1:5", "from a smaller to a larger"),
