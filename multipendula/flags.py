@@ -188,6 +188,7 @@ FLAGS: dict[str, Flag] = {
         number("degrees", least=-sys.float_info.max),
     ),
     "--picture": Flag("FILE", "file for a picture beside the main result", group="written", kinds=PICTURES),
+    "--pixel": Flag("METRES", "metres of one pixel of marks, x_1_1_px and y_1_1_px", number("metres above 0")),
     "--places": Flag("", "list the places, values and units of the scene's numbers instead"),
     "--prior": Flag("PLACE=VALUE±STD", "what is known of a free number beforehand", action=Repeated, keyword="priors"),
     "--psd": Flag("CSV", "file of a one-sided power spectral density", completion=files((".csv",))),

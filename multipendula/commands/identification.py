@@ -46,13 +46,16 @@ OF_MOTIONS = (
     "--where",
     "--every",
     "--column",
+    "--pixel",
     "--angles",
     "--excitation",
     "--identification",
     "--order",
     "--identified-modes",
 )
-OF_FITTED_MOTIONS = ("--where", "--every", "--scale", "--compare", "--window", "--bootstrap", "--column", "--angles")
+OF_FITTED_MOTIONS = (
+    *("--where", "--every", "--scale", "--compare", "--window", "--bootstrap", "--column", "--pixel", "--angles"),
+)
 """Options of `poles` and of `fit` that a file of modes does not take."""
 
 
@@ -130,6 +133,7 @@ def _recording(options: argparse.Namespace, scene: Scene | None) -> Recording:
         angles=options.angles,
         columns=parse_where(options.column or (), "HEADING=COLUMN, such as t=time_ms"),
         every=options.every or 1,
+        pixel=options.pixel,
     )
 
 
@@ -219,6 +223,7 @@ COMMANDS = (
             formats("text", "json"),
         ),
         details=(
+            "Sensors are angles, rates, the cart, places of links' ends and accelerations along and across links. "
             "The initial state of every segment, an offset of each sensor and its delay are fitted along with the free "
             "numbers. Numbers that the data do not determine are held at the scene's values and named. Standard "
             "deviations allow for correlated residuals, and sentences at the end say what the model lacks. The "

@@ -52,7 +52,7 @@ def _turns(result: Fit) -> Iterator[str]:
     for name in result.recording.continued:
         yield f"{name} jumps by a turn, as angles from atan2 do: it was continued"
     for c, sensor in enumerate(result.recording.sensors):
-        if sensor.pendulum and any(is_wrapped(segment.values[:, c]) for segment in result.recording.segments):
+        if sensor.is_angle and any(is_wrapped(segment.values[:, c]) for segment in result.recording.segments):
             yield f"{sensor.name} jumps by a turn, as angles from atan2 do: take recording.unwrapped()"
 
 
@@ -104,7 +104,7 @@ def _scales(result: Fit) -> Iterator[str]:
         return abs(float(sum(r[part][1:] @ r[part][:-1] for part in values)))
 
     sensors = [(sensor.name, [layout.scales.start + c]) for c, sensor in enumerate(result.recording.sensors)]
-    angles = [c for c, sensor in enumerate(result.recording.sensors) if sensor.pendulum]
+    angles = [c for c, sensor in enumerate(result.recording.sensors) if sensor.is_angle]
     if len(angles) > 1:
         sensors.append(("all angles", [layout.scales.start + c for c in angles]))
     for name, columns in sensors:
@@ -251,7 +251,7 @@ def _turning(result: Fit) -> Iterator[str]:
     """Turning points on a straight line, the mark of dry friction."""
     has_friction = any(link.friction for link in result.scene.links())
     for c, sensor in enumerate(result.recording.sensors):
-        if not sensor.pendulum:
+        if not sensor.is_angle:
             continue
         for segment in result.recording.segments:
             is_present = np.isfinite(segment.values[:, c])

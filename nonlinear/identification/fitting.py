@@ -29,10 +29,12 @@ from modal.scene.parameters import texts_of
 from modal.types import Booleans, Floats
 from nonlinear.identification.diagnosis import diagnose
 from nonlinear.identification.mistakes import find_mistake, require_radians, require_seconds
+from nonlinear.identification.points import require_readable
 from nonlinear.identification.problem import FitProblem, require_fittable
 from nonlinear.identification.records import Recording
 from nonlinear.identification.result import Fit, root_mean_square
 from nonlinear.identification.starting import initial_states, starting_numbers
+from nonlinear.system import system_of
 
 WEIGHTS: dict[str, Callable[[Floats], Floats]] = {
     "linear": np.ones_like,
@@ -99,6 +101,7 @@ def fit(
         raise SceneError([f"loss {loss}: must be one of {', '.join(LOSSES)}"])
     parameters = find_parameters(scene, texts_of(free, splits_commas=True), texts_of(priors))
     require_fittable(scene, parameters)
+    require_readable(system_of(scene), [sensor.name for sensor in recording.sensors if sensor.is_of_point])
     require_seconds(scene, recording)
     full_recording, recording = recording, recording if window is None else recording.windows(window)
     problem = FitProblem(scene, parameters, recording, coarse_noise(recording), scale)

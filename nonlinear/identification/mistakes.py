@@ -58,7 +58,7 @@ def find_mistake(scene: Scene, recording: Recording, misfit: Callable[[Recording
 def possible(scene: Scene, recording: Recording) -> Iterator[Mistake]:
     """The mistakes that the record may have."""
     sensors = recording.sensors
-    angles = [c for c, sensor in enumerate(sensors) if sensor.pendulum][:MOST_SENSORS]
+    angles = [c for c, sensor in enumerate(sensors) if sensor.is_angle and not sensor.quantity][:MOST_SENSORS]
 
     def times(factor: float, chosen: list[int]) -> Recording:
         scales = np.ones(len(sensors))
@@ -114,7 +114,11 @@ def _largest(recording: Recording, angles: list[int]) -> float:
 
 def require_radians(recording: Recording, rate: float, misfit: Callable[[Recording], float]) -> None:
     """SceneError for angles that turn far faster than `rate` (rad/s) and in degrees fit from the beginning."""
-    fast = [c for c, sensor in enumerate(recording.sensors) if sensor.pendulum and _speed(recording, c) > FAST * rate]
+    fast = [
+        c
+        for c, sensor in enumerate(recording.sensors)
+        if sensor.is_angle and not sensor.quantity and _speed(recording, c) > FAST * rate
+    ]
     if fast:
         mistake = in_degrees(recording, fast)
         remainder = misfit(mistake.recording)
