@@ -337,6 +337,7 @@ def fit(
     angles: str = "absolute",
     prior: str | Sequence[str] | Mapping[str, Any] | None = None,
     scale: bool = False,
+    shift: bool = False,
     loss: str = "linear",
     window: float | None = None,
     bootstrap: int | None = None,

@@ -227,6 +227,7 @@ FLAGS: dict[str, Flag] = {
     "--share": Flag(
         "K/N", "compute the K-th of N shares alone, for processes with a common --folder", share, "computed"
     ),
+    "--shift": Flag("", "fit the time by which the record is behind the scene's motions and forces", group="computed"),
     "--show": Flag("WORDS", "sections of a derivation", group="written", action=Joined, keyword="sections"),
     "--signals": Flag("WORDS", "outputs of a linear model", action=Joined, keyword="outputs", names=("output",)),
     "--speed": Flag(

@@ -54,7 +54,8 @@ OF_MOTIONS = (
     "--identified-modes",
 )
 OF_FITTED_MOTIONS = (
-    *("--where", "--every", "--scale", "--compare", "--window", "--bootstrap", "--column", "--pixel", "--angles"),
+    *("--where", "--every", "--scale", "--shift", "--compare", "--window", "--bootstrap"),
+    *("--column", "--pixel", "--angles"),
 )
 """Options of `poles` and of `fit` that a file of modes does not take."""
 
@@ -100,7 +101,7 @@ def _fit_motions(options: argparse.Namespace) -> Fit | None:
 
     scene, draws = load(options.scene), options.bootstrap or 0
     free = listed(options.free)
-    more = kwargs_of(options, "--scale", "--loss", "--prior", "--window")
+    more = kwargs_of(options, "--scale", "--shift", "--loss", "--prior", "--window")
     _, recording, *_ = validate(
         lambda: find_parameters(scene, free, options.prior or ()),
         lambda: _recording(options, scene),
@@ -212,6 +213,7 @@ COMMANDS = (
             option("--free, such as 'pendulum[0].links[*].damping', or none to judge the scene"),
             "--prior; repeat for several",
             "--scale",
+            "--shift",
             "--loss (default linear); the others give less weight to outliers",
             "--window, which join (multiple shooting), for a long segment that is chaotic",
             "--bootstrap (block bootstrap)",

@@ -13,7 +13,7 @@ from modal.modes import natural_modes
 from modal.report import counted, listed, percent, short
 from modal.types import Floats
 from nonlinear.identification.records import is_wrapped
-from nonlinear.identification.result import APART, POOR, Fit, root_mean_square
+from nonlinear.identification.result import APART, POOR, UNIT_WORDS, Fit, root_mean_square
 
 STRONG = 0.25  # part of the residuals' power in one line that is named
 WIDTH = 3  # bins of a line
@@ -134,9 +134,10 @@ def _misfit(result: Fit, is_explained: bool) -> Iterator[str]:
         words += f": {percent(result.misfit[worst])} of the readings of {result.recording.sensors[worst].name} are left"
     if result.gap >= APART:
         words += ": the windows do not join"
+    unit = UNIT_WORDS.get(result.rms_unit, result.rms_unit)
     if len(result.rms) > 2 and result.rms.max() > UNEVEN * np.median(result.rms):
         segment = result.recording.segments[int(np.argmax(result.rms))]
-        words += f", most in {segment.name or segment.file} (rms {result.rms.max():.2g} rad, "
+        words += f", most in {segment.name or segment.file} (rms {result.rms.max():.2g} {unit}, "
         words += f"half have {np.median(result.rms):.2g})"
     yield words
     longest = max(segment.times[-1] - segment.times[0] for segment in result.recording.segments)

@@ -89,6 +89,8 @@ def _link(scene: Scene, parameter: Parameter) -> AnyLink:
 class FitProblem(Displayed):
     """A recording, and a scene of which these numbers are free; `scaled` frees the sensors' scales.
 
+    Where it is `shifted`, the first sensor has a delay too, behind what time prescribes to the scene.
+
     `noise` (C,) is the standard deviation of every sensor, `tightness` times that the one of a gap between a motion and
     its continuation.  Motions of more than so many `steps` are not followed.
     """
@@ -101,6 +103,7 @@ class FitProblem(Displayed):
     tolerance: float = TOLERANCE
     tightness: float = TIGHT
     steps: int = MOST_STEPS
+    shifted: bool = False
 
     @cached_property
     def system(self) -> System:
@@ -122,6 +125,8 @@ class FitProblem(Displayed):
     @cached_property
     def late(self) -> float:
         """The longest delay (s), by which every motion begins before its first sample; 0 for a single sensor."""
+        if self.shifted:
+            return 1 / self.system.rate
         return LATEST / self.system.rate if len(self.recording.sensors) > 1 else 0.0
 
     @cached_property
@@ -197,7 +202,7 @@ class FitProblem(Displayed):
         """Which unknowns are fitted, (size,)."""
         layout, is_free = self.layout, np.ones(self.layout.size, dtype=bool)
         is_free[layout.scales] = self.scaled
-        if len(self.recording.sensors):
+        if len(self.recording.sensors) and not self.shifted:
             is_free[layout.delays.start] = False
         adrift = np.abs(translations(self.system)).sum(axis=0) > 0
         is_drift_read = False
@@ -371,10 +376,11 @@ class FitProblem(Displayed):
         longest = max(len(segment.times) for segment in segments)
         channels = []
         for c, sensor in enumerate(self.recording.sensors):
+            has_rate = columns > 0 and (c > 0 or self.shifted)
             times = np.full((S, longest), np.inf)
             for s, segment in enumerate(segments):
                 times[s, : len(segment.times)] = segment.times - begins[s] - u[layout.delays][c] + starts[s]
-            channels.append(SensorChannel(self.parts(sensor), times, self._points[c], c > 0 and columns > 0))
+            channels.append(SensorChannel(self.parts(sensor), times, self._points[c], has_rate))
         channels += self._continuations(longest, starts)
         times_all = np.array([channel.times for channel in channels])
         ends = np.where(np.isfinite(times_all), times_all, -np.inf).max(axis=(0, 2))

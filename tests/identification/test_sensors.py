@@ -235,6 +235,40 @@ def test_a_scale_and_the_delay_of_a_sensor_are_found() -> None:
         assert abs(fitted.unknowns[at] - value) < 4 * stds[at] < 0.01
 
 
+def test_the_clock_of_a_drive_is_found_from_a_mark_and_an_accelerometer() -> None:
+    """A bob on a support that shakes; places and accelerations are those in the frame of the ground."""
+    size, omega, l, late = 0.05, 2 * np.pi, LENGTHS[0], 0.06
+    motion = {"kind": "sine", "amplitude": size, "frequency_hz": 1.0}
+    links = [{"kind": "bob", "mass": MASSES[0], "length": l, "damping": DAMPERS[0]}]
+    support = {"kind": "moved", "motion": motion}
+    scene = scene_from({"gravity": G, "support": support, "pendulum": [{"links": links}]})
+
+    def rates(t: float, y: Floats) -> list[float]:
+        push = size * omega**2 * np.sin(omega * t) / l
+        return [y[1], swing_acceleration(y[0], y[1]) + push * np.cos(y[0])]
+
+    t = np.arange(0.2, 3.2, 0.02)
+    run = scipy.integrate.solve_ivp(rates, (0, 3.2), [0.3, 0.0], rtol=1e-10, atol=1e-10, dense_output=True)
+    theta, rate = run.sol(t - late)
+    shake = -size * omega**2 * np.sin(omega * (t - late))  # the acceleration of the support
+    angular = swing_acceleration(theta, rate) - shake * np.cos(theta) / l
+    across = 0.2 * angular + (shake * np.cos(theta) + G * np.sin(theta))
+    rng = np.random.default_rng(2)
+    record = {
+        "time_s": t,
+        "x_1_1_m": size * np.sin(omega * (t - late)) + l * np.sin(theta) + rng.normal(0, 1e-3, len(t)),
+        "acceleration_across_1_1_m_per_s2@0.2": across + rng.normal(0, 0.02, len(t)),
+    }
+    recording = read_recording(scene, [record])
+    fitted = fit(scene, recording, ["pendulum[0].links[0].length"], shift=True)
+    at, stds = fitted.problem.layout.delays.start, np.sqrt(np.diag(fitted.cov))
+    assert fitted.fits
+    assert np.abs(fitted.unknowns[at : at + 2] - late) / stds[at : at + 2] == pytest.approx(0.0, abs=3.5)
+    assert abs(fitted.values[0] - l) < 3.5 * fitted.stds[0] < 3e-3
+    with pytest.raises(SceneError, match="shift: no motion or force"):
+        fit(scene_of(1), recording, shift=True)
+
+
 def test_columns_of_sensors_are_read_in_their_units() -> None:
     data = {
         "time_s": [0, 1, 2, 3],
