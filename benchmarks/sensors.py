@@ -56,12 +56,12 @@ def signal(motion: object, column: str, t: Floats) -> tuple[Floats, float]:
     if name.startswith("theta_dot"):
         return np.degrees(motion.rate(t, link)), 0.5
     if name.startswith("acceleration"):
-        return motion.force(t, link, float(distance))[words[1] == "across"], 0.05
+        return motion.force(t, link, float(distance))[("along", "across").index(words[1])], 0.05
     if "relative" in words:
         return motion.angle(t, link) - motion.angle(t, link - 1), 2e-3
     if name.startswith("theta"):
         return motion.angle(t, link), 2e-3
-    place = motion.point(t, link, LENGTHS[link - 1])[words[0] == "y"]
+    place = motion.point(t, link, LENGTHS[link - 1])["xy".index(words[0])]
     return (place / PIXEL, 1.0) if name.endswith("_px") else (place, 2e-3)
 
 
@@ -105,7 +105,7 @@ def main() -> None:
         seconds = (time.process_time() - begun) / options.seeds
         print(f"{kind}: {held:.3f} of {len(numbers)} intervals hold the truth; {seconds:.2f} s each", flush=True)
         if failed:
-            print(f"  failed: {failed}", flush=True)
+            print(f"  {len(failed)} failed: {failed[0]}", flush=True)
 
 
 if __name__ == "__main__":
