@@ -114,12 +114,13 @@ TABLES = (".csv", ".tsv", ".txt", ".dat", ".mat", ".npz", ".parquet")
 
 def records(more: str = "") -> tuple[Takes, ...]:
     """Files of measured motions, which of their rows are used, and what their angles are."""
-    words = f"files with time_s and theta_1_1_rad (or _deg), cart_m and the like, CSV or other tables{more}"
+    words = f"files with time_s and theta_1_1_rad (or _deg), cart_m and other sensors, CSV or other tables{more}"
     return (
         argument("data", "DATA.csv", words, files(TABLES), nargs="+"),
         "--where: those with this value or range in a column: use=identify or time_s=6.2:19; repeat for several",
         "--every",
         "--column: t=time_ms, theta_1_1_rad=theta_1_1_deg or theta_1_1_rad=-theta_1_1_rad; repeat for several",
+        "--pixel",
         "--angles (default absolute)",
     )
 

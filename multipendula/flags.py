@@ -188,6 +188,7 @@ FLAGS: dict[str, Flag] = {
         number("degrees", least=-sys.float_info.max),
     ),
     "--picture": Flag("FILE", "file for a picture beside the main result", group="written", kinds=PICTURES),
+    "--pixel": Flag("METRES", "metres of one pixel of marks, x_1_1_px and y_1_1_px", number("metres above 0")),
     "--places": Flag("", "list the places, values and units of the scene's numbers instead"),
     "--prior": Flag("PLACE=VALUE±STD", "what is known of a free number beforehand", action=Repeated, keyword="priors"),
     "--psd": Flag("CSV", "file of a one-sided power spectral density", completion=files((".csv",))),
@@ -226,6 +227,7 @@ FLAGS: dict[str, Flag] = {
     "--share": Flag(
         "K/N", "compute the K-th of N shares alone, for processes with a common --folder", share, "computed"
     ),
+    "--shift": Flag("", "fit the time by which the record is behind the scene's motions and forces", group="computed"),
     "--show": Flag("WORDS", "sections of a derivation", group="written", action=Joined, keyword="sections"),
     "--signals": Flag("WORDS", "outputs of a linear model", action=Joined, keyword="outputs", names=("output",)),
     "--speed": Flag(

@@ -344,7 +344,8 @@ class FittedNumbers(Drawable, Result):
 
     def footnotes(self: Any) -> Iterator[str]:
         """The verdict."""
-        return ((line if line.startswith("theta") else capital(line)) + "." for line in self.verdict)
+        names = ("theta", "acceleration_", "x_", "y_")  # names of sensors stay as they are
+        return ((line if line.startswith(names) else capital(line)) + "." for line in self.verdict)
 
     def facts(self: Any) -> dict[str, Any]:
         """Every number, what is determined and what is not."""

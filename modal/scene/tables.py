@@ -148,6 +148,12 @@ class DataTable(Displayed):
         columns = (meanings.get(heading, meanings.get(column, column)) for heading, column in pairs)
         return replace(self, columns=tuple(columns))
 
+    def without(self, columns: Iterable[str]) -> DataTable:
+        """The table without these columns."""
+        places = [k for k, column in enumerate(self.columns) if column not in {*columns}]
+        headings, names, cells = (tuple(part[k] for k in places) for part in (self.headings, self.columns, self.cells))
+        return replace(self, headings=headings, columns=names, cells=cells)
+
     def take(self, rows: Sequence[int] | Floats) -> DataTable:
         """Some of its rows."""
         lines = tuple(self.lines[k] for k in rows)

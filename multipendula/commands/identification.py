@@ -46,13 +46,17 @@ OF_MOTIONS = (
     "--where",
     "--every",
     "--column",
+    "--pixel",
     "--angles",
     "--excitation",
     "--identification",
     "--order",
     "--identified-modes",
 )
-OF_FITTED_MOTIONS = ("--where", "--every", "--scale", "--compare", "--window", "--bootstrap", "--column", "--angles")
+OF_FITTED_MOTIONS = (
+    *("--where", "--every", "--scale", "--shift", "--compare", "--window", "--bootstrap"),
+    *("--column", "--pixel", "--angles"),
+)
 """Options of `poles` and of `fit` that a file of modes does not take."""
 
 
@@ -97,7 +101,7 @@ def _fit_motions(options: argparse.Namespace) -> Fit | None:
 
     scene, draws = load(options.scene), options.bootstrap or 0
     free = listed(options.free)
-    more = kwargs_of(options, "--scale", "--loss", "--prior", "--window")
+    more = kwargs_of(options, "--scale", "--shift", "--loss", "--prior", "--window")
     _, recording, *_ = validate(
         lambda: find_parameters(scene, free, options.prior or ()),
         lambda: _recording(options, scene),
@@ -130,6 +134,7 @@ def _recording(options: argparse.Namespace, scene: Scene | None) -> Recording:
         angles=options.angles,
         columns=parse_where(options.column or (), "HEADING=COLUMN, such as t=time_ms"),
         every=options.every or 1,
+        pixel=options.pixel,
     )
 
 
@@ -208,6 +213,7 @@ COMMANDS = (
             option("--free, such as 'pendulum[0].links[*].damping', or none to judge the scene"),
             "--prior; repeat for several",
             "--scale",
+            "--shift",
             "--loss (default linear); the others give less weight to outliers",
             "--window, which join (multiple shooting), for a long segment that is chaotic",
             "--bootstrap (block bootstrap)",
@@ -219,6 +225,7 @@ COMMANDS = (
             formats("text", "json"),
         ),
         details=(
+            "Sensors are angles, rates, the cart, places of links' ends and accelerations along and across links. "
             "The initial state of every segment, an offset of each sensor and its delay are fitted along with the free "
             "numbers. --free same:PLACE is one number for several places, shift:PLACE one that is added to each of "
             "theirs. Numbers that the data do not determine are held at the scene's values and named. Standard "

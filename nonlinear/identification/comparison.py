@@ -106,8 +106,8 @@ def _held_out(part_fit: Fit, recording: Recording) -> float:
         ).rms_all
     continuation = replace(part_fit, problem=replace(part_fit.problem, recording=recording))
     at = len(part_fit.recording.segments[0].times)
-    angles = [k for k, sensor in enumerate(recording.sensors) if sensor.pendulum] or [0]
-    misses = (continuation.readings[0] - recording.segments[0].values)[at:, angles]
+    chosen = [k for k, sensor in enumerate(recording.sensors) if sensor.unit == continuation.rms_unit]
+    misses = (continuation.readings[0] - recording.segments[0].values)[at:, chosen]
     return float(np.sqrt(np.nanmean(misses**2)))
 
 

@@ -16,7 +16,7 @@ from modal.modes import natural_modes
 from modal.report import counted, listed, percent, short
 from modal.types import Floats
 from nonlinear.identification.records import SEGMENT_ROWS_MIN, is_wrapped
-from nonlinear.identification.result import MISFIT_MAX, SIGNIFICANCE, Fit, root_mean_square
+from nonlinear.identification.result import MISFIT_MAX, SIGNIFICANCE, UNIT_WORDS, Fit, root_mean_square
 from nonlinear.identification.starting import PERIOD_PART
 
 OUTLIER_STDS = 7.0
@@ -47,7 +47,7 @@ def _turns(result: Fit) -> Iterator[str]:
     for name in result.recording.continued:
         yield f"{name} jumps by a turn, as angles from atan2 do: it was continued"
     for c, sensor in enumerate(result.recording.sensors):
-        if sensor.pendulum and any(is_wrapped(segment.values[:, c]) for segment in result.recording.segments):
+        if sensor.is_angle and any(is_wrapped(segment.values[:, c]) for segment in result.recording.segments):
             yield f"{sensor.name} jumps by a turn, as angles from atan2 do: take recording.unwrapped()"
 
 
@@ -99,7 +99,7 @@ def _scales(result: Fit) -> Iterator[str]:
         return abs(float(sum(r[part][1:] @ r[part][:-1] for part in values)))
 
     sensors = [(sensor.name, [layout.scales.start + c]) for c, sensor in enumerate(result.recording.sensors)]
-    angles = [c for c, sensor in enumerate(result.recording.sensors) if sensor.pendulum]
+    angles = [c for c, sensor in enumerate(result.recording.sensors) if sensor.is_angle]
     if len(angles) > 1:
         sensors.append(("all angles", [layout.scales.start + c for c in angles]))
     for name, columns in sensors:
@@ -130,9 +130,10 @@ def _misfit(result: Fit, is_explained: bool) -> Iterator[str]:
         words += f": {percent(result.misfit[worst])} of the readings of {result.recording.sensors[worst].name} are left"
     if result.gap >= 2 * SIGNIFICANCE:
         words += ": the windows do not join"
+    unit = UNIT_WORDS.get(result.rms_unit, result.rms_unit)
     if len(result.rms) > 2 and result.rms.max() > 3 * np.median(result.rms):
         segment = result.recording.segments[int(np.argmax(result.rms))]
-        words += f", most in {segment.name or segment.file} (rms {result.rms.max():.2g} rad, "
+        words += f", most in {segment.name or segment.file} (rms {result.rms.max():.2g} {unit}, "
         words += f"half have {np.median(result.rms):.2g})"
     yield words
     longest = max(segment.times[-1] - segment.times[0] for segment in result.recording.segments)
@@ -246,7 +247,7 @@ def _turning(result: Fit) -> Iterator[str]:
     """Turning points on a straight line, the mark of dry friction."""
     has_friction = any(link.friction for link in result.scene.links())
     for c, sensor in enumerate(result.recording.sensors):
-        if not sensor.pendulum:
+        if not sensor.is_angle:
             continue
         for segment in result.recording.segments:
             is_present = np.isfinite(segment.values[:, c])

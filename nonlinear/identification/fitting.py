@@ -30,12 +30,15 @@ from modal.scene import Scene
 from modal.scene.doors import checked, formerly
 from modal.scene.parameters import texts_of
 from modal.types import Booleans, Floats
+from nonlinear.dynamics.inputs import Inputs
 from nonlinear.identification.diagnosis import diagnose
 from nonlinear.identification.mistakes import find_mistake, require_radians, require_seconds
+from nonlinear.identification.points import require_readable
 from nonlinear.identification.problem import FitProblem, require_fittable
 from nonlinear.identification.records import Recording
 from nonlinear.identification.result import MISFIT_MAX, Fit, root_mean_square
 from nonlinear.identification.starting import PERIOD_PART, initial_states, starting_numbers
+from nonlinear.system import system_of
 
 WEIGHTS: dict[str, Callable[[Floats], Floats]] = {
     "linear": np.ones_like,
@@ -75,13 +78,15 @@ def fit(
     *,
     priors: str | Sequence[str] = (),
     scale: bool = False,
+    shift: bool = False,
     loss: str = "linear",
     window: float | None = None,
     report: Report = silent,
 ) -> Fit:
     """The numbers at the places `free` that fit a recording best, from the scene's values on.
 
-    `priors` are texts such as "gravity=9.81±0.01"; `scale` frees the scale of every sensor; `loss` is one of
+    `priors` are texts such as "gravity=9.81±0.01"; `scale` frees the scale of every sensor; `shift` frees the
+    delay of all behind the motions and forces that the scene prescribes, up to sqrt(l/g); `loss` is one of
     `scipy.optimize.least_squares`.  A long chaotic segment is fitted in windows of `window` seconds that join (multiple
     shooting; [Bock1984]).  `report` is called with the part that is done.
 
@@ -93,9 +98,12 @@ def fit(
         raise SceneError([f"loss {loss}: must be one of {', '.join(LOSSES)}"])
     parameters = find_parameters(scene, texts_of(free, splits_commas=True), texts_of(priors))
     require_fittable(scene, parameters)
+    require_readable(system_of(scene), [sensor.name for sensor in recording.sensors if sensor.is_of_point])
     require_seconds(scene, recording)
     full_recording, recording = recording, recording if window is None else recording.windows(window)
-    problem = FitProblem(scene, parameters, recording, coarse_noise(recording), scale)
+    problem = FitProblem(scene, parameters, recording, coarse_noise(recording), scale, shifted=shift)
+    if shift and not Inputs(problem.system).count:
+        raise SceneError(["shift: no motion or force of the scene tells the time, so that no delay matters"])
 
     def beginning(trial: Recording) -> float:
         return _beginning(replace(problem, recording=trial))

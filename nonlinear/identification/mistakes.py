@@ -55,7 +55,8 @@ def find_mistake(scene: Scene, recording: Recording, misfit: Callable[[Recording
 def possible(scene: Scene, recording: Recording) -> Iterator[Mistake]:
     """The mistakes that the record may have."""
     sensors = recording.sensors
-    angles = [c for c, sensor in enumerate(sensors) if sensor.pendulum][:CHANGED_SENSORS_MAX]
+    is_angle = [sensor.is_angle and not sensor.quantity for sensor in sensors]
+    angles = list(np.flatnonzero(is_angle)[:CHANGED_SENSORS_MAX])
 
     for chosen in [angles] + [[c] for c in angles if len(angles) > 1]:
         if chosen and _largest(recording, chosen) > DEGREES_MIN:
@@ -108,7 +109,7 @@ def _largest(recording: Recording, angles: list[int]) -> float:
 
 def require_radians(recording: Recording, rate: float, misfit: Callable[[Recording], float]) -> None:
     """SceneError for angles that turn far faster than `rate` (rad/s) and in degrees fit from the beginning."""
-    angles = [c for c, sensor in enumerate(recording.sensors) if sensor.pendulum]
+    angles = [c for c, sensor in enumerate(recording.sensors) if sensor.is_angle and not sensor.quantity]
     fast = [c for c in angles if _speed(recording, c) > 4 * rate]  # a pendulum from the top reaches 2 sqrt(g/l)
     if fast:
         mistake = in_degrees(recording, fast)

@@ -22,6 +22,7 @@ from modal.scene.parameters import Place, is_of_switch, number_at, with_numbers
 from modal.types import IMAGINARY_STEP, Booleans, Floats
 from nonlinear.dynamics.inputs import Inputs
 from nonlinear.identification.flow import MOTION_STEPS_MAX, Readings, Segments, SensorChannel, integrate_segments
+from nonlinear.identification.points import PointReading
 from nonlinear.identification.records import Recording, Sensor
 from nonlinear.integration.switches import numbers_of as switching_of
 from nonlinear.system import Numbers, System, numbers_of, system_of, translations
@@ -47,7 +48,7 @@ class Unknowns:
 
     @property
     def offsets(self) -> slice:
-        """Of the sensors (rad or m)."""
+        """Of the sensors, in units of theirs."""
         return slice(self.numbers, self.numbers + self.sensors)
 
     @property
@@ -89,6 +90,8 @@ def require_fittable(scene: Scene, free: Sequence[Parameter] = ()) -> None:
 class FitProblem(Displayed):
     """A recording, and a scene of which these numbers are free; `scaled` frees the sensors' scales.
 
+    Where it is `shifted`, the first sensor has a delay too, behind what time prescribes to the scene.
+
     `noise` (C,) is the standard deviation of every sensor, `tightness` times that the one of a gap between a motion and
     its continuation.  Motions of more than so many `steps` are not followed.
     """
@@ -101,6 +104,7 @@ class FitProblem(Displayed):
     tolerance: float = MOTION_TOLERANCE
     tightness: float = GAP_STD
     steps: int = MOTION_STEPS_MAX
+    shifted: bool = False
 
     @cached_property
     def system(self) -> System:
@@ -122,6 +126,8 @@ class FitProblem(Displayed):
     @cached_property
     def late(self) -> float:
         """The longest delay (s), by which every motion begins before its first sample; 0 for a single sensor."""
+        if self.shifted:
+            return 1 / self.system.rate
         return DELAY_MAX / self.system.rate if len(self.recording.sensors) > 1 else 0.0
 
     @cached_property
@@ -133,16 +139,35 @@ class FitProblem(Displayed):
         return units
 
     def parts(self, sensor: Sensor) -> tuple[tuple[int, float], ...]:
-        """The components of a state, with signs, that a sensor adds up."""
+        """The components of a state, with signs, that a sensor adds up; none where it reads a point."""
         first = self.system.first
         if sensor.carrier and self.system.structure is not None:
             return ((self.system.structure.names.index(sensor.carrier), 1.0),)
         if not sensor.pendulum:
             return ((0, 1.0),)
-        links = [k for k, pendulum in enumerate(self.system.pendulum) if pendulum == sensor.pendulum - 1]
-        row = first + links[sensor.link - 1]
-        upper_link = ((row - 1, -1.0),) if self.recording.relative and sensor.link > 1 else ()
+        if sensor.is_of_point:
+            return ()
+        row = first + self._links(sensor)[-1]
+        if sensor.quantity == "rate":
+            return ((row + self.coordinates, 1.0),)
+        is_relative = self.recording.relative or sensor.quantity == "relative"
+        upper_link = ((row - 1, -1.0),) if is_relative and sensor.link > 1 else ()
         return ((row, 1.0), *upper_link)
+
+    def _links(self, sensor: Sensor) -> tuple[int, ...]:
+        """The links down to that of a sensor, in the order of the file."""
+        links = [k for k, pendulum in enumerate(self.system.pendulum) if pendulum == sensor.pendulum - 1]
+        return tuple(links[: sensor.link])
+
+    @cached_property
+    def _points(self) -> list[PointReading | None]:
+        """What every sensor reads that is of a point."""
+        return [
+            PointReading(self.system, sensor.quantity, self._links(sensor), sensor.radius)
+            if sensor.is_of_point
+            else None
+            for sensor in self.recording.sensors
+        ]
 
     @cached_property
     def picks(self) -> Floats:
@@ -150,7 +175,8 @@ class FitProblem(Displayed):
         picks = np.zeros((len(self.recording.sensors), self.coordinates))
         for c, sensor in enumerate(self.recording.sensors):
             for row, sign in self.parts(sensor):
-                picks[c, row] = sign
+                if row < self.coordinates:
+                    picks[c, row] = sign
         return picks
 
     @property
@@ -158,17 +184,28 @@ class FitProblem(Displayed):
         """Whether the sensors read every coordinate."""
         return int(np.linalg.matrix_rank(self.picks)) == self.coordinates
 
+    @property
+    def is_read_by_motion(self) -> bool:
+        """Whether what angles leave open is read by other sensors, from the way in which the scene moves."""
+        return not self.is_seen and any(
+            sensor.is_of_point or sensor.quantity == "rate" for sensor in self.recording.sensors
+        )
+
     @cached_property
     def free(self) -> Booleans:
         """Which unknowns are fitted, (size,)."""
         layout, is_free = self.layout, np.ones(self.layout.size, dtype=bool)
         is_free[layout.scales] = self.scaled
-        if len(self.recording.sensors):
+        if len(self.recording.sensors) and not self.shifted:
             is_free[layout.delays.start] = False
         adrift = np.abs(translations(self.system)).sum(axis=0) > 0
+        is_drift_read = False
         for k, sensor in enumerate(self.recording.sensors):
-            if not sensor.pendulum and adrift[self.parts(sensor)[0][0]]:
+            moves = not sensor.pendulum and adrift[self.parts(sensor)[0][0]]
+            # Of marks the first stands for where the cart is, if no sensor of the cart does.
+            if moves or (sensor.quantity == "x" and adrift.any() and not is_drift_read):
                 is_free[layout.offsets.start + k] = False
+                is_drift_read = True
         return is_free
 
     @cached_property
@@ -298,7 +335,7 @@ class FitProblem(Displayed):
         for s in self._joints:
             times[s, 0] = segments[s + 1].times[0] - segments[s].times[0] + starts[s]
         half = self.coordinates
-        return [SensorChannel(((row, 1.0),), times) for row in range(2 * half)]
+        return [SensorChannel(((row, 1.0),), times, None, False) for row in range(2 * half)]
 
     @cached_property
     def _last(self) -> dict[bytes, Readings]:
@@ -333,10 +370,11 @@ class FitProblem(Displayed):
         longest = max(len(segment.times) for segment in segments)
         channels = []
         for c, sensor in enumerate(self.recording.sensors):
+            has_rate = columns > 0 and (c > 0 or self.shifted)
             times = np.full((S, longest), np.inf)
             for s, segment in enumerate(segments):
                 times[s, : len(segment.times)] = segment.times - begins[s] - u[layout.delays][c] + starts[s]
-            channels.append(SensorChannel(self.parts(sensor), times))
+            channels.append(SensorChannel(self.parts(sensor), times, self._points[c], has_rate))
         channels += self._continuations(longest, starts)
         times_all = np.array([channel.times for channel in channels])
         ends = np.where(np.isfinite(times_all), times_all, -np.inf).max(axis=(0, 2))

@@ -2,7 +2,10 @@
 
 A sensor is `theta_P_L_rad` or `theta_P_L_deg`, the angle of link L of pendulum P (both from 1) from the downward
 vertical, or with relative angles from the link above, or `cart_m` (`x_m` in files of `nonlinear.save`), or on a
-structure a coordinate of a support, such as `left_m`, `board_rad` or `board_deg` (`Structure.names`).  A column
+structure a coordinate of a support, such as `left_m`, `board_rad` or `board_deg` (`Structure.names`).  Others read of a
+link its rate `theta_dot_P_L_rad_per_s`, the angle from the link above `theta_P_L_relative_rad`, the place of its end
+`x_P_L_m` and `y_P_L_m`, or the acceleration at a point of it with gravity in it, `acceleration_along_P_L_m_per_s2@R`
+and `acceleration_across_P_L_m_per_s2@R` (`nonlinear.identification.points`), in these units or others.  A column
 `segment` separates motions that were recorded apart; other columns select rows.  An empty cell or "nan" is a
 missing value.  The time may be `time_ms`, and `-theta_P_L_rad` is a sensor that counts the other way.  Angles that jump
 by a turn, as those of atan2 do, are continued.
@@ -18,7 +21,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
-from math import nan, radians, tau
+from math import inf, nan, tau
 from typing import Any
 
 import numpy as np
@@ -27,17 +30,39 @@ from modal.errors import SceneError, spelling_hint
 from modal.report import Displayed, counted, listed
 from modal.scene import Scene
 from modal.scene.contents import MEASURED_MAX, MEASURED_MIN, SIZES_READ
-from modal.scene.tables import DataTable, read_table
+from modal.scene.tables import DataTable, in_si, read_table
 from modal.structure import structure_of
 from modal.types import Floats
+from nonlinear.identification.points import ACCELERATIONS, AXES, unreadable
+from nonlinear.system import system_of
 
 TIME, SEGMENT = "time_s", "segment"
 TIMES = {TIME: 1.0, "time_ms": 1e-3}
-RUNS = "x_m"  # the cart in files of simulated runs, also of those without one
-SENSOR = re.compile(r"theta_([1-9][0-9]{0,6})_([1-9][0-9]{0,6})_(rad|deg)|cart_m|x_m", re.ASCII)
+CARTS = ("cart_m", "x_m")
+RUNS = CARTS[1]  # the cart in files of simulated runs, also of those without one
+LINK = r"(?P<pendulum>[1-9][0-9]{0,6})_(?P<link>[1-9][0-9]{0,6})"
+QUANTITIES = {
+    "": ("theta_{}", "rad"),
+    "rate": ("theta_dot_{}", "rad_per_s"),
+    "relative": ("theta_{}_relative", "rad"),
+    "along": ("acceleration_along_{}", "m_per_s2"),
+    "across": ("acceleration_across_{}", "m_per_s2"),
+    "x": ("x_{}", "m"),
+    "y": ("y_{}", "m"),
+}
+"""What sensors of links read: the names of their columns, and the units after these."""
+SENSORS = {
+    quantity: re.compile(f"{name.format(LINK)}_{unit}", re.ASCII) for quantity, (name, unit) in QUANTITIES.items()
+}
+PIXELS = "px"
+DISTANCE = re.compile(r"[0-9]+(\.[0-9]+)?", re.ASCII)
+COLUMNS = (
+    "theta_P_L_rad, theta_P_L_deg, theta_P_L_relative_rad, theta_dot_P_L_rad_per_s, x_P_L_m, y_P_L_m, "
+    "acceleration_along_P_L_m_per_s2@R, acceleration_across_P_L_m_per_s2@R or cart_m"
+)
 ANGLE = re.compile(r"(?:\w*?[^\W\d_])_*(?P<number>\d*)(?:_\w*?)??_(?P<unit>rad|deg)")
 """A column of an angle that is called otherwise, perhaps with a number."""
-LIKE_ONE = re.compile(r"theta_(?!dot_)|cart|time", re.ASCII)
+LIKE_ONE = re.compile(r"theta_(?!dot_)|cart|time|acceleration_(along|across)_", re.ASCII)
 RECORD_ANGLE_MAX = 60.0
 """Limit: rad, some ten turns: "if these are degrees, name it …"."""
 SEGMENT_ROWS_MIN = 4
@@ -55,19 +80,26 @@ ANGLES = ("absolute", "relative")
 class Sensor:
     """The angle of a link, `pendulum` and `link` from 1, or with both 0 the position of the cart.
 
-    With a `carrier` it is that coordinate of a structure, as NAME_m or NAME_rad.
+    With a `carrier` it is that coordinate of a structure, as NAME_m or NAME_rad.  A `quantity` of a link is its
+    "rate", its angle "relative" to the link above, "x" or "y" of its end, or the acceleration "along" or "across" it at
+    the distance `radius` (m) from its joint (`QUANTITIES`).
     """
 
     pendulum: int = 0
     link: int = 0
     carrier: str = ""
+    quantity: str = ""
+    radius: float = 0.0
 
     @property
     def name(self) -> str:
         """As in the columns of a file, without the unit."""
         if self.carrier:
             return self.carrier.removesuffix(f"_{self.unit}")
-        return f"theta_{self.pendulum}_{self.link}" if self.pendulum else "cart"
+        if not self.pendulum:
+            return "cart"
+        name = QUANTITIES[self.quantity][0].format(f"{self.pendulum}_{self.link}")
+        return f"{name}@{self.radius:g}" if self.quantity in ACCELERATIONS else name
 
     @property
     def unit(self) -> str:
@@ -75,7 +107,22 @@ class Sensor:
         if self.carrier:
             last = self.carrier.rpartition("_")[2]
             return last if last in {"m", "rad"} else "1"
-        return "rad" if self.pendulum else "m"
+        return QUANTITIES[self.quantity][1] if self.pendulum else "m"
+
+    @property
+    def is_angle(self) -> bool:
+        """Whether it reads the angle of a link."""
+        return bool(self.pendulum) and self.unit == "rad"
+
+    @property
+    def is_of_point(self) -> bool:
+        """Whether it reads a point of a link."""
+        return self.quantity in (*AXES, *ACCELERATIONS)
+
+    @property
+    def is_even(self) -> bool:
+        """Whether it reads the same of a swing to either side, at twice its frequency."""
+        return self.quantity in ("y", "along")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -133,7 +180,7 @@ class Recording(Displayed):
         for segment in self.segments:
             values = segment.values.copy()
             for c, sensor in enumerate(self.sensors):
-                if sensor.pendulum and is_wrapped(values[:, c]):
+                if sensor.is_angle and is_wrapped(values[:, c]):
                     values[:, c] = unwrap(values[:, c])
                     names[sensor.name] = None
             segments.append(replace(segment, values=values))
@@ -143,13 +190,17 @@ class Recording(Displayed):
         """With angles from the vertical; SceneError where relative ones of links above are not recorded."""
         if not self.relative:
             return self
-        at = {(sensor.pendulum, sensor.link): k for k, sensor in enumerate(self.sensors)}
+        at = {
+            (sensor.pendulum, sensor.link): k
+            for k, sensor in enumerate(self.sensors)
+            if sensor.pendulum and not sensor.quantity
+        }
         missing = {f"theta_{p}_{i}" for p, link in at for i in range(1, link) if (p, i) not in at}
         if missing:
             raise SceneError([f"relative angles need {listed(sorted(missing), len(missing))} too"])
-        sums = np.zeros((len(self.sensors), len(self.sensors)))
+        sums = np.eye(len(self.sensors))
         for (pendulum, link), k in at.items():
-            sums[k, [at[pendulum, i] for i in range(1, link + 1)] if pendulum else [k]] = 1.0
+            sums[k, [at[pendulum, i] for i in range(1, link + 1)]] = 1.0
         segments = [
             replace(segment, values=np.array([segment.values[:, row > 0].sum(axis=1) for row in sums]).T)
             for segment in self.segments
@@ -212,48 +263,56 @@ def read_recording(
     angles: str = "absolute",
     columns: Mapping[str, str] | None = None,
     every: int = 1,
+    pixel: float | None = None,
 ) -> Recording:
     """The recording in these files or arrays, of a scene whose links and cart the sensors read, or of any with None.
 
     `where` gives columns with the value, or the range such as "6.2:19", that used rows have there, and of these
     `every` N-th row is used; `columns` says what columns with other headings hold, such as {"t": "time_ms",
-    "theta_1_2_rad": "-theta_1_2_rad"}.  SceneError lists every mistake.
+    "theta_1_2_rad": "-theta_1_2_rad"}.  A `pixel` (m) is the scale of marks in pixels, x_1_1_px.  SceneError lists
+    every mistake.
     """
     problems: list[str] = []
     if angles not in ANGLES:
         problems.append(f"angles {angles}: must be {' or '.join(ANGLES)}")
     if every < 1:
         problems.append(f"every {every}: must be at least 1")
+    if pixel is not None and not 0 < pixel < inf:
+        problems.append(f"pixel {pixel:g}: must be above 0, the metres of one")
     if not paths:
         problems.append("no file of measured motions is given")
     if problems:
         raise SceneError(problems)
     carriers = carrier_columns(scene)
     tables: list[DataTable] = []
+    derived: set[str] = set()
     for path in paths:
         try:
             table = _recorded_table(path, scene, where or {}, columns or {}, carriers)
             if _has_no_cart(scene) if scene else _is_still(table):
                 table = table.renamed({RUNS: f"({RUNS})"} if RUNS in table.columns else {})
+            rates = _derived_rates(table, columns or {}, carriers)
+            derived |= rates
+            table = table.without(rates)
+            problems += _unscaled(table, carriers) if pixel is None else []
             tables.append(table.take(range(0, len(table), every)) if every > 1 else table)
         except SceneError as error:
             problems += error.problems
     if problems:
         raise SceneError(problems)
-    sensors = sorted(
-        {_sensor(column, carriers) for table in tables for column in table.columns if _is_sensor(column, carriers)}
-    )
+    sensors = sorted({sensor for table in tables for column in table.columns if (sensor := _sensor(column, carriers))})
     problems += [problem for sensor in sensors if scene for problem in _absent(scene, sensor)]
     segments: list[Segment] = []
     for table in tables:
         try:
-            segments += _segments(table, sensors, carriers)
+            segments += _segments(table, sensors, carriers, pixel or 1.0)
         except SceneError as error:
             problems += error.problems
     problems += _empty(sensors, segments) if not problems else []
     if problems:
         raise SceneError(problems)
-    other_columns = {column for table in tables for column in table.columns if not _is_known(column, carriers)} - {
+    unknown = {column for table in tables for column in table.columns if not _is_known(column, carriers)}
+    other_columns = (unknown | derived) - {
         *(where or {}),
         f"({RUNS})",
     }
@@ -303,15 +362,58 @@ def _has_no_cart(scene: Scene) -> bool:
     return scene.cart is None and not (scene.is_structured and structure_of(scene).names == ("x",))
 
 
+def _derived_rates(table: DataTable, meanings: Mapping[str, str], carriers: Carriers) -> set[str]:
+    """The columns of rates that stand beside the angle of their link, from which they are mostly computed.
+
+    Those that `meanings` name are sensors.
+    """
+    sensors = {column: sensor for column in table.columns if (sensor := _sensor(column, carriers))}
+    angles = {(sensor.pendulum, sensor.link) for sensor in sensors.values() if sensor.pendulum and not sensor.quantity}
+    return {
+        column
+        for column, sensor in sensors.items()
+        if sensor.quantity == "rate" and (sensor.pendulum, sensor.link) in angles and column not in meanings.values()
+    }
+
+
+def _unscaled(table: DataTable, carriers: Carriers) -> Iterator[str]:
+    """What is said of marks in pixels without their scale."""
+    for column in table.columns:
+        if column.endswith(f"_{PIXELS}") and _is_sensor(column, carriers):
+            yield f"{table.name}: column {column}: needs `pixel`, the metres of one"
+
+
 def _is_sensor(column: str, carriers: Carriers) -> bool:
-    bare = column.removeprefix("-")
-    return bare in carriers or bool(SENSOR.fullmatch(bare))
+    return _sensor(column, carriers) is not None
 
 
-def _sensor(column: str, carriers: Carriers) -> Sensor:
+def _sensor(column: str, carriers: Carriers) -> Sensor | None:
+    """What a column reads, None where it is of no sensor.
+
+    >>> _sensor("acceleration_along_1_2_m_per_s2@0.25", {})
+    Sensor(pendulum=1, link=2, carrier='', quantity='along', radius=0.25)
+    """
     bare = column.removeprefix("-")
-    match = SENSOR.fullmatch(bare)
-    return carriers.get(bare) or (Sensor(int(match[1]), int(match[2])) if match and match[1] else Sensor())
+    if bare in carriers:
+        return carriers[bare]
+    name, sign, distance = _si_name(bare)[0].partition("@")
+    if not sign and name in CARTS:
+        return Sensor()
+    for quantity, pattern in SENSORS.items():
+        match = pattern.fullmatch(name)
+        if match and bool(sign) == (quantity in ACCELERATIONS) and (not sign or DISTANCE.fullmatch(distance)):
+            return Sensor(int(match["pendulum"]), int(match["link"]), "", quantity, float(distance or 0.0))
+    return None
+
+
+def _si_name(column: str, pixel: float = 1.0) -> tuple[str, float]:
+    """A column's name in SI units, and the factor of its numbers, of which pixels are so many metres."""
+    name, sign, distance = column.removeprefix("-").partition("@")
+    if name.endswith(f"_{PIXELS}"):
+        name, factor = f"{name.removesuffix(PIXELS)}m", pixel
+    else:
+        name, factor = in_si(name)
+    return f"{name}{sign}{distance}", -factor if column.startswith("-") else factor
 
 
 def _is_known(column: str, carriers: Carriers) -> bool:
@@ -329,6 +431,8 @@ def _absent(scene: Scene, sensor: Sensor) -> Iterator[str]:
         yield f"column {sensor.name}: the scene has {counted(len(sizes), 'pendulum', 'pendula')}"
     elif sensor.link > sizes[sensor.pendulum - 1]:
         yield f"column {sensor.name}: the pendulum has {counted(sizes[sensor.pendulum - 1], 'link', 'links')}"
+    elif sensor.is_of_point and (reason := unreadable(system_of(scene))):
+        yield f"column {sensor.name}: {reason}, where of links angles and rates alone are read"
 
 
 def _recorded_table(
@@ -341,7 +445,7 @@ def _recorded_table(
     """The rows of a file that are used, under the columns that it has or that its headings were found to mean."""
     table = source if isinstance(source, DataTable) else read_table(source)
     wrong = [
-        f"column {old}: {new}: must be time_s, time_ms, theta_P_L_rad, theta_P_L_deg or cart_m, or - and one of these"
+        f"column {old}: {new}: must be time_s, time_ms, {COLUMNS}, or - and one of these"
         for old, new in meanings.items()
         if not _is_known(new, carriers)
     ]
@@ -392,7 +496,7 @@ def _header_problems(table: DataTable, where: Mapping[str, str], carriers: Carri
     )
     for column in columns:
         if column not in where and not _is_known(column, carriers) and LIKE_ONE.match(column):
-            yield f"column {column}: must be theta_P_L_rad, theta_P_L_deg or cart_m, with P and L from 1"
+            yield f"column {column}: must be {COLUMNS}, with P and L from 1"
     sensors = [column for column in columns if _is_sensor(column, carriers)]
     if not sensors:
         causes = _likely_causes(table, "angle=theta_1_1_deg")
@@ -416,7 +520,7 @@ def _likely_causes(table: DataTable, example: str) -> str:
     )
 
 
-def _segments(table: DataTable, sensors: Sequence[Sensor], carriers: Carriers) -> list[Segment]:
+def _segments(table: DataTable, sensors: Sequence[Sensor], carriers: Carriers, pixel: float) -> list[Segment]:
     name, problems, number = table.name, list[str](), dict[str, Floats]()
     for column in table.columns:
         if column in TIMES or _is_sensor(column, carriers):
@@ -430,9 +534,8 @@ def _segments(table: DataTable, sensors: Sequence[Sensor], carriers: Carriers) -
     times = TIMES[clock] * number[clock]
     values = np.full((len(times), len(sensors)), nan)
     for column, readings in number.items():
-        if column != clock:
-            factor = (radians(1.0) if column.endswith("_deg") else 1.0) * (-1 if column.startswith("-") else 1)
-            values[:, sensors.index(_sensor(column, carriers))] = factor * readings
+        if column != clock and (sensor := _sensor(column, carriers)):
+            values[:, sensors.index(sensor)] = _si_name(column, pixel)[1] * readings
     names = table.words(SEGMENT) if SEGMENT in table.columns else [""] * len(table)
     segments: list[Segment] = []
     at = 0
@@ -467,7 +570,7 @@ def _segment_problems(segment: Segment, sensors: Sequence[Sensor], lines: Sequen
         yield f"{segment.where}: has {rows}, at least {SEGMENT_ROWS_MIN} are needed"
     for sensor, values in zip(sensors, segment.values.T, strict=True):
         numbers = values[np.isfinite(values)]
-        if sensor.pendulum and len(numbers) and np.abs(numbers).max() > RECORD_ANGLE_MAX:
+        if sensor.is_angle and len(numbers) and np.abs(numbers).max() > RECORD_ANGLE_MAX:
             largest = float(np.abs(numbers).max())
             hint = f"if these are degrees, name it {sensor.name}_deg"
             yield f"{segment.where}: {sensor.name} reaches {largest:.4g} rad: {hint}"

@@ -138,11 +138,12 @@ class Fit(FittedNumbers):
         self, form: Form = "text", *, candidates: Sequence[Any] = (), draws: int = 0
     ) -> Iterator[ReportTable | str]:
         """The numbers, sensors, segments, laws compared and the verdict; `draws` add deviations of a bootstrap."""
+        unit = UNIT_WORDS.get(self.rms_unit, self.rms_unit)
         yield self.table_of_numbers({"bootstrap": self.bootstrap(draws)} if draws else {})
         yield from self.determination()
         yield ReportTable.of(SENSOR, [sensor_record(self, c) for c in range(len(self.recording.sensors))])
-        yield ReportTable.of(SEGMENT, zip(self.recording.segments, self.rms.tolist(), strict=True))
-        yield f"rms residual of all: {self.rms_all:.3g} rad"
+        yield ReportTable.of(segment_columns(unit), zip(self.recording.segments, self.rms.tolist(), strict=True))
+        yield f"rms residual of all: {self.rms_all:.3g} {unit}"
         yield ReportTable.of(LAW, candidates)
         yield "\n".join(self.footnotes())
 
@@ -159,12 +160,12 @@ class Fit(FittedNumbers):
                 {
                     "file": segment.file,
                     "segment": segment.name,
-                    "rms_residual_rad": float(self.rms[s]),
+                    f"rms_residual_{self.rms_unit}": float(self.rms[s]),
                     "initial": initial_record(self, s),
                 }
                 for s, segment in enumerate(self.recording.segments)
             ],
-            "rms_residual_rad": self.rms_all,
+            f"rms_residual_{self.rms_unit}": self.rms_all,
             "condition": self.condition,
             "fits": self.fits,
             "misfit": dict(zip((sensor.name for sensor in sensors), self.misfit.tolist(), strict=True)),
@@ -222,7 +223,7 @@ class Fit(FittedNumbers):
 
     @cached_property
     def rms(self) -> Floats:
-        """Root mean square of the angles' residuals of every segment (rad); of the cart's (m) if it alone is read."""
+        """Root mean square of residuals of every segment in `rms_unit`: of angles, or of sensors like the first."""
         return np.array([root_mean_square(self._misses([k])) for k in range(len(self.recording.segments))])
 
     @property
@@ -230,11 +231,21 @@ class Fit(FittedNumbers):
         """Of all segments together."""
         return root_mean_square(self._misses(range(len(self.recording.segments))))
 
+    @property
+    def rms_unit(self) -> str:
+        """The unit of `rms`: rad where an angle is read, else that of the first sensor."""
+        return unit_of_residuals(self.recording)
+
     def _misses(self, segments: Sequence[int]) -> Floats:
-        angles = [k for k, sensor in enumerate(self.recording.sensors) if sensor.pendulum]
-        chosen = angles or [*range(len(self.recording.sensors))]
+        chosen = [k for k, sensor in enumerate(self.recording.sensors) if sensor.unit == self.rms_unit]
         misses = [(self.readings[s] - self.recording.segments[s].values)[:, chosen].ravel() for s in segments]
         return np.concatenate(misses)
+
+
+def unit_of_residuals(recording: Recording) -> str:
+    """The unit in which what is left of a recording is told: rad where an angle is read, else the first sensor's."""
+    units = [sensor.unit for sensor in recording.sensors if sensor.is_angle or not sensor.pendulum]
+    return "rad" if "rad" in units else recording.sensors[0].unit
 
 
 def root_mean_square(values: Floats) -> float:
@@ -298,12 +309,6 @@ SENSOR = (
         for name in ("noise", "offset", "delay", "scale")
     ),
 )
-SEGMENT = (
-    ReportColumn(lambda row: row[0].file, None, "file"),
-    ReportColumn(lambda row: row[0].name or NOTHING, None, "segment"),
-    ReportColumn(lambda row: len(row[0].times), None, "rows"),
-    ReportColumn(lambda row: row[1], None, "rms residual (rad)", ".3g"),
-)
 LAW = (
     ReportColumn("name", "model", "law"),
     ReportColumn("fit.rms_all", "rms_residual_rad", "rms (rad)", "{:.3g}".format),
@@ -311,7 +316,18 @@ LAW = (
     ReportColumn("aic", "aic", "AIC", "{:.1f}".format),
     ReportColumn("bic", "bic", "BIC", "{:.1f}".format),
 )
-"""The quantities of a sensor, of a segment with its residual, and of a law."""
+"""The quantities of a sensor and of a law."""
+UNIT_WORDS = {"rad_per_s": "rad/s", "m_per_s2": "m/s²"}
+
+
+def segment_columns(unit: str) -> tuple[ReportColumn, ...]:
+    """The quantities of a segment with its residual in a unit."""
+    return (
+        ReportColumn(lambda row: row[0].file, None, "file"),
+        ReportColumn(lambda row: row[0].name or NOTHING, None, "segment"),
+        ReportColumn(lambda row: len(row[0].times), None, "rows"),
+        ReportColumn(lambda row: row[1], None, f"rms residual ({unit})", ".3g"),
+    )
 
 
 def fit_record(result: Fit, candidates: Sequence[Any] = (), draws: int = 0) -> dict[str, Any]:

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import scipy
 
 from modal.errors import ComputationError, SceneError
 from modal.identification import Parameter, numbers_at, scene_with, starts_of
-from modal.modes import natural_modes
+from modal.modes import all_shapes, natural_modes
 from modal.scene import Scene
 from modal.types import Floats
 from nonlinear.identification.problem import FitProblem
 from nonlinear.identification.records import Recording
+from nonlinear.system import system_of
 
 PERIOD_PART = 0.75
 """Cost: periods of sqrt(l/g) in which no motion loses step with its record, the first part that is fitted."""
@@ -25,6 +27,13 @@ PEAK_POWER_MIN = 0.02
 """Tolerance: part of the highest peak's power that counts as a line: less may be a harmonic."""
 START_FREQUENCY_ERROR_MAX = 0.08
 """Cost: relative error of a frequency beyond which the numbers are first fitted to the lines."""
+START_AMPLITUDES = (0.1, 0.3, 0.6, 1.0, 1.6, 2.4)
+START_PHASES = 12
+"""Cost: swings that are tried at once where sensors read no angles, 72 of each mode."""
+START_TOLERANCE = 1e-4
+"""Cost: of motions of which the nearest is taken as a start."""
+DIRECTION_MIN = 1e-3
+"""Tolerance: of a linear response, the least part of the best determined direction that moves a state."""
 
 
 def initial_states(problem: FitProblem) -> Floats:
@@ -47,11 +56,83 @@ def initial_states(problem: FitProblem) -> Floats:
             rates.append(float(curve.deriv()(0.0)) if curve and order else 0.0)
         states[s, :coordinates] = rest + back @ (np.array(values) - picks @ rest)
         states[s, coordinates:] = back @ np.array(rates)
-    return states
+    return _states_by_response(problem, states) if problem.is_read_by_motion else states
+
+
+def _states_by_response(problem: FitProblem, states: Floats) -> Floats:
+    """The states (S, width) from which the scene moves most like the first readings, of those that are tried.
+
+    Tried are the given ones, what a linear response makes of these and of rest, and swings in single modes, by which
+    sensors are read that tell nothing of the first order at rest.
+    """
+    part = problem.recording.until(PERIOD_PART * 2 * np.pi / problem.system.rate)
+    rest = np.zeros(2 * problem.coordinates)
+    rest[problem.system.first : problem.coordinates] = problem.system.rest
+    swings, chosen = [rest + swing for swing in _modal_swings(problem.scene)], []
+    for state, segment in zip(states, part.segments, strict=True):
+        beginning = replace(part, segments=(replace(segment, continued=False),))
+        alone = replace(problem, recording=beginning, tolerance=START_TOLERANCE)
+        nearest = _nearest(alone, [state, *_responses(alone, state), *_responses(alone, rest), *swings])
+        chosen.append(_nearest(alone, [nearest, *_responses(alone, nearest)]))
+    return np.array(chosen)
+
+
+def _nearest(problem: FitProblem, attempts: Sequence[Floats]) -> Floats:
+    """The state among the attempts whose readings differ least from those of a single segment, offsets aside."""
+    (segment,) = problem.recording.segments
+    many = replace(problem, recording=replace(problem.recording, segments=(segment,) * len(attempts)))
+    u = np.concatenate((_unknowns(problem)[: problem.layout.delays.stop], *attempts))
+    try:
+        misses = [(reading - segment.values) / problem.noise for reading in many.readings(u)]
+    except ComputationError:
+        return attempts[0]
+    has_offset = problem.free[problem.layout.offsets]
+    sizes = [np.nansum((miss - np.where(has_offset, np.nanmean(miss, axis=0), 0.0)) ** 2) for miss in misses]
+    return attempts[int(np.argmin(sizes))]
+
+
+def _responses(problem: FitProblem, state: Floats) -> list[Floats]:
+    """The state of a single segment from which the readings go on as measured, linear about the motion from `state`."""
+    layout, u = problem.layout, _unknowns(problem)
+    u[layout.state(0)] = state
+    is_free = problem.free.copy()
+    is_free[: layout.numbers] = is_free[layout.scales] = is_free[layout.delays] = False
+    columns = np.flatnonzero(is_free)
+    try:
+        residuals, J = problem.residuals(u, with_derivatives=True), problem.jacobian(u)[:, columns]
+    except ComputationError:
+        return []
+    size = np.linalg.norm(J, axis=0)
+    size[size == 0] = np.inf
+    u[columns] -= np.linalg.lstsq(J / size, residuals, rcond=DIRECTION_MIN)[0] / size
+    return [u[layout.state(0)]]
+
+
+def _unknowns(problem: FitProblem) -> Floats:
+    u = np.zeros(problem.layout.size)
+    u[: problem.layout.numbers] = starts_of(problem.parameters)
+    return u
+
+
+def _modal_swings(scene: Scene) -> list[Floats]:
+    """States, less that of rest, of swings in one mode each, of several amplitudes (rad, m) and phases."""
+    modes, swings = natural_modes(scene.conservative), []
+    carried = system_of(scene).first
+    for omega, copies in zip(modes.omega.tolist(), all_shapes(modes), strict=True):
+        for shape in copies if np.isfinite(omega) and omega > 0 else []:
+            carriers = shape.supports if len(shape.supports) else [shape.cart]
+            q = np.real([*[*carriers][:carried], *shape.angles])
+            q = q / np.abs(q).max()
+            swings += [
+                amplitude * np.concatenate((np.cos(phase) * q, -omega * np.sin(phase) * q))
+                for amplitude in START_AMPLITUDES
+                for phase in np.linspace(0, 2 * np.pi, START_PHASES, endpoint=False)
+            ]
+    return swings
 
 
 def spectral_lines(recording: Recording) -> Floats:
-    """Angular frequencies (rad/s) of the lines in a recording, ascending."""
+    """Angular frequencies (rad/s) of the lines in a recording, ascending; none of sensors that read twice those."""
     longest = max(segment.times[-1] - segment.times[0] for segment in recording.segments)
     step = min(float(np.median(np.diff(segment.times))) for segment in recording.segments)
     count = int(2 ** np.ceil(np.log2(SPECTRUM_PADDING * longest / step)))
@@ -59,9 +140,9 @@ def spectral_lines(recording: Recording) -> Floats:
     power = np.zeros(len(frequency))
     for segment in recording.segments:
         grid = np.arange(segment.times[0], segment.times[-1], step)
-        for readings in segment.values.T:
+        for sensor, readings in zip(recording.sensors, segment.values.T, strict=True):
             is_present = np.isfinite(readings)
-            if np.count_nonzero(is_present) > 3:
+            if np.count_nonzero(is_present) > 3 and not sensor.is_even:
                 even_values = np.interp(grid, segment.times[is_present], readings[is_present])
                 window = np.hanning(len(grid))
                 spectrum = np.fft.rfft((even_values - even_values.mean()) * window, count)

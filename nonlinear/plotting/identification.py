@@ -11,12 +11,14 @@ from matplotlib.figure import Figure
 from modal.plotting import HUES, MARKED, colour, headline, legend, rest, save
 from modal.plotting.style import sheet_of_rows
 from modal.scene import title_of
+from nonlinear.identification.result import UNIT_WORDS
 
 if TYPE_CHECKING:
     from nonlinear.identification import Fit
 
-FACTORS = {"rad": 180 / np.pi, "m": 1e3, "1": 1.0}
-SHOWN, MISSED = {"rad": "°", "m": "mm", "1": "1"}, {"rad": "mrad", "m": "mm", "1": "10⁻³"}
+FACTORS = {"rad": 180 / np.pi, "m": 1e3, "1": 1.0, "rad_per_s": 180 / np.pi, "m_per_s2": 1.0}
+SHOWN = {"rad": "°", "m": "mm", "1": "1", "rad_per_s": "°/s", "m_per_s2": "m/s²"}
+MISSED = {"rad": "mrad", "m": "mm", "1": "10⁻³", "rad_per_s": "mrad/s", "m_per_s2": "mm/s²"}
 """How readings of these units are shown, and what is left of them."""
 
 
@@ -59,7 +61,7 @@ def fit_figure(fit: Fit) -> Figure:
     legend(axes[-1], 3)
     has_more = len(recording.segments) > len(segments)
     axes[-1].set_xlabel("time since the first sample (s)" + (", segments side by side" if len(segments) > 1 else ""))
-    words = f"fit to measured motions, rms residual {fit.rms_all:.3g} rad"
+    words = f"fit to measured motions, rms residual {fit.rms_all:.3g} {UNIT_WORDS.get(fit.rms_unit, fit.rms_unit)}"
     headline(
         figure,
         title_of(fit.given),

@@ -22,7 +22,7 @@ OF_COMMAND = {
     "orbits": {"--enter", "--depth", "--settled", "--duration", "--film"},
     "sync": {"--film", "--words"},
     "chaos": {"--quick"},
-    "fit": {"--picture", "--report", "--where", "--every", "--angles", "--column", "--bootstrap"},
+    "fit": {"--picture", "--report", "--where", "--every", "--angles", "--column", "--pixel", "--bootstrap"},
     "tune": {"--picture", "--report", "--largest-angle"},
     "sweep": {"--picture", "--fresh", "--loci", "--strobe", "--output"},
 }
