@@ -38,7 +38,7 @@ from modal.assembly.structure import scene_squares
 from modal.errors import ComputationError, SceneError
 from modal.report import Displayed, Summary, brief, counted
 from modal.scene import Scene
-from modal.scene.doors import require_type
+from modal.scene.doors import checked, require_type
 from modal.scene.parameters import Place, Variable, number_at, with_numbers
 from modal.types import Floats
 
@@ -167,6 +167,7 @@ def differences(scene: Scene, place: Place, unit: float, arrays_of: Callable[[Sc
     raise SceneError([f"{path} = {value:g}: is at a bound, and has no derivative there"])
 
 
+@checked
 def shared_differences(
     scene: Scene, places: Sequence[Place], unit: float, arrays_of: Callable[[Scene], Arrays]
 ) -> Arrays:

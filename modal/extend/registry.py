@@ -115,7 +115,9 @@ def register(cls: type[T]) -> type[T]:
         raise mistake_of(cls, "is no class of modal.extend")
     if not NAME.fullmatch(str(cls.name)):
         raise mistake_of(cls, f"its name {cls.name!r} must be small letters, digits, - and _")
-    known = _registry.of_kind(cls.kind).get(cls.name, cls)
+    known: type[Any] = _registry.of_kind(cls.kind).get(cls.name, cls)
+    if known.__module__ != cls.__module__ and _definition(known) == _definition(cls):
+        return known  # of a file that is imported under two names
     if _definition(known) != _definition(cls):
         raise mistake_of(cls, f"a {cls.kind} of this name exists, of {package_of(known)}")
     if mistakes := [*cls.mistakes()]:
@@ -125,7 +127,7 @@ def register(cls: type[T]) -> type[T]:
 
 
 def _definition(cls: type) -> tuple[str, str]:
-    """Where a class is defined: a cell that is run again, or a module imported under two names, defines it anew."""
+    """Where a class is defined: a cell that is run again, or a module that is loaded again, defines it anew."""
     return getattr(sys.modules.get(cls.__module__), "__file__", None) or cls.__module__, cls.__qualname__
 
 

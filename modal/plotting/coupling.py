@@ -40,6 +40,8 @@ POLE_ROOM = 0.02
 """Format: part of an axis that a pole's line needs beside its neighbours."""
 FELT = r"dynamic mass $m_\mathrm{dyn}$ (kg)"
 CART_MASS = r"mass of the cart $m_c$ (kg)"
+WIDE_POLES_MAX = 8
+"""Format: poles whose lines have their full width; of more they are thinner, and a linear axis may part them."""
 
 
 def draw_coupling(coupling: Coupling, stream: IO[bytes], kind: str = "png") -> None:
@@ -78,7 +80,7 @@ def _of_structure(coupling: Coupling) -> Figure:
         last = s == panels - 1 and panels % 2 == 1
         place = rows[s // columns, :] if last else rows[s // columns, s % columns]
         draw_mass(figure.add_subplot(place), coupling, s)
-    draw_levels(figure.add_subplot(rows[lines, :]), coupling, span(_marks(coupling, 0))[2])
+    draw_levels(figure.add_subplot(rows[lines, :]), coupling, span(_marks(coupling, 0), _poles(coupling))[2])
     return figure
 
 
@@ -163,7 +165,7 @@ def _zeros(coupling: Coupling, s: int) -> Floats:
 def is_crowded(coupling: Coupling) -> bool:
     """Whether more than four poles are too close to be drawn one by one: a band without room for their lines."""
     poles = _poles(coupling)
-    low, high, is_logarithmic = span(_marks(coupling, 0))
+    low, high, is_logarithmic = span(_marks(coupling, 0), poles)
     share = np.ptp(np.log(poles)) / np.log(high / low) if is_logarithmic else np.ptp(poles) / (high - low)
     return len(poles) > 4 and bool(share < POLE_ROOM * len(poles))
 
@@ -172,7 +174,7 @@ def draw_mass(axis: Axes, coupling: Coupling, s: int = 0) -> None:
     """m_dyn over ω, its poles above and its zeros on the line m_dyn = 0; of a structure that along its own mode s."""
     is_structured, poles, zeros = coupling.scene.is_structured, np.unique(_poles(coupling)), _zeros(coupling, s)
     mass_at_rest = coupling.modes[s].mass if is_structured else coupling.dynamic.at_rest
-    low, high, is_logarithmic = span(_marks(coupling, s))
+    low, high, is_logarithmic = span(_marks(coupling, s), poles)
     top = 2 * mass_at_rest
     if not (is_logarithmic or is_structured) and coupling.dynamic(low)[0] > top:
         low, high = 0.0, 1.5 * high
@@ -192,7 +194,8 @@ def draw_mass(axis: Axes, coupling: Coupling, s: int = 0) -> None:
         # From below the axis to above it, or back: a pole lies between, and no line joins its two sides.
         leaps = np.abs(np.diff(np.sign(mass))) * (np.abs(mass[1:]) + np.abs(mass[:-1])) > 2 * top
         mass[:-1][leaps] = np.nan
-    axis.plot(omega, np.clip(mass, -2 * top, 2 * top), color=curve(), zorder=3)
+    thin = _thinner(len(poles))
+    axis.plot(omega, np.clip(mass, -2 * top, 2 * top), color=curve(), lw=1.6 * thin, zorder=3)
     if crowd:
         axis.axvspan(poles[0], poles[-1], color=pole(), alpha=BAND_OPACITY, lw=0)
         middle = float(np.sqrt(poles[0] * poles[-1]))
@@ -200,11 +203,11 @@ def draw_mass(axis: Axes, coupling: Coupling, s: int = 0) -> None:
         zeros = zeros[(zeros < poles[0]) | (zeros > poles[-1])]
     else:
         for value in poles:
-            axis.axvline(value, color=pole(), ls=MARKED, lw=1.4)
+            axis.axvline(value, color=pole(), ls=MARKED, lw=1.4 * thin)
         names = [_letter(coupling, value) for value in poles.tolist()]
         values = [f" {value:.5g}" * (not is_structured) for value in poles]
         _labels(axis, poles, [f"{a}{b}" for a, b in zip(names, values, strict=True)], pole(), is_above=True)
-    axis.plot(zeros, 0 * zeros, "o", color=zero(), zorder=4, mec=paper(), mew=0.8)
+    axis.plot(zeros, 0 * zeros, "o", color=zero(), ms=6 * thin, zorder=4, mec=paper(), mew=0.8 * thin)
     if is_structured:
         mode = coupling.modes[s]
         words = shorten(coupling.words(mode.shape))
@@ -214,10 +217,24 @@ def draw_mass(axis: Axes, coupling: Coupling, s: int = 0) -> None:
         _labels(axis, zeros, [f"{value:.5g}" for value in zeros], zero(), is_above=False)
 
 
-def span(omega: Floats) -> tuple[float, float, bool]:
+def _fits_linear(poles: Floats) -> bool:
+    """Whether the closest of many poles are further apart on a linear axis than on a logarithmic one."""
+    distinct_poles = np.unique(poles)
+    if len(distinct_poles) <= WIDE_POLES_MAX:
+        return False
+    gaps = [float(np.diff(scale).min() / np.ptp(scale)) for scale in (distinct_poles, np.log(distinct_poles))]
+    return gaps[0] > gaps[1]
+
+
+def _thinner(count: int) -> float:
+    """The width of each of so many lines over that of a few."""
+    return float(np.clip(WIDE_POLES_MAX / max(count, 1), 0.5, 1.0))
+
+
+def span(omega: Floats, poles: Floats) -> tuple[float, float, bool]:
     """Both ends of the frequency axis and whether it is logarithmic."""
     smallest, largest = float(omega.min()), float(omega.max())
-    if largest > LOG_RATIO * smallest:
+    if largest > LOG_RATIO * smallest and not _fits_linear(poles):
         return smallest / 3, largest * 3, True
     extent = largest - smallest
     return max(0.0, smallest - max(1.5 * extent, smallest / 5)), largest + max(extent / 4, largest / 12), False
@@ -335,8 +352,8 @@ def draw_limits(axis: Axes, coupling: Coupling) -> None:
         )
         axis.text(0.98, 0.92, words, transform=axis.transAxes, ha="right", va="top", fontsize=SMALL, bbox=plain())
     else:
-        axis.hlines(poles, low, high, color=pole(), ls=MARKED, lw=1.4)
-    axis.plot(masses, omega[:, chosen], color=zero())
+        axis.hlines(poles, low, high, color=pole(), ls=MARKED, lw=1.2 * _thinner(len(poles)))
+    axis.plot(masses, omega[:, chosen], color=zero(), lw=1.6 * _thinner(len(chosen)))
     _mark_scene(axis, cart_mass, spot, now[chosen[chosen < len(now)]])
     if not crowd:
         _ends(axis, low, [(value, f"{value:.5g}") for value in light[np.isfinite(light)].tolist()], zero(), (4, 4))
@@ -350,12 +367,12 @@ def _reach(poles: Floats, now: Floats, omega: Floats, light: Floats) -> tuple[fl
     They hold all poles, the scene's own modes and the finite limits of a light cart; where a mode of a light cart has
     no limit, the axis goes as far as it rises, up to three times the highest of these.
     """
-    bottom, top, is_logarithmic = span(np.concatenate([poles, now, light[np.isfinite(light)]]))
+    bottom, top, is_logarithmic = span(np.concatenate([poles, now, light[np.isfinite(light)]]), poles)
     frequencies = np.concatenate((poles, now))
     lowest = float(min(frequencies.min(), omega.min()))
     if omega.max() > top:
         top = min(float(omega.max()) * 1.05, 3 * float(frequencies.max()))
-    is_logarithmic = is_logarithmic or top > LOG_RATIO * lowest
+    is_logarithmic = is_logarithmic or (top > LOG_RATIO * lowest and not _fits_linear(poles))
     room = 0.12 * (top - lowest)
     return (lowest / 1.5 if is_logarithmic else max(0.0, bottom, lowest - room)), top, is_logarithmic
 

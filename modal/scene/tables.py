@@ -151,8 +151,8 @@ class DataTable(Displayed):
     def without(self, columns: Iterable[str]) -> DataTable:
         """The table without these columns."""
         places = [k for k, column in enumerate(self.columns) if column not in {*columns}]
-        headings, names, cells = (tuple(part[k] for k in places) for part in (self.headings, self.columns, self.cells))
-        return replace(self, headings=headings, columns=names, cells=cells)
+        headings, names = (tuple(words[k] for k in places) for words in (self.headings, self.columns))
+        return replace(self, headings=headings, columns=names, cells=tuple(self.cells[k] for k in places))
 
     def take(self, rows: Sequence[int] | Floats) -> DataTable:
         """Some of its rows."""

@@ -38,8 +38,10 @@ from modal.types import Floats
 from nonlinear.dynamics.minimal import Projection
 from nonlinear.system import Group, System
 
-MASS_RATIO_MIN = 1e-2
-"""Tolerance: of a cart to what hangs from it, or of a link to a heavier one below it: dense forms lose its digits."""
+CART_RATIO_MIN = 1e-2
+"""Tolerance: cart mass over suspended mass below which the dense form would lose digits."""
+LINK_RATIO_MIN = 1e-3
+"""Tolerance: mass of a link over that of a heavier one below it, under which dense forms lose digits."""
 SINGULAR = "the mass matrix is singular in double precision"
 
 
@@ -47,8 +49,8 @@ def loses_digits(group: Group, system: System) -> bool:
     """Whether a carrier, or a link above a heavier one, is so light that dense matrices would lose digits."""
     heaviest = np.maximum.accumulate(group.block.mass[::-1])[::-1]
     masses = [0.0 if carrier.M is not None else carrier.mass for carrier in system.suspension.carriers if carrier.size]
-    light = min(masses, default=np.inf) < MASS_RATIO_MIN * float(system.mass.sum())
-    return bool(light or np.any(group.block.mass < MASS_RATIO_MIN * heaviest))
+    light = min(masses, default=np.inf) < CART_RATIO_MIN * float(system.mass.sum())
+    return bool(light or np.any(group.block.mass < LINK_RATIO_MIN * heaviest))
 
 
 class Elimination:

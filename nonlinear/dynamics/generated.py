@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from nonlinear.dynamics.elimination import MASS_RATIO_MIN
+from nonlinear.dynamics.elimination import CART_RATIO_MIN, LINK_RATIO_MIN
 from nonlinear.dynamics.forms import Form, form_of, module_of
 from nonlinear.dynamics.inputs import Inputs
 from nonlinear.dynamics.minimal import Arranged, Minimal, Recursion
@@ -213,5 +213,5 @@ def _frail(numbers: Numbers, group: Group) -> bool:
     mass = next(candidate for candidate in system.groups if candidate.index is group.index).block.mass
     heaviest = np.maximum.accumulate(mass[::-1])[::-1]
     total = sum(candidate.block.mass.sum((0, 1)) for candidate in system.groups)
-    light = system.cart is not None and np.any(np.asarray(system.cart.mass) < MASS_RATIO_MIN * total)
-    return bool(light or np.any(mass < MASS_RATIO_MIN * heaviest))
+    light = system.cart is not None and np.any(np.asarray(system.cart.mass) < CART_RATIO_MIN * total)
+    return bool(light or np.any(mass < LINK_RATIO_MIN * heaviest))

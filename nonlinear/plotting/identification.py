@@ -11,7 +11,6 @@ from matplotlib.figure import Figure
 from modal.plotting import HUES, MARKED, colour, headline, legend, rest, save
 from modal.plotting.style import sheet_of_rows
 from modal.scene import title_of
-from nonlinear.identification.result import UNIT_WORDS
 
 if TYPE_CHECKING:
     from nonlinear.identification import Fit
@@ -32,6 +31,8 @@ def fit_figure(fit: Fit) -> Figure:
 
     Of many segments the first ones are drawn, side by side.
     """
+    from nonlinear.identification.result import UNIT_WORDS
+
     recording = fit.recording
     sensors, segments = recording.sensors[:HUES], recording.segments[:4]
     figure = sheet_of_rows((len(sensors) + 1) / 2)

@@ -150,7 +150,7 @@ def test_a_measure_is_tuned(aim: str) -> None:
         assert tuned.numbers["pendulum[0].links[0].length"] == pytest.approx(9.81 / 9, rel=1e-4)
         free = find_free(scene, ["pendulum[0].links[0].length"], lambda place: 1.0)
         (piece,) = Quantities(scene, free, [parse_quantity("detuning")], Setting()).at(
-            np.array([0.8]), by=[free[0].place]
+            np.array([0.8]), by=[free[0].places]
         )
     omega = np.sqrt(9.81 / 0.8)
     assert piece.gradients[0, 0] == pytest.approx(2 * (omega - 3) * -omega / 1.6, rel=1e-8)
@@ -163,7 +163,7 @@ def test_a_period_of_an_orbit_is_tuned() -> None:
         place = "pendulum[0].links[0].length"
         free = find_free(scene, [place], lambda place: 1.0)
         quantity = parse_quantity("slowing")
-        (piece,) = Quantities(scene, free, [quantity], Setting()).at(np.array([1.0]), by=[free[0].place])
+        (piece,) = Quantities(scene, free, [quantity], Setting()).at(np.array([1.0]), by=[free[0].places])
     assert piece.values == pytest.approx(1 / float(agm(1.0, np.cos(np.radians(30.0)))), rel=1e-6)
     assert piece.gradients[0] == pytest.approx(piece.values / 2, rel=1e-5)
 
