@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -70,6 +71,7 @@ def _declaration(statement: ast.stmt | None) -> tuple[str, str]:
     return (kind, " ".join(reason.split())) if kind in KINDS else ("", "")
 
 
+@cache
 def all_numbers() -> list[Number]:
     """The numeric constants of the three packages."""
     numbers = list[Number]()
