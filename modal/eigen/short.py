@@ -24,7 +24,7 @@ from modal.eigen.recursion import (
     mass_and_energy_in_floats,
     nudged_count_in_floats,
 )
-from modal.eigen.squares import PLACES_OF_GUESS
+from modal.eigen.squares import PLACES_OF_SECOND_GUESS
 from modal.types import Floats
 
 Link = tuple[float, float, float, float]
@@ -103,7 +103,7 @@ def _seeds(constants: list[tuple[float, float, float]], hanging: float, cart: Ca
 
 
 def _step_of_count(links: list[Constants], mass: float, stiffness: float, index: int, x: float) -> float:
-    """The float within PLACES_OF_GUESS of x at which the count passes the number `index`, 0 without one.
+    """The float within PLACES_OF_SECOND_GUESS of x at which the count passes the number `index`, 0 without one.
 
     The count is that of a chain on a cart with a rigid translation; a `mass` of −∞ is a fixed support.
     """
@@ -119,7 +119,7 @@ def _neighbour(count: Count, links: list[Constants], mass: float, stiffness: flo
     number, mu = count(links, x)
     high = number + (mu + mass > stiffness / x) > index
     way = 0.0 if high else inf
-    for _ in range(PLACES_OF_GUESS):
+    for _ in range(PLACES_OF_SECOND_GUESS):
         last, x = x, nextafter(x, way)
         number, mu = count(links, x)
         if (number + (mu + mass > stiffness / x) > index) != high:

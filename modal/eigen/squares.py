@@ -6,8 +6,9 @@ neighbouring floats, after at most 62 counts.  Where few zeros are sought each c
 interval, which costs little more than one.
 
 A guess is used if the count confirms it: of one support x is the float at which the count steps, within PLACES_OF_GUESS
-units in the last place of the guess; of many supports the guess itself, if the count steps within two units of it.  The
-others are sought in brackets about theirs, or among all floats where the count does not step inside.
+units in the last place of the guess, or PLACES_OF_SECOND_GUESS where few are sought or few were missed; of many
+supports the guess itself, if the count steps within two units of it.  The others are sought in brackets about theirs,
+which are widened until the count steps inside.
 """
 
 from __future__ import annotations
@@ -24,8 +25,12 @@ from modal.types import EPS, NUMBERS_IN_CHUNK, Booleans, Floats, Ints
 
 BEYOND = "the ratios in this scene are beyond double precision: a frequency overflows"
 SEEDS = "dense seeds"
-PLACES_OF_GUESS = 4
+PLACES_OF_GUESS = 2
 """Cost: distance from a guess in units in the last place, confirmed by counts at all floats (benchmarks/modes.py)."""
+PLACES_OF_SECOND_GUESS = 16
+"""Cost: the same where few are left: three of 20,000 rods take 0.3 s with it and 4.5 s without."""
+WIDENING = 2**8
+"""Cost: by which a bracket grows until the count steps inside."""
 TRIALS_OF_COUNT = 800
 """Cost: number of trial values that cost hardly more than one (benchmarks/modes.py)."""
 LINKS_OF_LONG_CHAIN = 100
@@ -100,10 +105,12 @@ def locate(problem: Counting, indices: Ints, modes: int) -> Floats:
     return _bisect_between(problem, indices, *(np.take_along_axis(ends, first + step, 0) for step in (0, 1)))
 
 
-def confirm(problem: Counting, indices: Ints, guess: Floats) -> tuple[Floats, Booleans]:
-    """The eigenvalues confirmed within PLACES_OF_GUESS of guesses (R, S), and a mask of the others."""
+def confirm(
+    problem: Counting, indices: Ints, guess: Floats, distance: int = PLACES_OF_GUESS
+) -> tuple[Floats, Booleans]:
+    """The eigenvalues confirmed within `distance` last places of guesses (R, S), and a mask of the others."""
     bits = np.where(guess > 0, guess, 1.0).view(np.int64)
-    steps = np.arange(-PLACES_OF_GUESS, PLACES_OF_GUESS + 1)
+    steps = np.arange(-distance, distance + 1)
     is_past = _is_past(problem, indices, bits + steps[:, None, None])
     squares = (bits + steps[is_past.argmax(0)]).view(np.float64)
     return squares, is_past[0] | ~is_past[-1]
@@ -121,10 +128,15 @@ def search(problem: Counting, indices: Ints, guess: Floats, error: Floats, modes
     lowest = problem.low[None].view(np.int64)
     highest = upper_bounds(problem.count, problem.low[None], np.array(modes)).view(np.int64)
     bits = np.clip(np.where(np.isfinite(error), guess, 1.0).view(np.int64), lowest, highest)
-    width = (np.minimum(error, 1.0) * 2 / EPS).astype(np.int64) + PLACES_OF_GUESS
-    lo, hi = bits - np.minimum(width, bits - lowest), bits + np.minimum(width, highest - bits)
-    is_past = _is_past(problem, indices, np.stack([lo, hi]))
-    return _bisect_between(problem, indices, np.where(is_past[0], lowest, lo), np.where(is_past[1], hi, highest))
+    width = (np.minimum(error, 1.0) * 2 / EPS).astype(np.int64) + WIDENING
+    while True:
+        lo, hi = bits - np.minimum(width, bits - lowest), bits + np.minimum(width, highest - bits)
+        is_past = _is_past(problem, indices, np.stack([lo, hi]))
+        is_outside = (is_past[0] & (lo > lowest)) | (~is_past[1] & (hi < highest))
+        if not is_outside.any():
+            return _bisect_between(problem, indices, lo, hi)
+        widest = 2**62
+        width = np.where(is_outside, np.where(width < widest // WIDENING, width * WIDENING, widest), width)
 
 
 def _bisect_between(problem: Counting, indices: Ints, lo: Ints, hi: Ints) -> Floats:
@@ -248,13 +260,19 @@ def _improve(suspension: Suspension, indices: Ints, guess: Floats) -> tuple[Floa
     """
     squares = at_pivot(suspension, guess)
     if suspension.supports == 1:
-        return confirm(suspension, indices, squares)
+        are_few = _are_few(suspension, indices)
+        steps, is_wrong = confirm(suspension, indices, squares, PLACES_OF_SECOND_GUESS if are_few else PLACES_OF_GUESS)
+        rows = np.flatnonzero(is_wrong)
+        # So few are missed by rounding alone that counts further off are cheaper than another guess.
+        if 0 < LINKS_PER_MODE * rows.size < len(indices):
+            steps[rows], is_wrong[rows] = confirm(suspension, indices[rows], squares[rows], PLACES_OF_SECOND_GUESS)
+        return steps, is_wrong
     return squares, ~lies_within(suspension, indices, squares, 2 * EPS)
 
 
 def _find_otherwise(suspension: Suspension, indices: Ints, guess: Floats, error: Floats, modes: int) -> Floats:
     """The eigenvalues with these indices (R, S) from another shape, and by a search where that is not confirmed."""
-    squares, is_wrong = confirm(suspension, indices, twisted_quotients(suspension, guess))
+    squares, is_wrong = confirm(suspension, indices, twisted_quotients(suspension, guess), PLACES_OF_SECOND_GUESS)
     if is_wrong.any():
         rows, supports = (np.flatnonzero(is_wrong.any(axis)) for axis in (1, 0))
         part = np.ix_(rows, supports)

@@ -196,7 +196,7 @@ def test_few_modes_of_a_long_chain_take_few_counts(monkeypatch: pytest.MonkeyPat
 
     monkeypatch.setattr(squares, "_is_past", counted)
     assert len(natural_modes(load("rope"), modes=slice(0, 3))) == 3
-    assert trials == [3 * (2 * squares.PLACES_OF_GUESS + 1)]
+    assert trials == [3 * (2 * squares.PLACES_OF_SECOND_GUESS + 1)]
 
 
 @pytest.mark.parametrize("accuracy", [None, 1e-6])
