@@ -82,11 +82,11 @@ def by_recursion(scene: Scene, engine: str) -> Route:
     """The same without the closed formulas of short chains."""
 
     def run(starts: np.ndarray) -> np.ndarray:
-        short, equations.SHORT = equations.SHORT, 0
+        longest, equations.MATRIX_LINKS_MAX = equations.MATRIX_LINKS_MAX, 0
         try:
             return ours(scene, engine)(starts)
         finally:
-            equations.SHORT = short
+            equations.MATRIX_LINKS_MAX = longest
 
     return run
 
