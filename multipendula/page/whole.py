@@ -74,7 +74,7 @@ def whole_module(scene: Scene) -> str:
         f"const data = {json.dumps(data, allow_nan=False)};",
         "const constants = (p) => Float64Array.from(steps.constants(p));",
         f"const called = {{ {', '.join(names)} }};",
-        "const switching = { inputs, begin, due, change, may_pass, meet, NEAR, STANDS, AGAIN };",
+        "const switching = { inputs, begin, due, change, may_pass, meet, PASSING_SHARE, STANDS, AGAIN };",
         "export const whole = { ...data, ...called, ...switching, constants };",
     )
     return "\n".join(lines)

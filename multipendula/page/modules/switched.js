@@ -18,7 +18,7 @@ export const isWhole = () => whole !== null;
 // What the text takes of a system and its scene: constants, and the numbers of its switches.
 export function wholeOf(scene, { gravity, cart, links }, motions) {
   const fields = Array.from({ length: FIELDS }, (_, field) => links.map(({ numbers }) => numbers[field])).flat();
-  const entries = [gravity, ...fields, 0, 0, cart?.mass ?? 0, 0, 0, 0, 0, cart?.stiffness ?? 0, cart?.damping ?? 0];
+  const entries = [gravity, ...fields, 0, 0, cart?.mass ?? 0, 0, 0, 0, cart?.stiffness ?? 0, cart?.damping ?? 0];
   const prescribed = whole.places.map(([place, unit], k) => (placed(scene, place) === undefined ? whole.prescribed[k] : placed(scene, place) * unit));
   const constantsOf = (acting) => whole.constants([...whole.kept.map((k) => entries[k]), ...acting]);
   const constants = constantsOf(prescribed);
@@ -191,7 +191,7 @@ export class SwitchedIntegrator {
       const j = seeking.which[0];
       const [V, R] = this.last;
       let left = R[j] > 0 ? -V[j] / R[j] : 0;
-      if (Math.abs(left) > 2 * whole.NEAR * (seeking.usual[0] + length)) left = 0;
+      if (Math.abs(left) > 2 * whole.PASSING_SHARE * (seeking.usual[0] + length)) left = 0;
       left = Math.max(left, -length / 2);
       method.y.set(method.trial.map((value, i) => value + left * this.rate[i]));
       time = end + left;
