@@ -135,8 +135,7 @@ def search(problem: Counting, indices: Ints, guess: Floats, error: Floats, modes
         is_outside = (is_past[0] & (lo > lowest)) | (~is_past[1] & (hi < highest))
         if not is_outside.any():
             return _bisect_between(problem, indices, lo, hi)
-        widest = 2**62
-        width = np.where(is_outside, np.where(width < widest // WIDENING, width * WIDENING, widest), width)
+        width = np.where(is_outside, np.where(width < 2**62 // WIDENING, width * WIDENING, 2**62), width)
 
 
 def _bisect_between(problem: Counting, indices: Ints, lo: Ints, hi: Ints) -> Floats:
@@ -260,8 +259,8 @@ def _improve(suspension: Suspension, indices: Ints, guess: Floats) -> tuple[Floa
     """
     squares = at_pivot(suspension, guess)
     if suspension.supports == 1:
-        are_few = _are_few(suspension, indices)
-        steps, is_wrong = confirm(suspension, indices, squares, PLACES_OF_SECOND_GUESS if are_few else PLACES_OF_GUESS)
+        distance = PLACES_OF_SECOND_GUESS if _are_few(suspension, indices) else PLACES_OF_GUESS
+        steps, is_wrong = confirm(suspension, indices, squares, distance)
         rows = np.flatnonzero(is_wrong)
         # So few are missed by rounding alone that counts further off are cheaper than another guess.
         if 0 < LINKS_PER_MODE * rows.size < len(indices):

@@ -116,10 +116,10 @@ def register(cls: type[T]) -> type[T]:
     if not NAME.fullmatch(str(cls.name)):
         raise mistake_of(cls, f"its name {cls.name!r} must be small letters, digits, - and _")
     known: type[Any] = _registry.of_kind(cls.kind).get(cls.name, cls)
-    if known.__module__ != cls.__module__ and _definition(known) == _definition(cls):
-        return known  # of a file that is imported under two names
     if _definition(known) != _definition(cls):
         raise mistake_of(cls, f"a {cls.kind} of this name exists, of {package_of(known)}")
+    if known.__module__ != cls.__module__:
+        return known  # of a file that is imported under two names
     if mistakes := [*cls.mistakes()]:
         raise mistake_of(cls, "; ".join(mistakes))
     _registry.classes[cls.kind][cls.name] = cls
