@@ -44,7 +44,8 @@ autodoc_preserve_defaults = True
 add_module_names = False
 python_use_unqualified_type_names = True
 python_maximum_signature_line_length = 80
-nitpick_ignore_regex = [("py:class", ".*")]  # types in signatures: others' (no inventory is fetched), or machinery
+# Types in signatures: others' (no inventory is fetched), or machinery; and an error that only extensions raise.
+nitpick_ignore_regex = [("py:class", ".*"), ("py:exc", "ExtensionError")]
 suppress_warnings = ["ref.python"]  # types that are imported for the type checker alone, by names that stand twice
 
 html_theme = "furo"
