@@ -22,7 +22,7 @@ from modal.report import NOTHING, Displayed, Drawable, ReportTable, Result, Summ
 from modal.scene import Scene, title_of
 from modal.scene.doors import checked
 from modal.scene.parameters import Place, Variable, law_parameter, number_at, unit_at, with_numbers
-from modal.scene.unknowns import Unknown, find_unknowns, unknowns_of
+from modal.scene.unknowns import OfUnknown, Unknown, find_unknowns, unknowns_of
 from modal.types import Floats
 
 POSITIVE = ("mass", "length", "centre", "inertia", "gravity", "angle_deg")
@@ -41,7 +41,7 @@ PRIOR = re.compile(r"\s*([^±]+?)\s*(?:±|\+/?-)\s*([^±]+?)\s*", re.ASCII)
 
 
 @dataclass(frozen=True, repr=False)
-class FreeParameter(Displayed):
+class FreeParameter(OfUnknown, Displayed):
     """An unknown of a scene, `value` there; `unit` is its natural unit, `log` whether p = p₀ eᶻ.
 
     `prior` is a mean with its standard deviation, in the number's own unit, whose name is `unit_name`; the number is at
@@ -55,21 +55,6 @@ class FreeParameter(Displayed):
     prior: tuple[float, float] | None = None
     unit_name: str = ""
     low: float = 0.0
-
-    @property
-    def path(self) -> str:
-        """Its place as written in messages."""
-        return self.unknown.path
-
-    @property
-    def place(self) -> Place:
-        """The first of its places."""
-        return self.unknown.place
-
-    @property
-    def places(self) -> tuple[Place, ...]:
-        """Where the scene has it."""
-        return self.unknown.places
 
     def _summary(self) -> Summary:
         prior = [] if self.prior is None else [("believed", f"{self.prior[0]:g} ± {self.prior[1]:g}")]

@@ -67,6 +67,27 @@ class Unknown(Displayed):
         }
 
 
+class OfUnknown:
+    """What is said of an `unknown`: its places."""
+
+    unknown: Unknown
+
+    @property
+    def path(self) -> str:
+        """Its place as written in messages."""
+        return self.unknown.path
+
+    @property
+    def place(self) -> Place:
+        """The first of its places."""
+        return self.unknown.place
+
+    @property
+    def places(self) -> tuple[Place, ...]:
+        """Where the scene has it."""
+        return self.unknown.places
+
+
 def find_unknowns(scene: Scene, text: str) -> tuple[Unknown, ...]:
     """The unknowns that a text names: each number of a place by itself, or the one that `same:` and `shift:` make.
 

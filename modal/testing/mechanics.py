@@ -108,6 +108,12 @@ class MechanicsTests(ExtensionTests):
             power = rates[-1] if equations.layout.works else 0.0
             assert (ahead - behind) / (2 * step) == pytest.approx(power, abs=1e-5 * max(1.0, abs(power)))
 
+    def test_nothing_is_stored_at_rest(self) -> None:
+        """Energies are those above equilibrium, whatever the potential is there."""
+        equations = _equations(self.scene())
+        at_rest = _energy(self.scene(), np.zeros(2 * equations.layout.half + 1))
+        assert at_rest == pytest.approx(0.0, abs=LAW_ERROR_MAX)
+
     def test_lagranges_equations_hold_at_the_accelerations(self, seed: int) -> None:
         """Of symbols, which leave drives out, at what floats compute."""
         if why := refusals(self.scene(), "a derivation") or ["drives"] * ("van_der_pol" in self.scene().features):

@@ -24,7 +24,7 @@ from modal.extend.measures import MODES, SCENE_ITSELF, Measure, parse_request
 from modal.report import Displayed
 from modal.scene import Scene
 from modal.scene.parameters import Place, find_places, law_parameter, number_at, vary, with_numbers
-from modal.scene.unknowns import Unknown, unknowns_of
+from modal.scene.unknowns import OfUnknown, Unknown, unknowns_of
 
 KINDS = ("peak", "rms", "residual", "damping", "settling")
 POSITIVE = ("mass", "length", "centre", "inertia", "gravity")
@@ -161,7 +161,7 @@ def parse_limit(text: str, aims: Sequence[Quantity]) -> Limit:
 
 
 @dataclass(frozen=True, repr=False)
-class FreeNumber(Displayed):
+class FreeNumber(OfUnknown, Displayed):
     """An unknown of the scene, `value` there, that may change from `low` to `high`; `has_bounds` where asked for.
 
     A search has levels above 0: of a shift the least of the numbers that it shifts, which the scene has at `base`.
@@ -179,21 +179,6 @@ class FreeNumber(Displayed):
     high: float
     has_bounds: bool
     base: float = 0.0
-
-    @property
-    def path(self) -> str:
-        """Its place as written in messages."""
-        return self.unknown.path
-
-    @property
-    def place(self) -> Place:
-        """The first of its places."""
-        return self.unknown.place
-
-    @property
-    def places(self) -> tuple[Place, ...]:
-        """Where the scene has it."""
-        return self.unknown.places
 
     @property
     def unit_name(self) -> str:

@@ -118,8 +118,9 @@ class Bearing:
             for k, (value, force) in enumerate(zip(eta, elastic_forces(carrier, eta), strict=True)):
                 weight = self.carriers.weights[self.structure.offsets[number] + k]
                 energy = energy + (weight * value - value * force / 2)
-            if (jets := stored(carrier, eta)) is not None:
-                energy = energy + jets[0].value
+            jets, as_drawn = stored(carrier, eta), stored(carrier, [0.0] * len(eta))
+            if jets is not None and as_drawn is not None:
+                energy = energy + jets[0].value - as_drawn[0].value
             if carrier.M is None:
                 _, down = carrier.displacement(carrier.centre, eta)
                 energy = energy - carrier.mass * self.system.gravity * down

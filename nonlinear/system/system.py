@@ -93,8 +93,12 @@ class JointTerm:
         return self._times_scale(elastic) if self.pulls else 0.0, self._times_scale(working)
 
     def energy(self, bends: Any) -> Any:
-        """The energy (J) of its potential, (C, ...)."""
-        return self._times_scale(self.law.potential(bends, self._parameters(bends))) if self.law.has_potential else 0.0
+        """The energy (J) of its potential above that at rest, (C, ...)."""
+        if not self.law.has_potential:
+            return 0.0
+        parameters = self._parameters(bends)
+        bent, at_rest = (self.law.potential(angle, parameters) for angle in (bends, 0.0 * bends))
+        return self._times_scale(bent - at_rest)
 
     def _times_scale(self, values: Any) -> Any:
         return values * _beside(np.asarray(self.scale), values) if np.any(self.scale != 1.0) else values

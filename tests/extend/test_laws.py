@@ -17,10 +17,10 @@ from support.uncompiled import uncompiled
 from modal import natural_modes
 from modal.assembly import matrices
 from modal.errors import ExtensionError, SceneError
-from modal.extend import JointLaw, Parameter, registration, sqrt
+from modal.extend import JointLaw, Parameter, cos, registration, sin, sqrt
 from modal.extend.laws import DamperLaw, SpringLaw, VanDerPolLaw
 from modal.modes.sensitivity import of_mode
-from modal.scene import CAPABILITIES, FEATURES, Scene, dumps, refusals
+from modal.scene import CAPABILITIES, FEATURES, Scene, dumps, refusals, scene_from
 from modal.scene.capabilities import LIKE
 from modal.scene.files import parse
 from modal.scene.laws import part_of
@@ -32,7 +32,7 @@ from nonlinear.dynamics import Generated, Minimal, Recursion
 from nonlinear.dynamics.compiled import Compiled
 from nonlinear.dynamics.mechanics import energies
 from nonlinear.ensembles import ensemble
-from nonlinear.system import system_of
+from nonlinear.system import State, system_of
 
 SWING = '[support]\nkind = "swing"\nmass = 2.0\nlength = 1.5'
 TILT = '[support]\nkind = "tilt"\nmass = 2.0\ninertia = 1.0\ncentre = [0.0, 0.2]\nstiffness = 50.0'
@@ -270,3 +270,28 @@ def test_capabilities_take_laws_by_their_nature() -> None:
     assert "needs a motion that keeps its energy" in " ".join(refusals(scene, "a Poincaré section"))
     assert "about two axes" in " ".join(refusals(scene.replace(space="space"), "form minimal"))
     assert not refusals(scene, "a derivation")
+
+
+class Bistable(JointLaw):
+    """A law whose potential is not 0 at rest."""
+
+    name = "bistable"
+    parameters = (Parameter("strength", "N m"),)
+
+    def torque(self, angle: Any, rate: Any, parameters: Any) -> Any:
+        """Of the potential."""
+        return -parameters["strength"] * sin(2 * angle)
+
+    def potential(self, angle: Any, parameters: Any) -> Any:
+        """Least at rest, where it is −s/2."""
+        return -parameters["strength"] * cos(2 * angle) / 2
+
+
+def test_energies_are_those_above_rest_wherever_a_potential_begins() -> None:
+    with registration(Bistable):
+        link = {"kind": "bob", "mass": 2, "length": 0.5, "law": {"kind": "bistable", "strength": 0.8}}
+        scene = scene_from({"gravity": 9.81, "pendulum": [{"links": [link]}]})
+        run = simulate(scene, 1.0, start=State(np.array([0.7]), np.zeros(1)), output=5)
+        theta, rate = run.motion.links[:, 0], run.motion.link_rates[:, 0]
+        expected = 0.25 * rate**2 + 9.81 * (1 - np.cos(theta)) + 0.4 * (1 - np.cos(2 * theta))
+        np.testing.assert_allclose(sum(run.mechanics.energies), expected, rtol=1e-8)
