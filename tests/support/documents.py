@@ -56,7 +56,7 @@ OURS = ("multipendula", ".venv/bin/multipendula", "uv run --no-sync multipendula
 SPOKEN = ("multipendula ", "uv ", "pip install ", "python benchmarks/")
 """How commands begin in running text."""
 
-PROSE = {"toctree", "include", "literalinclude", "grid", "grid-item-card", "figure", "image", "math"}
+PROSE = {"toctree", "bibliography", "include", "literalinclude", "grid", "grid-item-card", "figure", "image", "math"}
 PROSE |= {"note", "tip", "warning", "admonition", "dropdown", "tab-set", "tab-item"}
 """Directives that hold no code of their own."""
 
