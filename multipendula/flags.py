@@ -123,7 +123,7 @@ FLAGS: dict[str, Flag] = {
     ),
     "--drive": Flag("NAME", "what moves the cart"),
     "--duration": Flag("SECONDS", "simulated time", SECONDS, "motion"),
-    "--energy": Flag("JOULES", "energy above the scene's rest", joules),
+    "--energy": Flag("JOULES", "energy above equilibrium", joules),
     "--engine": Flag(
         "", "what integrates the members of the ensemble", engine, "numerics", choices=ENGINES, default="auto"
     ),

@@ -46,7 +46,7 @@ from modal.types import Floats, Ints
 
 SHARE_OF_MOTION_MIN = 0.01
 """Tolerance: share of the largest energy, or weight of a coordinate, from which on a motion has a word of its own."""
-STRUCTURE_STILL, FREE = "supports still", "free"
+STRUCTURE_STILL, FREE = "supports at rest", "free"
 UNNAMED = {"tilt": "board", "heave": "support", "modal": "structure"}
 ALIKE = {"cart": "carts", "swing": "swings"}
 COUNTED = ("", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
@@ -68,7 +68,7 @@ def family(*, where: str, folds: dict[str, int], motion: str, ratio: float) -> s
         [", ".join(f"{sort} {count}" for sort, count in named_sorts)] if several else [sort for sort, _ in named_sorts]
     )
     words = ", ".join(word for word in (*sorts, motion, _decay(ratio)) if word)
-    where += f", {total}-fold" if total > 1 else ""
+    where += f" ({total} degenerate modes)" if total > 1 else ""
     return f"{where}: {words}" if words else where
 
 
@@ -132,7 +132,7 @@ def _order(chain: NDArray[np.float64]) -> str:
         return "fast" if reversals else "slow"
     if reversals in (0, len(chain) - 1):
         return "fastest (neighbours opposed)" if reversals else "slowest (all links agree)"
-    return f"{reversals} of {len(chain) - 1} joints opposed"
+    return f"{reversals} node{'s' * (reversals > 1)}"
 
 
 def _in_phase_with_largest(values: NDArray[np.inexact]) -> NDArray[np.float64]:
@@ -189,12 +189,8 @@ def following(
     signs = np.sign((top * np.conj(np.concatenate(pivots))).real)[energy >= SHARE_OF_MOTION_MIN * energy.max()]
     if not (signs > 0).all() and not (signs < 0).all():
         return ""
-    is_plural = several or len(top) > 1
-    return (
-        ("pendula follow" if is_plural else "pendulum follows")
-        if signs[0] > 0
-        else f"pendul{'a' if is_plural else 'um'} opposed"
-    )
+    pendula = "pendula" if several or len(top) > 1 else "pendulum"
+    return f"{pendula} in phase with the support" if signs[0] > 0 else f"{pendula} in antiphase with the support"
 
 
 def _carrier_name(structure: Structure, owner: int) -> str:

@@ -87,19 +87,19 @@ def _of_structure(coupling: Coupling) -> Figure:
 def _finish(figure: Figure, coupling: Coupling) -> None:
     entries = {
         "dynamic mass": Line2D([], [], color=curve()),
-        "poles: the cart stands still": Line2D([], [], color=pole(), ls=MARKED, lw=1.4),
+        "poles (antiresonances of the cart)": Line2D([], [], color=pole(), ls=MARKED, lw=1.4),
         "zeros: the cart moves": Line2D([], [], color=zero(), marker="o", mec=paper()),
         "mass for a fast push": Line2D([], [], color=secondary_colour(), ls=MARKED, lw=0.9),
     }
     what = "dynamic mass for a force on the cart" if coupling.on_cart else "dynamic mass for a cart here"
     if coupling.scene.is_structured:
-        d, words = coupling.reduced.d, ("mass that a push feels", "pendula alone, all else held", "modes of the scene")
+        d, words = coupling.reduced.d, ("dynamic mass", "pendula alone, all else held", "modes of the scene")
         entries = {
             **dict(zip(words, entries.values(), strict=False)),
             "the structure alone, pendula stiff": Line2D([], [], color=colour(1), ls=MARKED, lw=1.4),
         }
         limit_note = f", the lowest {MODE_PANELS} of {d}" if d > MODE_PANELS else ""
-        what = f"mass felt by a push along the structure's own modes{limit_note}, and all levels"
+        what = f"dynamic mass along the structure's own modes{limit_note}, and all levels"
         if not d:
             what, entries = "levels of pendula alone and together", {name: entries[name] for name in words[1:]}
     elif not coupling.on_cart:

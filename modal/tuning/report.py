@@ -214,16 +214,16 @@ def _sentences(tuned: Tuned) -> Iterator[str]:
     if tuned.starts == 1:
         yield "One start had a finite value."
     elif len(ends) == 1:
-        yield f"{tuned.starts} starts led into one valley."
+        yield f"All {tuned.starts} starts converged to the same minimum."
     elif all(valley.certain for valley in ends):
-        equal = f"; {len(alike)} of them are equally deep" * (len(alike) > 1)
-        yield f"{tuned.starts} starts led into {len(ends)} valleys: {values}{equal}."
+        equal = f"; {len(alike)} of them are equally low" * (len(alike) > 1)
+        yield f"{tuned.starts} starts converged to {len(ends)} minima: {values}{equal}."
     else:
         yield f"{tuned.starts} starts ended at {values}; the best is kept."
     if not tuned.certain:
         yield (
             "Newton's method did not settle these numbers: modes may meet there, where the objective has no second "
-            f"derivatives. The last descent restarted beside them still gained {percent(tuned.open)}."
+            f"derivatives. The last descent restarted near them still improved it by {percent(tuned.open)}."
         )
     for aim, pieces in zip(objective.aims, tuned.pieces_after, strict=False):
         if aim.quantity.kind == "peak" and not aim.maximized and not pieces.hertz(int(pieces.values.argmax())):

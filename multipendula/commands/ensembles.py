@@ -53,7 +53,7 @@ def strobed(transient: str) -> tuple[str, ...]:
 
 
 def basins(options: argparse.Namespace) -> Basins | None:
-    """Map which motion each start of a grid ends in: a rhythm, an attractor, a first turn over the top, an exponent."""
+    """Map the outcome for a grid of initial conditions: attractor, time to the first flip, Lyapunov exponent."""
     from nonlinear.ensembles import begins_in_mode, find_basins, grid_of
 
     scene = _scene(options)

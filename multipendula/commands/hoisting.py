@@ -19,7 +19,7 @@ DRIVES = ("cart_force", "cart_acceleration")
 
 
 def hoist(options: argparse.Namespace) -> Along | None:
-    """Print lengths and frequencies along a hoist, and the swing that hoist and travel leave together."""
+    """Print lengths and frequencies along a hoist, and the residual swing after combined hoisting and travel."""
     from modal.scene import load
     from modal.statespace.hoisting import frequencies_along
 

@@ -61,7 +61,7 @@ OF_FITTED_MOTIONS = (
 
 
 def fit(options: argparse.Namespace) -> Fit | ModeFit | None:
-    """Fit numbers of a scene to measured motions or modes, with error bars, and say what the data leave open."""
+    """Fit parameters to measured motions or modes, with error bars, and report what the data do not determine."""
     from modal.identification import has_modes
     from modal.scene import load
 
@@ -210,7 +210,7 @@ COMMANDS = (
         takes=(
             SCENE,
             *records("; or one of measured modes with mode, frequency_hz and std_hz"),
-            option("--free, such as 'pendulum[0].links[*].damping', or none to judge the scene"),
+            option("--free, such as 'pendulum[0].links[*].damping', or none to test the model as it is"),
             "--prior; repeat for several",
             "--scale",
             "--shift",

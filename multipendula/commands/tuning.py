@@ -30,7 +30,7 @@ TUNED_BAND_RATIO = 1.4
 
 
 def tune(options: argparse.Namespace) -> Tuned | None:
-    """Find the numbers of a scene that make peaks, RMS, decay or a residual swing best, and how much each is worth."""
+    """Optimize parameters for peaks, RMS, decay or residual swing, with sensitivities."""
     from modal.errors import SceneError
     from modal.scene import load
     from modal.tuning import tune as tuned
@@ -46,7 +46,7 @@ def tune(options: argparse.Namespace) -> Tuned | None:
     if options.largest_angle is not None:
         problems += _angle_problems(options)
     if options.picture and not any("peak:" in aim for aim in (*(options.minimize or ()), *(options.maximize or ()))):
-        problems.append("--picture: shows a peak:OUTPUT/INPUT before and after, and none is tuned")
+        problems.append("--picture: needs an objective of the form peak:OUTPUT/INPUT")
     if problems:
         raise SceneError(problems)
     if options.travel is None:

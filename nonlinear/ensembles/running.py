@@ -217,14 +217,14 @@ class Ensemble(Displayed):
     def words(self) -> str:
         """How many there are, by which engine, and how far to trust them."""
         drift, horizon = self.energy_drift, self.column("horizon_s")
-        lost = f"{np.count_nonzero(self.beyond)} members beyond their horizon"
+        lost = f"{np.count_nonzero(self.beyond)} members past their predictability horizon"
         told = "horizons not estimated" if np.all(np.isnan(horizon)) else lost
         known = drift[np.isfinite(drift)]
         lines = [f"{self.size} members by {self.engine}: {self.reason}"]
         if len(known):
             lines.append(f"energy drift at most {known.max():.1e}, {told}")
         if count := sum(not isnan(difference) for difference in self.differences.values()):
-            lines.append(f"{count} members run by themselves differ by at most {self.largest_difference:.1e} rad")
+            lines.append(f"{count} members re-run individually agree to {self.largest_difference:.1e} rad")
         if self.failures:
             lines.append(f"{len(self.failures)} failed")
         if untrue := [member for member, reason in self.failures.items() if reason.startswith(DISAGREES)]:

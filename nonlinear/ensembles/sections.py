@@ -47,7 +47,7 @@ LINK_RATE_MAX = 1e4
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PoincareSection(EnsembleResult):
-    """The crossings of an ensemble at an `energy` (J) above the scene's rest, drawn by one of its coordinates."""
+    """The crossings of an ensemble at an `energy` (J) above equilibrium, drawn by one of its coordinates."""
 
     ensemble: Ensemble
     energy: float
@@ -81,7 +81,7 @@ class PoincareSection(EnsembleResult):
         lines = [
             f"{len(orbit)} crossings of {self.coordinate} by {members.size} motions "
             f"of {members.question.duration:.4g} s, {counts.min()} to {counts.max()} each",
-            f"energy {self.energy:.6g} J above the scene's rest",
+            f"energy {self.energy:.6g} J above equilibrium",
             members.words(),
         ]
         yield "\n".join(lines)
@@ -147,7 +147,7 @@ def section_table(section: PoincareSection, form: Form) -> str:
 
 
 def energy_of(scene: Scene, state: State) -> float:
-    """Of a state (J), above the scene's rest."""
+    """Of a state (J), above equilibrium."""
     numbers = numbers_of(scene)
     layout = Lanes(numbers).layout
     return float(Accounts(numbers, layout).energies(layout.begin(state)[:, None]).total[0])

@@ -192,7 +192,7 @@ def _automatic(
             return "taylor", "its series are compiled already, and faster"
         joint = ", after others," if code and code.saved_seconds > 0.0 else ""
         return "taylor", f"a run long enough{joint} to pay for compiling its series"
-    return "DOP853", "no part of the motion decays far faster than it oscillates"
+    return "DOP853", "the problem is not stiff"
 
 
 def step_count(periods: float, tolerance: float) -> float:

@@ -21,10 +21,7 @@ from nonlinear.orbits.special import Special
 
 TABLE_ROWS_MAX = 16
 """Format: rows of a table in the text: orbits of a branch, spread over it."""
-STABLE = (
-    "stable: no disturbance of the orbit grows; largest |μ|: of its Floquet multipliers other than those that are 1 by "
-    "a shift of time or place and by conserved quantities."
-)
+STABLE = "stable: no perturbation grows; largest |μ|: of the non-trivial Floquet multipliers."
 PHASES = (
     "phase: by how much the fundamental of the link with the largest angle is ahead of the first drive; fed: the "
     "energy that the drives feed in a period."

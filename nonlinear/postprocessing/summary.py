@@ -103,7 +103,7 @@ def _friction(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
 
 def _drift(share: float) -> str:
     trust = "" if share < DRIFT_MAX else "; too much to trust this motion: use a tighter tolerance or an accuracy"
-    return f"drift {share:.2g} of its range{trust}"
+    return f"relative drift {share:.2g}{trust}"
 
 
 def _way(trajectory: Trajectory) -> Iterator[tuple[str, str]]:

@@ -176,7 +176,7 @@ def chaos_by_energy(
     scene
         A plane scene that keeps its energy.
     energies
-        In J above the scene's rest, ascending.
+        In J above equilibrium, ascending.
     seconds
         The time over which each exponent is measured, after half as many; by default 200 sqrt(l/g) of the longest link.
     members

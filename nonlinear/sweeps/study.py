@@ -1,6 +1,6 @@
 """The definition of a sweep: a scene, its variations, and the measures computed at every point.
 
-Measures against energy: the energy (J, above the scene's rest) is varied as `start.energy`, alone or beside numbers of
+Measures against energy: the energy (J, above equilibrium) is varied as `start.energy`, alone or beside numbers of
 the scene.  At every energy starts are drawn at random, each is measured, and quantiles are kept.  Starts are those of
 `nonlinear.ensembles.starts_at`, which draws them for sections, too; every point has its own random numbers, by the seed
 and its place in the sweep, whoever computes it.  How chaos changes with energy is the question with which paper 001

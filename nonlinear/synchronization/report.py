@@ -46,7 +46,7 @@ from nonlinear.system import System
 
 NOT_COVERED = (
     "The averaged equations are of first order in dampers, drives, coupling within a band and squares of angles, with "
-    "the third harmonic of every swing. They leave out: what else happens within a swing, joints that stick, play, "
+    "the third harmonic of every swing. They leave out: what else happens within a swing, stiction, backlash, "
     "motion across the rail, inverted links, noise. Motions in which modes of one band beat for ever, with two or more "
     "frequencies, may exist beside the steady ones; they are not searched for."
 )
@@ -99,15 +99,15 @@ def sync_verdict(study: SynchronizationStudy) -> list[str]:
         sentences.append(f"No prediction: {study.silent}.")
     elif study.theory.prediction.unstable:
         sentences.append(
-            "By the averaged equations exactly this start ends on an unstable motion; what follows is for a start "
-            f"{100 * ASIDE:.0f} % away."
+            "This start lies on an unstable motion of the averaged equations (often by symmetry); it was perturbed by "
+            f"{100 * ASIDE:.0f} %."
         )
     sentences += [*_winner(study), *_since(study)]
     phases = study.phases
     if phases.z.shape[1] > 1 and study.populations is None:
         sentences += _locking(study)
     if reasons := _reasons(study):
-        remainder = f"; {counted(len(reasons) - 1, 'more doubt', 'more doubts')}" if len(reasons) > 1 else ""
+        remainder = f"; {counted(len(reasons) - 1, 'further warning', 'further warnings')}" if len(reasons) > 1 else ""
         sentences.append(f"The prediction is not certain: {reasons[0]}{remainder}.")
     return sentences
 
@@ -130,7 +130,7 @@ def _winner(study: SynchronizationStudy) -> Iterator[str]:
     survival, end = study.survival, f"{float(study.trajectory.times[-1]):.4g} s"
     try:
         share = percent(survival.survivor_share) if survival else ""
-        outcome = survival and f"mode {survival.number} holds {share} of the energy after {end}"
+        outcome = survival and f"mode {survival.number} contains {share} of the energy from t = {end} on"
     except ComputationError as error:
         outcome = str(error)
     if survival and survival.beat:
@@ -157,7 +157,7 @@ def _winner(study: SynchronizationStudy) -> Iterator[str]:
     elif study.agrees and survival and survival.beat:
         yield f"{forecast}, as predicted: {outcome}."
     elif study.agrees:
-        yield f"{forecast}, as predicted: in the simulation it holds {share} of the energy after {end}."
+        yield f"{forecast}, as predicted: in the simulation it contains {share} of the energy from t = {end} on."
     elif study.agrees is None:
         yield f"{forecast}, by the prediction; the simulation is too short to tell: {outcome}."
     else:
@@ -273,7 +273,7 @@ def _prediction(study: SynchronizationStudy, theory: Theory) -> Iterator[str]:
         yield (
             f"From exactly this start mode {state.number} survives ({agreement(state)}), but that motion is unstable, "
             f"e-folding time {state.relaxation:.4g} s. Real pendula leave it, so what follows is for a start "
-            f"{100 * ASIDE:.0f} % away."
+            f"{100 * ASIDE:.0f} %."
         )
     if prediction.motion.dies:
         yield "The swing dies out: no drive keeps it up."
@@ -385,7 +385,7 @@ def _energies(study: SynchronizationStudy) -> Iterator[str]:
     elif trajectory.system.works:
         yield f"Drives and dampers together did {work:.6g} J of work."
     if isfinite(drift := trajectory.energy_drift()):
-        yield f"Energy balance closes to {drift:.1g} of its range."
+        yield f"Energy balance closes to {drift:.1g} relative."
 
 
 def _others(system: System, work: float) -> str:

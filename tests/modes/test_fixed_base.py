@@ -180,7 +180,8 @@ def test_a_note_says_whose_masses_they_are() -> None:
 
 def test_a_cart_on_a_spring_tells_its_own_mode_from_the_pendulas() -> None:
     """By the sign of x θ: below the pendula's frequency they swing with the cart, above it against it."""
-    for stiffness, expected in ((4.0, ["follow", "opposed"]), (4000.0, ["follow", "opposed"])):
+    words = ["in phase with the support", "in antiphase with the support"]
+    for stiffness, expected in ((4.0, words), (4000.0, words)):
         pair = Pendulum(links=[Bob(mass=1.0, length=1.0)], count=2)
         scene = Scene(gravity=9.81, support=Cart(mass=10.0, stiffness=stiffness), pendulum=[pair])
         whole = matrices(scene)

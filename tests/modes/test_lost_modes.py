@@ -88,7 +88,7 @@ def test_a_lone_cart_with_a_damper_has_its_decay() -> None:
     assert modes.eigenvalue[2] == pytest.approx(-3.0, rel=1e-14)
     assert modes.family.tolist()[:3] == [
         "lone moves: free",
-        "held moves: pendulum follows",
+        "held moves: pendulum in phase with the support",
         "lone moves: overdamped",
     ]
 

@@ -589,7 +589,7 @@ def test_words_say_which_pendula_move() -> None:
     bob, rods = Pendulum(links=(Bob(mass=1.0, length=1.0),)), Pendulum(links=(Rod(mass=1.0, length=2.0),), count=2)
     fixed = natural_modes(Scene(gravity=9.81, pendulum=[bob, rods]))
     assert [row.family for row in fixed] == [
-        "fixed support, 2-fold: the 2 equal to pendulum 2",
+        "fixed support (2 degenerate modes): the 2 equal to pendulum 2",
         "fixed support: pendulum 1",
     ]
     moving = natural_modes(Scene(gravity=9.81, support=Cart(mass=5.0), pendulum=[bob, rods]))
@@ -603,7 +603,7 @@ def test_an_immense_cart_and_joint_springs_are_not_called_antiphase() -> None:
     assert [row.family for row in rows][1:] == ["cart moves: mostly pendulum 2", "cart moves: mostly pendulum 1"]
     five = Pendulum(links=bobs[1:], count=5)
     equal = natural_modes(Scene(gravity=9.81, support=Cart(mass=1e20), pendulum=[five]))
-    assert equal[1].family == "cart moves, 5-fold: antiphase 4, in phase"
+    assert equal[1].family == "cart moves (5 degenerate modes): antiphase 4, in phase"
 
 
 def test_an_overdamped_mode_is_nobodys_resonance() -> None:

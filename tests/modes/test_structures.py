@@ -69,11 +69,11 @@ def test_two_carts_with_three_bobs_each() -> None:
     modes = natural_modes(carts())
     assert modes.multiplicity.tolist() == [1, 1, 4, 1, 1]
     assert modes.family.tolist() == [
-        "two carts in phase: pendula follow",
-        "two carts in antiphase: pendula follow",
-        "supports still, 4-fold: antiphase",
-        "two carts in phase: pendula opposed",
-        "two carts in antiphase: pendula opposed",
+        "two carts in phase: pendula in phase with the support",
+        "two carts in antiphase: pendula in phase with the support",
+        "supports at rest (4 degenerate modes): antiphase",
+        "two carts in phase: pendula in antiphase with the support",
+        "two carts in antiphase: pendula in antiphase with the support",
     ]
     assert modes.effective_mass.sum() == pytest.approx(16.0, rel=1e-14)
     assert modes.effective_mass[1] == 0
@@ -159,7 +159,7 @@ def test_a_support_that_heaves_alone_swings_no_link() -> None:
         Scene(gravity=G, support=Heave(name="lift", mass=3.0, stiffness=200.0), pendulum=[Pendulum(links=[BOB])])
     )
     assert modes.omega.tolist() == pytest.approx([np.sqrt(G), np.sqrt(200.0 / 4.0)], rel=4e-16)
-    assert modes.family.tolist() == ["supports still", "lift heaves"]
+    assert modes.family.tolist() == ["supports at rest", "lift heaves"]
     shape = modes.shape(1)
     assert (shape.supports.tolist(), shape.angles.tolist()) == ([1.0], [0.0])
     assert modes.effective_mass.tolist() == pytest.approx([1.0, 0.0], abs=1e-15)

@@ -190,7 +190,7 @@ function wordsOf(system, kinds) {
   return (row) => {
     if (row.rigid) return "rigid translation";
     const [head] = row.parts;
-    const folds = row.multiplicity > 1 ? `, ${row.multiplicity}-fold` : "";
+    const folds = row.multiplicity > 1 ? ` (${row.multiplicity} degenerate modes)` : "";
     const where = `${!system.cart ? "fixed support" : row.still ? "cart still" : "cart moves"}${folds}`;
     const antiphase = row.parts.some((own) => own.alone && system.cart) ? "antiphase" : "";
     const told = head.alone ? whose(system, kinds, row) : agreementOf(system, kinds, head);
@@ -227,14 +227,15 @@ function agreementOf(system, kinds, head) {
   const most = Math.max(...energies.map(({ energy }) => energy));
   const busy = energies.flatMap(({ energy, span }, i) => (energy >= FAIR * most ? [{ i, top: span[0] }] : []));
   const several = system.chains.length > 1;
+  const pendula = several ? "pendula" : "pendulum";
   if (energies.length > 1 && busy.length === 1) return `mostly ${named(system, kinds[busy[0].i])}`;
   const tops = inPhase(busy.map(({ top }) => head.swing.x[top]), head.aside && busy.map(({ top }) => head.aside[top]));
   if (!tops.every((top) => top > 0) && !tops.every((top) => top < 0) && energies.length > 1) return head.still ? "antiphase" : "mixed phases";
   const alike = several ? "in phase" : "";
   if (head.still || !system.cart?.stiffness) return energies.length === 1 && kinds[0].length === 1 ? "" : alike;
   const signs = busy.map(({ top }) => Math.sign(head.swing.x[top] * head.swing.x[0] + (head.aside ? head.aside[top] * head.aside[0] : 0)));
-  if (signs.every((sign) => sign > 0)) return several ? "pendula follow" : "pendulum follows";
-  if (signs.every((sign) => sign < 0)) return several ? "pendula opposed" : "pendulum opposed";
+  if (signs.every((sign) => sign > 0)) return `${pendula} in phase with the support`;
+  if (signs.every((sign) => sign < 0)) return `${pendula} in antiphase with the support`;
   return alike;
 }
 

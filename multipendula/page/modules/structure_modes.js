@@ -81,9 +81,9 @@ function shakes({ lead, size, chains }, x) {
 function wordsFor(system, M, shapes, mode) {
   const [[real, twist]] = shapes;
   const x = { real, twist, sizes: real.map((value, i) => Math.hypot(value, twist?.[i] ?? 0)) };
-  const folds = shapes.length > 1 ? `, ${shapes.length}-fold` : "";
+  const folds = shapes.length > 1 ? ` (${shapes.length} degenerate modes)` : "";
   const moved = movedBy(system, M, x);
-  const where = moved.length ? moving(moved, x) : system.lead ? "supports still" : "fixed support";
+  const where = moved.length ? moving(moved, x) : system.lead ? "supports at rest" : "fixed support";
   const told = moved.length ? following(system, x) || phasesOf(system, x) : phasesOf(system, x);
   const motion = mode.omega ? [told, orderOf(busiest(system, x)), decayOf(mode)] : ["free"];
   const words = motion.filter(Boolean).join(", ");
@@ -165,9 +165,9 @@ function following(system, x) {
     return Math.sign(x.real[top] * along[number] + (aside ? x.twist[top] * aside[number] : 0));
   });
   if (!signs[0] || signs.some((sign) => sign !== signs[0])) return "";
-  const many = system.chains.length > 1;
-  if (signs[0] > 0) return many ? "pendula follow" : "pendulum follows";
-  return many ? "pendula opposed" : "pendulum opposed";
+  const pendula = system.chains.length > 1 ? "pendula" : "pendulum";
+  if (signs[0] > 0) return `${pendula} in phase with the support`;
+  return `${pendula} in antiphase with the support`;
 }
 
 // How pendula with a fair share of the energy agree, by their first links.

@@ -119,5 +119,5 @@ export function orderOf(f) {
   if (n === 1) return "";
   if (n === 2) return opposed ? "fast" : "slow";
   if (!opposed) return "slowest (all links agree)";
-  return opposed === n - 1 ? "fastest (neighbours opposed)" : `${opposed} of ${n - 1} joints opposed`;
+  return opposed === n - 1 ? "fastest (neighbours opposed)" : `${opposed} node${opposed > 1 ? "s" : ""}`;
 }
