@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 NAMESAKE = (
-    "the distribution 'modal' (the Modal cloud client) is installed beside 'multipendula' in {place}; both own the "
+    "the distribution 'modal' (the Modal cloud client) is installed next to 'multipendula' in {place}; both own the "
     "import name 'modal' and overwrite each other's files: give each its own virtual environment"
 )
 OVERWRITTEN = (

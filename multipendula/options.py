@@ -131,7 +131,7 @@ def band(text: str) -> tuple[float, float]:
     first, colon, last = text.partition(":")
     ends = number("hertz from 0", least=0.0)(first), number("hertz above 0")(last if colon else "")
     if not ends[0] < ends[1]:
-        raise argparse.ArgumentTypeError(f"{text}: goes from a frequency to a larger one")
+        raise argparse.ArgumentTypeError(f"{text}: must run from a frequency to a larger one")
     return ends
 
 

@@ -174,7 +174,7 @@ def from_csv(path: str | os.PathLike[str]) -> tuple[dict[str, Any], str]:
     content = sealed.content(path)
     if not content.startswith(b"#"):
         if not os.path.exists(record_of(path)):
-            raise SceneError([f"has no record: {os.path.basename(record_of(path))} must stand beside it"])
+            raise SceneError([f"has no record: {os.path.basename(record_of(path))} must be next to it"])
         content = b"# " + sealed.content(record_of(path)).rstrip(b"\n") + b"\n" + content
     sealed.verify_sealed_text(content, COMMENT)
     first, _, rest = content.decode().partition("\n")

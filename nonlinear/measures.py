@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 Numbers = dict[str, float]
 NEXT = "mode N (default: the first oscillating mode) and the next"
 OSCILLATING, PLANE = "modes that oscillate", "motion in the plane"
-NO_QUANTILES = {"spread": "it names a motion, and names have no quantiles: basins tells the share of each"}
+NO_QUANTILES = {"spread": "it names a motion, and names have no quantiles: basins reports the share of each"}
 
 
 @lru_cache(maxsize=1)
@@ -170,7 +170,7 @@ class EnergyDrift(Measure):
     name = "energy_drift"
     words = "the largest drift of energy in N seconds, relative to its range"
     columns = ("energy_drift",)
-    refused = dict.fromkeys(("basins", "ensemble"), "an ensemble states the drift of every member beside its measures")
+    refused = dict.fromkeys(("basins", "ensemble"), "an ensemble states the drift of every member with its measures")
 
     def of_motion(self, run: Trajectory, seconds: float) -> float:
         """Of the whole run."""
@@ -182,7 +182,7 @@ class FirstTurn(Measure):
     """When each link first goes over the top."""
 
     name = "first_turn"
-    words = "the time at which each link first goes over the top, inf where none does in N seconds"
+    words = "the time at which each link first turns over the top, inf where none does in N seconds"
     columns = ("first_turn_P_L_s",)
     needs = PLANE
     is_planar = True
@@ -345,7 +345,7 @@ class EndingAttractor(Measure):
     usual = 0.0
     refused = dict.fromkeys(
         ("sweep", "spread", "ensemble"),
-        "attractors are told apart among many starts: basins maps them, a sweep of strobes follows them",
+        "attractors are distinguished among many starts: basins maps them, a stroboscopic sweep follows them",
     )
 
     def of_members(self, context: Context, results: MemberResults, ending: Floats) -> Mapping[str, Floats]:

@@ -151,7 +151,7 @@ def _refuse_large(size: int) -> None:
 def _eigen(M: Floats, K: Floats, free: Floats) -> tuple[Floats, Floats]:
     """ω (R,), negative of growing modes and infinite of massless ones, and Mφ (n, R) with φᵀMφ = 1.
 
-    Of every `free` motion (n, f) one coordinate that no other moves is left out: its momentum balances the others'.
+    Of every `free` motion (n, f) one coordinate that no other moves is omitted: its momentum balances the others'.
     """
     is_single = np.count_nonzero(free, axis=1) == 1
     loose = [int(np.flatnonzero(is_single & (motion == 1))[0]) for motion in free.T]

@@ -33,7 +33,7 @@ from modal.report import Displayed
 from modal.types import NOISE_OF_SUM, NUMBERS_IN_CHUNK, Booleans, Floats, Ints
 
 Other = tuple[float, Floats]
-FALLS = "the structure does not stand by itself: at rest it falls over, and nothing swings about it"
+FALLS = "the structure does not stand on its own: it falls over, and nothing swings about it"
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -134,7 +134,7 @@ def pencil(K: Floats, M: Floats) -> tuple[Floats, Floats]:
         factor = np.linalg.cholesky(M / np.outer(size, size))
     except np.linalg.LinAlgError:
         raise ComputationError(
-            "the masses lie so far apart that in double precision the light ones are lost beside the heavy ones; "
+            "the masses lie so far apart that in double precision the light ones are lost next to the heavy ones; "
             "the table of modes keeps them"
         ) from None
     inverse = np.linalg.inv(factor) / size

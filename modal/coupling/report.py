@@ -100,9 +100,9 @@ def _left_out(coupling: Coupling) -> Iterator[str]:
         yield f"{extra_families} {ELSEWHERE}, up to {rad(families[-1].omega)}."
     locking = coupling.scene.is_structured or coupling.on_cart
     also = " Locking takes dampers and drives (`sync`)." if locking and coupling.scene.n_pendula > 1 else ""
-    yield f"Large angles are left out: the table of modes tells at which angle a frequency is 1 % off.{also}"
+    yield f"Large angles are omitted: the table of modes states at which angle a frequency is 1 % off.{also}"
     if coupling.rig.spatial:
-        yield "Motion across the rail is left out: there nothing couples the pendula at small angles."
+        yield "Motion across the rail is omitted: there nothing couples the pendula at small angles."
     if coupling.secular and coupling.reduced.d and any(link.drag for link in coupling.scene.links()):
         rest = f"as if the {coupling.noun} were at rest"
         yield f"Beats count the drag of pendula {rest}; the damping of the modes has all of it."

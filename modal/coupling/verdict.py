@@ -168,11 +168,11 @@ def _driven(coupling: Coupling) -> str:
     if growing:
         several = len(set(map(coupling.number, growing))) > 1
         return f"Drives make {_list_of_modes(coupling, growing)} grow from rest" + (
-            "; `sync` tells which of them wins." if several else "; `sync` tells how far."
+            "; `sync` finds which of them wins." if several else "; `sync` finds how far."
         )
     if any(mode.from_drives for mode in coupling.damped_modes):
         return "No mode grows from rest: the drives feed each less than its dampers take."
-    return "Kicks sustain the swing, and have no rate at rest; `sync` tells which mode wins."
+    return "Kicks sustain the swing, and have no rate at rest; `sync` finds which mode wins."
 
 
 def _name(coupling: Coupling, omega: float) -> str:
@@ -269,7 +269,7 @@ def _survivors(coupling: Coupling, modes: tuple[Damped, ...]) -> Iterator[str]:
             yield f"What leaves the {coupling.noun} still survives a damper on it: antiphase, as Huygens saw."
     elif last.decay <= 0:
         yield (
-            f"The slowest to decay is {_mode_name(coupling, last)}: its rate is beyond double precision beside that of "
+            f"The slowest to decay is {_mode_name(coupling, last)}: its rate is beyond double precision next to "
             f"{_mode_name(coupling, first)}."
         )
     elif last.decay < first.decay:
@@ -290,7 +290,7 @@ def _own_drives(coupling: Coupling, modes: tuple[Damped, ...]) -> Iterator[str]:
         feed = "[Σ e_i(θ_i − θ_i−1)²/2φᵀMφ]"
         words = f"The drives feed {_mode_name(coupling, mode)} with {short(mode.from_drives)} 1/s {feed}"
         yield f"{words}: {fate}, net {short(net)} 1/s."
-    yield "Linear modes cannot tell which mode wins at large angles; `sync` can."
+    yield "Linear modes cannot predict which mode wins at large angles; `sync` can."
 
 
 def _drive(coupling: Coupling, modes: tuple[Damped, ...]) -> Iterator[str]:
@@ -301,5 +301,5 @@ def _drive(coupling: Coupling, modes: tuple[Damped, ...]) -> Iterator[str]:
     yield (
         f"A drive that gives every pendulum the torque e θ_1' at its pivot starts {_mode_name(coupling, first)} first, "
         f"from e = {first.threshold:.4g} N m s/rad on [σ/F, F = Σθ_1²/2φᵀMφ = {short(first.excitation)} 1/(kg m²)]. "
-        "Linear modes cannot tell which one wins at large angles."
+        "Linear modes cannot predict which one wins at large angles."
     )

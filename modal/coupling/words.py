@@ -143,7 +143,7 @@ def push_words(coupling: Coupling) -> Iterator[str]:
     if coupling.cart_modes:
         moving = [f"{rad(mode.omega)}{number_words(coupling, mode.omega)}" for mode in coupling.cart_modes[:limit]]
         zeros = listed(moving, len(coupling.cart_modes))
-        yield f"Its zeros, where the cart swings by itself: {zeros} [m_dyn(ω) = 0]."
+        yield f"Its zeros, where the cart swings freely: {zeros} [m_dyn(ω) = 0]."
     elif on_cart:
         yield "It has no zeros: no mode of finite frequency moves the cart [m_dyn(∞) = 0]."
     if on_cart and not dynamic.spring:
@@ -168,7 +168,7 @@ def own_mode_words(coupling: Coupling) -> Iterator[str]:
         yield f"{len(modes) - MOST_LISTED} more are {ELSEWHERE}."
     yield (
         "At ω a push along these modes feels the dynamic mass matrix −UᵀS(ω²)U/ω², with the dynamic stiffness "
-        "S(x) = K_s − x(M_s + Σ Φᵀ diag(m_dyn(x), m) Φ); where S is singular the scene swings by itself [det S = 0]."
+        "S(x) = K_s − x(M_s + Σ Φᵀ diag(m_dyn(x), m) Φ); where S is singular the scene swings freely [det S = 0]."
     )
     for omega, motion in coupling.structure_modes[:MOST_LISTED]:
         words = coupling.words(coupling.basis @ motion)

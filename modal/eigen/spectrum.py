@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 MASSLESS = (
     "The mass matrix is singular: a massless cart over bobs has no inertia of its own, "
-    "so one mode has no finite frequency and is left out."
+    "so one mode has no finite frequency and is omitted."
 )
 DENSE = "Eigenvalues of a dense matrix are used where they meet the requested accuracy."
 MERGED = (

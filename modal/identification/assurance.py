@@ -75,7 +75,7 @@ class Assurance(Result):
     mac: Floats
     pairs: tuple[ModePair, ...]
 
-    what = "measured beside computed modes"
+    what = "measured and computed modes"
 
     @property
     def scene(self) -> Scene:
@@ -132,7 +132,7 @@ class Assurance(Result):
 
 @checked
 def compare_modes(modes: Modes, measured: MeasuredModes) -> Assurance:
-    """Measured modes beside those of a scene that oscillate; a repeated frequency has the MAC of its nearest shape.
+    """Compare measured modes with those of a scene that oscillate; a repeated frequency has its nearest shape's MAC.
 
     Raises ComputationError where nothing oscillates.
     """

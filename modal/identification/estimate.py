@@ -114,7 +114,7 @@ def estimate_of(scene: Scene, record: Any) -> Estimate:
         except SceneError as error:
             problems += error.problems
     places = [place for unknown in unknowns for place in unknown.places]
-    problems += [f"parameters: {with_numbers(place)} stands there twice" for place in places if places.count(place) > 1]
+    problems += [f"parameters: {with_numbers(place)} appears twice" for place in places if places.count(place) > 1]
     count = len(parameters)
     matrix = _matrix(rows, count)
     if matrix is None:

@@ -51,8 +51,8 @@ class Undetermined(Displayed):
             return f"only ratios of {_all(paths)} are determined: a common factor changes nothing"
         others = _all([f"{path} by {change:+.2g} %{_of_what(path)}" for path, change in self.changes.items()])
         return (
-            f"{self.held} cannot be told from others: changing it by 1 %{_of_what(self.held)} and {others} leaves the "
-            "motion as it is"
+            f"{self.held} cannot be distinguished from others: changing it by 1 %{_of_what(self.held)} and {others} "
+            "leaves the motion unchanged"
         )
 
 

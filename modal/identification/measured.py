@@ -145,7 +145,7 @@ def _parse_table(scene: Scene, name: str, text: str) -> MeasuredModes:
         except SceneError as error:
             problems += error.problems
     numbers = [mode.number for mode in modes]
-    problems += [f"mode {number}: stands there twice" for number in dict.fromkeys(numbers) if numbers.count(number) > 1]
+    problems += [f"mode {number}: appears twice" for number in dict.fromkeys(numbers) if numbers.count(number) > 1]
     if problems:
         raise SceneError(problems)
     unused = tuple(column for column in header if column not in (*NEEDED, *OPTIONAL, *components))
@@ -165,9 +165,7 @@ def _header_problems(scene: Scene, header: Sequence[str]) -> Iterator[str]:
         if column not in header:
             yield f"has no column {column}{spelling_hint(column, header)}"
     yield from (
-        f"column {heading}: stands there twice"
-        for heading in dict.fromkeys(header)
-        if heading and header.count(heading) > 1
+        f"column {heading}: appears twice" for heading in dict.fromkeys(header) if heading and header.count(heading) > 1
     )
     for column in (RATIO_STD,):
         if column in header and RATIO not in header:

@@ -304,11 +304,11 @@ def _fit_free(
     faint = 0.0 if order else AMPLITUDE_MIN
     decays = fit_decays(series, poles, faint)
     if len(decays.poles) < len(poles):
-        notes.append(f"{counted(len(poles) - len(decays.poles), 'pole', 'poles')} left out: faint or not significant")
+        notes.append(f"{counted(len(poles) - len(decays.poles), 'pole', 'poles')} omitted: faint or not significant")
     while better := one_mode(series, decays, faint, resolved=order is not None):
         decays = better
     while not order and (better := without_combination(series, decays, faint)):
-        notes.append("a pole left out that is a combination of stronger ones, as swings that are not small make it")
+        notes.append("a pole omitted that is a combination of stronger ones, as swings that are not small produce")
         decays = better
     while better := bent(series, decays, faint):
         decays = better

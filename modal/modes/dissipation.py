@@ -191,7 +191,7 @@ def stop_words(scene: Scene, amplitude_deg: float) -> list[str]:
 
     Friction on the rail alone stops the cart: its work ends there.
     """
-    what, consequence = ("the cart", "; the swing goes on as on a fixed support") if scene.is_gripped else ("it", "")
+    what, consequence = ("the cart", "; the swing continues as on a fixed support") if scene.is_gripped else ("it", "")
     words = []
     for sliding in sliding_modes(scene) if scene.has_friction else ():
         stop = stop_of(sliding, float(np.radians(amplitude_deg)))

@@ -395,7 +395,7 @@ def _profile(axis: Axes, modes: Modes, amplitude: float) -> Callable[[Axes, Shap
 def _caption(modes: Modes, rows: Sequence[Mode]) -> str:
     words = ["each mode swings once a loop, whatever its period"]
     if any(row.oscillates and row.damping_ratio for row in rows):
-        words += ["the damping of swings is left out"]
+        words += ["the damping of swings is omitted"]
     if any(not row.oscillates and row.omega > 0 for row in rows):
         words += ["modes that do not swing decay or grow, and are brought back at the end of the loop"]
     if any(row.multiplicity > 1 for row in rows):

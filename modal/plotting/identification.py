@@ -103,7 +103,7 @@ def assurance_figure(assurance: Assurance) -> Figure:
         axis.annotate(words, at, textcoords="offset points", fontsize=SMALL, color=ink(), **label_place)
     axis.set(xlabel="computed frequency (Hz)", ylabel="measured frequency (Hz)", xlim=(0, limit), ylim=(0, limit))
     axis.legend(loc="upper left")
-    headline(figure, title_of(assurance.modes.scene), "measured beside computed modes")
+    headline(figure, title_of(assurance.modes.scene), "measured and computed modes")
     return figure
 
 

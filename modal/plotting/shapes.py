@@ -475,4 +475,4 @@ def set_apart(scaffold: Scaffold, count: int) -> list[str]:
     """What is not drawn of `count` pendula on a structure, and what is not in its place."""
     n_drawn = len(scaffold.pendula)
     words = [f"{n_drawn} of {count} pendula drawn"] if n_drawn < count else []
-    return [*words, *["what would overlap is set apart"] * bool(scaffold.shifts.any() or scaffold.aside.any())]
+    return [*words, *["what would overlap is drawn apart"] * bool(scaffold.shifts.any() or scaffold.aside.any())]

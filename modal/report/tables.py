@@ -103,7 +103,7 @@ def layout(
         names = ", ".join(headings[k] for k in dropped[:NAMES_MAX])
         names += f", … ({len(dropped)} in all)" * (len(dropped) > NAMES_MAX)
         place = f"; {elsewhere}" if elsewhere else rest.elsewhere if rest else ""
-        notes.append(f"left out to fit {most} columns: {names}{place}")
+        notes.append(f"omitted to fit {most} columns: {names}{place}")
     return "\n\n".join(map("\n".join, lines)), notes
 
 

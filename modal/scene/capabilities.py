@@ -72,21 +72,21 @@ LOSING = LOSS | DRAG | FRICTION | {"van_der_pol"}
 
 # ------------------------------------------------------------------------------------------------------- sentences
 
-UNDRIVEN = "Drives are left out: they sustain small swings without changing the modes."
-RUBBING = "Dry friction is left out: at an amplitude it acts as a damping ratio, and in the end it stops a swing."
-SMALL = {UNDRIVEN, "Quadratic drag is left out: it dies out with the square of the speed."}
+UNDRIVEN = "Drives are omitted: they sustain small swings without changing the modes."
+RUBBING = "Dry friction is omitted: at a given amplitude it acts as a damping ratio, and eventually it stops a swing."
+SMALL = {UNDRIVEN, "Quadratic drag is omitted: it dies out with the square of the speed."}
 """Sentences of what has no part in linear models."""
 GRIPPED = (
-    "Dry friction on the rail is left out: at an amplitude it acts as a damping ratio, and in the end it holds the "
+    "Dry friction on the rail is omitted: at a given amplitude it acts as a damping ratio, and eventually it holds the "
     "cart, below which the load swings on as from a fixed support."
 )
 ABOUT: Sentences = {
     **_sentences(DRIVES, UNDRIVEN),
-    "moved_support": "The support's motion is left out: the modes are those about a support at rest.",
-    "force": "Forces that change in time are left out: the modes are those about the equilibrium without them.",
+    "moved_support": "The support's motion is omitted: the modes are those about a support at rest.",
+    "force": "Forces that change in time are omitted: the modes are those about the equilibrium without them.",
     "joint_friction": RUBBING,
     **_sentences(FRICTION - {"joint_friction"}, GRIPPED),
-    "quadratic_drag": "Quadratic drag is left out: it dies out with the square of the speed.",
+    "quadratic_drag": "Quadratic drag is omitted: it dies out with the square of the speed.",
 }
 HOISTED = "Lengths change with the hoist: these are the modes at the lengths before it; hoist lists them along it."
 OMITTED: Sentences = {"hoist": HOISTED, **ABOUT}
@@ -113,10 +113,10 @@ STICKS = _sentences(FRICTION, "does not follow what sticks and slips")
 SWITCHES: Sentences = {**STICKS, "escapement": "does not end its steps at kicks"}
 LOSSES = _sentences(LOSS - {"damping_ratio"}, "needs a scene without losses")
 UNDAMPED: Sentences = {
-    "damping_ratio": "The damping ratio is left out: natural frequencies and shapes are the same without it."
+    "damping_ratio": "The damping ratio is omitted: natural frequencies and shapes are the same without it."
 }
 LOSSLESS: Sentences = {
-    "loss": "Loss angles are left out: they are a complex stiffness at each frequency, which response, vibration and "
+    "loss": "Loss angles are omitted: they are a complex stiffness at each frequency, which response, vibration and "
     "table take."
 }
 IN_TIME: Sentences = {
@@ -487,15 +487,15 @@ CAPABILITIES: dict[str, Capability] = {
             "a periodic orbit of a mode",
             SHAPE - {"inverted"} | STRUCTURED,
             leaves={
-                "dampers": "Dampers are left out: the orbits of a mode conserve energy.",
-                "loss": "Loss angles are left out: the orbits of a mode conserve energy.",
-                "damping_ratio": "Damping ratios are left out: the orbits of a mode conserve energy.",
-                **_sentences(DRAG, "Drag is left out: the orbits of a mode conserve energy."),
-                **_sentences(FRICTION, "Dry friction is left out: the orbits of a mode conserve energy."),
-                **_sentences(DRIVES, "Drives are left out: the orbits of a mode conserve energy."),
-                "moved_support": "The support's motion is left out: the orbits of a mode conserve energy.",
-                "force": "Forces that change in time are left out: the orbits of a mode conserve energy.",
-                "hoist": "The hoist is left out: the orbits of a mode are those at the lengths before it.",
+                "dampers": "Dampers are omitted: the orbits of a mode conserve energy.",
+                "loss": "Loss angles are omitted: the orbits of a mode conserve energy.",
+                "damping_ratio": "Damping ratios are omitted: the orbits of a mode conserve energy.",
+                **_sentences(DRAG, "Drag is omitted: the orbits of a mode conserve energy."),
+                **_sentences(FRICTION, "Dry friction is omitted: the orbits of a mode conserve energy."),
+                **_sentences(DRIVES, "Drives are omitted: the orbits of a mode conserve energy."),
+                "moved_support": "The support's motion is omitted: the orbits of a mode conserve energy.",
+                "force": "Forces that change in time are omitted: the orbits of a mode conserve energy.",
+                "hoist": "The hoist is omitted: the orbits of a mode are those at the lengths before it.",
             },
             refuses={**SHIFTED, **PLANE},
             unless={"inverted": "grows without swinging", "massless_cart": HANGS_STRAIGHT},

@@ -254,7 +254,7 @@ FEATURES: dict[str, Feature] = {
     "kinked_law": Feature("laws that are not smooth", "remove the law", _is_kinked, link=("law",)),
     "force": Feature("a force that changes in time", "remove the force", _changes, scene="force"),
     "constant_force": Feature("a constant force", "remove the force", _is_constant, scene="force"),
-    "load": Feature("applied forces", "leave out the load"),
+    "load": Feature("applied forces", "remove the load"),
 }
 """All features by name; a load comes with a call, not with a scene."""
 

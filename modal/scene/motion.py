@@ -137,7 +137,7 @@ class RandomSignal(Part):
         """Frequencies that do not fit or do not ascend, a duration too short or too long for them."""
         yield from super().problems()
         if self.frequency_hz is None:
-            yield ".frequency_hz: is required beside a list of psd"
+            yield ".frequency_hz: is required with a list of psd"
             return
         problems = list(spectrum_problems(self.frequency_hz, self.psd))
         yield from problems

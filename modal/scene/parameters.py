@@ -373,7 +373,7 @@ def _values(words: str) -> tuple[tuple[float, ...], bool]:
     if not 2 <= count <= VARIED_VALUES_MAX:
         raise ValueError(f"a range has from 2 to {VARIED_VALUES_MAX} values, not {count}")
     if not -NUMBER_SIZE_MAX <= low < high <= NUMBER_SIZE_MAX:
-        raise ValueError("a range goes from a smaller to a larger finite number")
+        raise ValueError("a range runs from a smaller to a larger finite number")
     if log and low <= 0:
         raise ValueError("a logarithmic range begins above 0")
     return tuple((np.geomspace if log else np.linspace)(low, high, count).tolist()), log

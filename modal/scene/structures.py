@@ -104,7 +104,7 @@ def _ground_problems(scene: Described) -> Iterator[str]:
     for index, support in enumerate(scene.supports if scene.ground else ()):
         if isinstance(support, ModalSupport):
             at = f'{place_of(scene, index)}.kind = "modal"'
-            yield f"{at}: does not say how a moving ground shakes its own mass: leave out [ground]"
+            yield f"{at}: does not say how a moving ground shakes its own mass: omit [ground]"
 
 
 # ------------------------------------------------------------------------------------------------------- pendula
@@ -138,7 +138,7 @@ def _hanging_problems(scene: Described, pendulum: Any, at: str) -> Iterator[str]
         yield from (f"{where}: {words}" for words in problems)
     elif point.place != (0.0, 0.0):
         place = list(point.place)
-        yield f'{where}: leave out the place here: write on = "{point.name}" and position = {place}'
+        yield f'{where}: omit the place here: write on = "{point.name}" and position = {place}'
     elif point.point is not None and pendulum.position != (0.0, 0.0):
         yield f"{at}.position: cannot be combined with a numbered point: leave it out"
 
@@ -183,7 +183,7 @@ def _end_problems(scene: Described, spring: Any, text: str) -> Iterator[str]:
     if isinstance(point, PendulumPoint):
         if point.pendulum < len(scene.pendulum) and point.link < len(scene.pendulum[point.pendulum].links):
             if torsion and point.below is not None:
-                yield "an angle has no place: leave out @"
+                yield "an angle has no place: omit @"
             if scene.pendulum[point.pendulum].links[point.link].hoist:
                 yield "the length of this rope changes, and no spring can end on it"
         return
@@ -191,7 +191,7 @@ def _end_problems(scene: Described, spring: Any, text: str) -> Iterator[str]:
     if torsion and support is not None and not _turns(support):
         yield f"a support of kind {support.kind} does not turn: torsion acts on links, {TURNING}, ground"
     elif torsion and isinstance(point, CarrierPoint) and point.place != (0.0, 0.0):
-        yield "an angle has no place: leave out @"
+        yield "an angle has no place: omit @"
 
 
 def _support(scene: Described, point: CarrierPoint | None) -> Any:

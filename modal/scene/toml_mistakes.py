@@ -282,7 +282,7 @@ def _lines_in_table(broken: Broken) -> Iterator[Guess]:
     rest, newline, following = broken.document[end:].partition("\n")
     new_document = broken.document[:first] + one_line + rest + newline * (1 + inner.count("\n")) + following
     at = broken.document.find("\n", first)
-    yield Guess(at, "a table in braces { … } stands on one line", new_document)
+    yield Guess(at, "a table in braces { … } is written on one line", new_document)
 
 
 def _closing(document: str, start: int) -> int:
@@ -369,7 +369,7 @@ KEY = r"(^[ \t]*|[{,][ \t]*)"
 """What stands before a key."""
 PATH = r"[A-Za-z_][\w.-]*(?:\[\d+\][\w.]*)*"
 UNIT = r"(?![eE](?:[-+\d]|$))([A-Za-zµμΩ°%][\w°%/·*^²³ ]*?)"
-IN_SI = "a number stands without its unit: all are in SI units, angles in degrees"
+IN_SI = "a number is written without its unit: all are in SI units, angles in degrees"
 SIGNS: tuple[Mistake, ...] = (
     _letters(QUOTES, "{0} is a curly quotation mark: write {1}"),
     _letters(LETTERS, "{0} is not plain text: write {1}"),
@@ -394,14 +394,16 @@ ENDINGS: tuple[Mistake, ...] = (
     _replacement(r"(?:^|(?<=[ \t]))(//+|--+|/\*|%|;)(?=[^\n]*$)", "#", "a comment begins with #", 1),
 )
 TEXTS: tuple[Mistake, ...] = (
-    _replacement(rf"{VALUE}({PATH})[\"']?{ENDS}", _bare_word, 'text stands in quotation marks: "{2}"', 2),
+    _replacement(rf"{VALUE}({PATH})[\"']?{ENDS}", _bare_word, 'text is written in quotation marks: "{2}"', 2),
     _open_string,
-    _replacement(r'"((?:[^"\\]|\\.)*\\[^"]*)"', _between_single, "a backslash stands between single quotation marks"),
+    _replacement(
+        r'"((?:[^"\\]|\\.)*\\[^"]*)"', _between_single, "a backslash is written between single quotation marks"
+    ),
 )
 BRACKETS: tuple[Mistake, ...] = (
     _lines_in_table,
     _replacement(r"(,)([ \t]*\})", r"\2", "a table in braces ends without a comma", 1),
-    _replacement(r"\((.*)\)", r"[\1]", "a list stands in square brackets"),
+    _replacement(r"\((.*)\)", r"[\1]", "a list is written in square brackets"),
     _missing_comma,
     _open_bracket,
     _closing_nothing,

@@ -499,7 +499,7 @@ def _unknown(key: str, is_table: bool) -> str:
         return "does not belong here" + spelling_hint(key, KEYS - {key}, cutoff=SIMILARITY_MIN)
     kind = key if key in TAGS else OTHER_NAMES.get(key.lower(), "")
     if key == "scene" and is_table:
-        return "is not a table: the keys of a scene stand at the top of the file"
+        return "is not a table: the keys of a scene belong at the top of the file"
     if kind in TAGS and is_table and (table := as_table(kind, KINDS)):
         return f"is not a table of a scene: write {table}"
     if key in TAGS:

@@ -280,14 +280,14 @@ def travel_residuals(scene: Scene, travel: Travel, *, kind: Kind = "zv", count: 
     initial_scene, mean = scene.at(float(hoisting_times(scene)[0])), mean_lengths(scene)
     name = f"{kind} shaper"
     commands = {
-        "the travel as it is": UNSHAPED,
+        "unshaped": UNSHAPED,
         f"shaped by a {name} for the lengths before the hoist": shaper_for(initial_scene, count, kind).train,
         f"shaped by a {name} for the mean lengths": shaper_for(mean, count, kind).train,
     }
     residuals = [Residual(words, _residual_angle(scene, travel, train)) for words, train in commands.items()]
     return (
         *residuals,
-        Residual("the travel as it is, without the hoist", _residual_angle(initial_scene, travel, UNSHAPED)),
+        Residual("unshaped, without the hoist", _residual_angle(initial_scene, travel, UNSHAPED)),
     )
 
 

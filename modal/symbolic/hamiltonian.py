@@ -44,7 +44,7 @@ from modal.symbolic.structures import SymbolicStructure, indices
 from modal.symbolic.typesetting import Line, Section
 
 TITLE = "Hamilton's equations"
-WITHOUT_INVERSE = "a massless cart above bobs: M, b, A have no inverse, and momenta do not tell velocities at the rest"
+WITHOUT_INVERSE = "a massless cart above bobs: M, b, A have no inverse, and momenta do not determine velocities at rest"
 
 
 def momentum(c: Coordinate) -> Coordinate:

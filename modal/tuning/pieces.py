@@ -374,7 +374,9 @@ def _validate(scene: Scene, quantities: Sequence[Quantity], setting: Setting) ->
     if setting.band is not None and "peak" not in kinds:
         problems.append("band: is for a quantity peak:OUTPUT/INPUT")
     if setting.band is not None and not 0 <= setting.band[0] < setting.band[1] < np.inf:
-        problems.append(f"band {setting.band[0]:g}:{setting.band[1]:g}: goes from a frequency to a larger one, in Hz")
+        problems.append(
+            f"band {setting.band[0]:g}:{setting.band[1]:g}: must run from a frequency to a larger one, in Hz"
+        )
     if setting.modes and not kinds & {"damping", "settling"}:
         problems.append("mode: is for the quantities damping and settling")
     if not problems and setting.modes:

@@ -284,5 +284,5 @@ def _rules_table(tuned: Tuned) -> str:
                 ]
             )
         else:
-            notes = ["Den Hartog's rule beside several carriers is for the mode nearest to the pendulum alone."]
+            notes = ["Den Hartog's rule with several carriers is for the mode nearest to the pendulum alone."]
     return "\n\n".join([grid(rows, headings, spare=["unit"]), *notes])

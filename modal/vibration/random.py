@@ -311,7 +311,7 @@ def random_response(
     require(scene, "random vibration" if source == INPUT else "a frequency response")
     modes = natural_modes(scene)
     if growing := [number for number, value in enumerate(modes.eigenvalue.tolist(), 1) if value.real > 0]:
-        raise ComputationError(f"mode {growing[0]} grows by itself: there is no stationary random vibration")
+        raise ComputationError(f"mode {growing[0]} grows without being driven: there is no stationary random vibration")
     model = state_space(scene, (source,), tuple(outputs))
     if len(modes) ** 2 * len(model.outputs) > MOST_TERMS:
         sizes = f"{len(modes)} modes and {len(model.outputs)} outputs"

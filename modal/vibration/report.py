@@ -276,7 +276,7 @@ def thermal_report(
     which has the same outputs, the amplitude spectral densities stand beside those of the thermal noise.
     """
     if beside is not None and [output.name for output in beside.outputs] != [output.name for output in noise.outputs]:
-        raise SceneError(["outputs: those of the thermal noise and of the response beside it must be the same"])
+        raise SceneError(["outputs: those of the thermal noise and of the response must be the same"])
     if form == "text":
         return _thermal_text(noise, beside, at)
     f = thermal_frequencies(noise, beside, at)

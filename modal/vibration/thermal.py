@@ -127,7 +127,7 @@ def thermal_noise(scene: Scene, temperature: float, outputs: tuple[str, ...] = U
         )
     modes = natural_modes(scene)
     if growing := [number for number, value in enumerate(modes.eigenvalue.tolist(), 1) if value.real > 0]:
-        raise ComputationError(f"mode {growing[0]} grows by itself: there is no thermal equilibrium")
+        raise ComputationError(f"mode {growing[0]} grows without being driven: there is no thermal equilibrium")
     model = state_space(scene, outputs=outputs)
     dissipators = tuple(dissipators_of(scene))
     if len(dissipators) * len(model.outputs) > MOST_PAIRS:

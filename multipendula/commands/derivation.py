@@ -78,7 +78,7 @@ def _take_apart(options: argparse.Namespace, show: tuple[str, ...]) -> None:
     from modal.scene import free_bodies, title_of
     from modal.symbolic import derivation, newton_euler, typesetting
 
-    problems = ["--show freebody: stands alone, without other sections"] * (len(show) > 1)
+    problems = ["--show freebody: excludes other sections"] * (len(show) > 1)
     problems += ["--symbolic: all numbers of free bodies are symbols"] * bool(options.symbolic)
     if problems:
         raise SceneError(problems)

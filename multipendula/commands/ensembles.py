@@ -194,7 +194,7 @@ COMMANDS = (
         ),
         details=(
             "Every start of a grid is simulated, thousands side by side. In a scene with drives the map tells which "
-            "steady oscillation of sync each ends in; in any other scene, when a link first goes over the top, or how "
+            "steady oscillation of sync each ends in; in any other scene, when a link first turns over the top, or how "
             "fast a small error grows. For a scene driven by a sine, --measure attractor gives the periodic motion "
             "that each start ends in, named by its period and its largest angle. A random sample is run by itself as "
             "well, and the largest difference stated."

@@ -77,7 +77,7 @@ def _fit_modes(options: argparse.Namespace) -> ModeFit:
 
     refuse(options, f"is for measured motions, and {options.data[0]} has modes", *OF_FITTED_MOTIONS)
     if len(options.data) > 1:
-        raise SceneError(["measured modes are read from one file, by itself"])
+        raise SceneError(["measured modes are read from one file alone"])
     picture(options.picture, "--picture")
     in_a_folder(options.output, options.report, options.picture)
     scene = load(options.scene)
@@ -149,7 +149,7 @@ def poles(options: argparse.Namespace) -> Identified | Assurance:
     scene = noted(load(options.scene)) if options.scene else None
     if any(map(has_modes, options.data)):
         if scene is None or len(options.data) > 1:
-            raise SceneError([f"{options.data[0]}: has modes: give one such file by itself, and --scene SCENE"])
+            raise SceneError([f"{options.data[0]}: has modes: give one such file alone, and --scene SCENE"])
         refuse(options, f"is for measured motions, and {options.data[0]} has modes", *OF_MOTIONS)
         return _compare(options, scene, None)
     identified, title = _identified(options)
@@ -272,7 +272,7 @@ COMMANDS = (
                 "a small swing to measure",
             ),
             ("poles run.csv -o poles.png --identified-modes modes.csv", "its two modes, and as a file"),
-            ("poles modes.csv --scene chain-2 -o mac.png", "beside those of a scene"),
+            ("poles modes.csv --scene chain-2 -o mac.png", "compared with those of a scene"),
             ("poles run.csv --format json", "with shapes, standard deviations and the poles of all orders"),
         ),
     ),

@@ -169,7 +169,7 @@ def animate(options: argparse.Namespace) -> None:
         shown = film(trajectory, stream, form, report=report, **how)
     made(options.output, f"{shown.frames} frames, {shown.seconds:.3g} s of film for {shown.motion:.3g} s of motion")
     if shown.left_out > 0:
-        remark(f"{shown.left_out:.3g} s of the run left out; --seconds or --speed")
+        remark(f"{shown.left_out:.3g} s of the run omitted; --seconds or --speed")
 
 
 def _compile(options: argparse.Namespace) -> Compilation:

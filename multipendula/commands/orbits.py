@@ -218,7 +218,7 @@ COMMANDS = (
             f"--duration, with --settled (default {SETTLING_PERIODS} periods of the slowest mode)",
             formats("text", "csv", "json"),
             *report_file("text", "csv", "json"),
-            "--film: the last orbit beside the linear mode",
+            "--film: the last orbit next to the linear mode",
             *CREW,
         ),
         details=(

@@ -19,7 +19,7 @@ def scenes(options: argparse.Namespace) -> None:
     from modal.scene import files
 
     if options.schema and options.name:
-        raise SceneError([f"{options.name}: the schema is that of every scene: leave out the name or --schema"])
+        raise SceneError([f"{options.name}: the schema is that of every scene: omit the name or --schema"])
     if is_new(options.output):
         kinds = ("json", "txt") if options.schema else ("toml", "txt") if options.name else ("txt",)
         files.kind_of(options.output, kinds, "-o ")

@@ -197,7 +197,7 @@ def picture_in_place(options: argparse.Namespace) -> None:
 
     if options.output and options.output.lower().endswith(endings(PICTURES)):
         if options.picture:
-            raise SceneError([f"-o {options.output}: is a picture beside --picture {options.picture}"])
+            raise SceneError([f"-o {options.output}: is a picture as well as --picture {options.picture}"])
         options.picture, options.output = options.output, None
     picture(options.picture, "--picture")
     in_a_folder(options.picture, options.output)

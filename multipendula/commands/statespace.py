@@ -397,7 +397,7 @@ COMMANDS = (
                 "its coordinates (default the first), such as ship_sway_force",
                 completion=words(("cart_acceleration", "cart_velocity", "cart_force"), ""),
             ),
-            "--travel: tells the swing that is left with and without the shaper",
+            "--travel: reports the residual swing with and without the shaper",
             "--over (default that of the hoist)",
             *text_file(drawn=True),
             *picture_file(),

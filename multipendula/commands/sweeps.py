@@ -191,7 +191,7 @@ COMMANDS = (
         ),
         details=(
             "One to three numbers of a scene, named by their place in the file, are set to every combination of "
-            "values, on all cores. Finished points are saved beside --output or in --folder; after Ctrl-C the same "
+            "values, on all cores. Finished points are saved next to --output or in --folder; after Ctrl-C the same "
             "command resumes. With --loci the frequencies are followed by their mode shapes along one number, and "
             "crossings are distinguished from veerings (orbits --vary follows motions at large angles, sync --vary "
             "the steady oscillations of a scene with drives). With --strobe every value has a run of its own, of "

@@ -145,7 +145,7 @@ def _of_motion(options: argparse.Namespace, scene: Scene) -> tuple[Any, str]:
 def _of_frequencies(options: argparse.Namespace, scene: Scene) -> tuple[Any, str]:
     from nonlinear.accuracy import frequencies_table, measure_frequencies
 
-    refuse(options, "is of motions: leave out --linear", "--start", "--duration")
+    refuse(options, "is of motions: omit --linear", "--start", "--duration")
     comparison = measure_frequencies(scene, (options.relative_error or 1e-8,))
     return comparison, frequencies_table(comparison, options.format)
 

@@ -146,7 +146,7 @@ COMMANDS = (
             SCENE,
             "--psd of the support's motion along the rail, with frequency_hz, and psd in (m/s²)²/Hz or velocity_psd or "
             "displacement_psd; of a force, with psd in N²/Hz, where --input names one; or a number, white noise",
-            "--temperature, reported with a budget by place; beside that of the PSD where there is a --psd",
+            "--temperature, reported with a budget by place; with that of the PSD where there is a --psd",
             "--at: the thermal noise (default some over its band)",
             "--record: time_s, and displacement_m, velocity_m_per_s or acceleration_m_per_s2 of the support",
             "--column of the --record or the --psd: t=time_ms, quake=acceleration_g; repeat for several",

@@ -161,7 +161,7 @@ class WorkPrecision(Result):
                 f"only the first {reference.horizon:.4g} s of {reference.duration:g} s are compared{until}; "
                 "the reference cannot be trusted further."
             )
-        yield from (f"{name} was left out: {reason}." for name, reason in self.skipped)
+        yield from (f"{name} was omitted: {reason}." for name, reason in self.skipped)
         yield (
             "*: on the Pareto front: no other is both faster and more accurate. time: a run, once prepared; "
             "derivatives: right-hand sides, or series of Taylor methods. error: the largest of any link, modulo whole "

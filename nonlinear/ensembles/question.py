@@ -159,9 +159,7 @@ def refused(members: Members, duration: float, tolerance: float) -> str:
     if why := _switching(scene, members, places):
         return why
     if system_of(scene).may_turn_singular and all(link.kind == "bob" for link in scene.links()):
-        return (
-            "a massless cart with dampers over bobs may come to feel nothing, which only a run by itself is stopped at"
-        )
+        return "a massless cart with dampers over bobs may lose all inertia, which stops only an individual run"
     if any(place[-1] == "count" for place in places):
         return "members differ in their number of links or pendula"
     prescribed = any("motion" in place or place[0] == "force" for place in places)

@@ -72,7 +72,7 @@ def settling_time(scene: Scene, period: float) -> float:
 def natural_units(system: System, states: Sequence[Floats]) -> Floats:
     """States (links, their rates, cart, its rate), (S, K, ...), in natural units, (S, K, D), angles (rad) first.
 
-    The place of a cart or of carriers that nothing holds is left out: wherever they are, they move on in the same way.
+    The place of a cart or of carriers that nothing holds is omitted: wherever they are, they move on in the same way.
     """
     links, rates, cart, speed, *carried = states
     length = float(system.by_link("length").min())
@@ -255,7 +255,9 @@ def find_strobes(
     times = strobe_times(period, phase_deg, settle=settle, count=max(int((until - settle) / period) + 1, 1))
     times = times[times <= until * (1 + 1e-12)]
     if not len(times):
-        raise SceneError([f"duration {until:g} s: no strobe comes after {settle:g} s, at a period of {period:.4g} s"])
+        raise SceneError(
+            [f"duration {until:g} s: no stroboscopic sample comes after {settle:g} s, at a period of {period:.4g} s"]
+        )
     starts = nearby(usual_start(scene), members, radians(spread_deg), np.random.default_rng(seed))
     motions = ensemble(scene, max(until, times[-1]), starts=starts, output=times.tolist(), report=report, **options)
     return StroboscopicSection(motions.require(), times, period, phase_deg, spread_deg, settle, shown)

@@ -103,7 +103,7 @@ def fit(
     full_recording, recording = recording, recording if window is None else recording.windows(window)
     problem = FitProblem(scene, parameters, recording, coarse_noise(recording), scale, shifted=shift)
     if shift and not Inputs(problem.system).count:
-        raise SceneError(["shift: no motion or force of the scene tells the time, so that no delay matters"])
+        raise SceneError(["shift: no motion or force of the scene depends on time, so that no delay matters"])
 
     def beginning(trial: Recording) -> float:
         return _beginning(replace(problem, recording=trial))

@@ -488,9 +488,7 @@ def _header_problems(table: DataTable, where: Mapping[str, str], carriers: Carri
         yield f"has no column {TIME}{spelling_hint(TIME, columns)}{_likely_causes(table, 't=time_s')}"
     if len(set(times)) > 1:
         yield f"columns {listed(times, len(times))}: are the time in two units"
-    yield from (
-        f"column {heading}: stands there twice" for heading in dict.fromkeys(columns) if columns.count(heading) > 1
-    )
+    yield from (f"column {heading}: appears twice" for heading in dict.fromkeys(columns) if columns.count(heading) > 1)
     yield from (
         f"column {heading}: is missing{spelling_hint(heading, columns)}" for heading in where if heading not in columns
     )
@@ -516,7 +514,7 @@ def _likely_causes(table: DataTable, example: str) -> str:
     heading = " | ".join(table.headings)
     return (
         f": the heading reads “{heading:.200}” ({table.described() or 'cells between commas'}). Perhaps the column has "
-        f"another name (`columns={example}`), has no unit that is known, or the heading stands in another line"
+        f"another name (`columns={example}`), has no unit that is known, or the heading is on another line"
     )
 
 

@@ -101,7 +101,7 @@ def sample_times(
     else:
         times = start_time + _times_of(output, duration)
     if np.any(np.diff(times) <= 0):
-        raise SceneError([f"duration {duration:g}: too short beside the start at {start_time:g} s"])
+        raise SceneError([f"duration {duration:g}: too short compared with the start at {start_time:g} s"])
     return np.asarray(times)
 
 

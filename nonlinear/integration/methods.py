@@ -103,7 +103,7 @@ def validate_method(
     problems += refusals(scene, f"form {full_form}", *additions)
     if form == "maximal" and (shortest := float(np.min(system.by_link("length"))) / system.length) < LENGTH_RATIO_MIN:
         problems.append(
-            f"form maximal: cannot tell the ends of a link {shortest:.1g} times as long as the longest apart"
+            f"form maximal: cannot distinguish the ends of a link {shortest:.1g} times as long as the longest apart"
         )
     form = full_form
     if method == "taylor":
@@ -244,7 +244,7 @@ def validate_room(scene: Scene, system: System) -> None:
         for j, link in enumerate(pendulum.links)
     }
     low, high = min(places, key=places.__getitem__), max(places, key=places.__getitem__)
-    numbers = f"m l² goes from {places[low]:.3g} kg m² here to {places[high]:.3g} kg m² in {high}"
+    numbers = f"m l² ranges from {places[low]:.3g} kg m² here to {places[high]:.3g} kg m² in {high}"
     raise SceneError([f"{low}: {numbers}, which double precision cannot square: choose other units"])
 
 

@@ -90,7 +90,7 @@ class Branch(TextResult):
         mode = None
         if self.variation is None:
             if self.linear is None:
-                raise ComputationError("this branch goes along no number and begins in no mode: nothing to draw")
+                raise ComputationError("this branch follows no number and begins in no mode: nothing to draw")
             modes = natural_modes(scene)
             mode = modes[int(np.argmin(np.abs(modes.omega - self.linear)))]
         figure: Figure = deferred("modal.plotting.style:figure_at")(

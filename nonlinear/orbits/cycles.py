@@ -86,7 +86,7 @@ def solution(problem: Shooting, y: Floats, period: float, value: float | None = 
     row = np.eye(len(u))[-1] if problem.variation else None
     solved_for = correct(problem, u, row)
     if solved_for is None:
-        raise ComputationError("no periodic orbit was found beside this motion")
+        raise ComputationError("no periodic orbit was found near this motion")
     return solved_for[0]
 
 

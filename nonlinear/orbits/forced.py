@@ -33,7 +33,7 @@ from nonlinear.system import State, system_of
 SETTLING_PERIODS = (20, 40, 120)
 """Cost: after which Newton's method is tried on a motion, one after the other; benchmarks/orbits.py."""
 NOWHERE = (
-    "no periodic motion was found, neither beside the linear response nor where the motion from there settles: give "
+    "no periodic motion was found, neither near the linear response nor where the motion from there settles: give "
     "another start: one whose motion settles"
 )
 
@@ -204,5 +204,5 @@ def _beginning_near(problem: Shooting, y: Floats, value: float | None, words: st
     u = solution(problem, y, period, value)
     orbit = problem.orbit(u)
     if orbit.residual > ORBIT_RESIDUAL_MAX:
-        raise ComputationError("the motion beside this one does not close")
+        raise ComputationError("the motion near this one does not close")
     return Beginning(problem, u, orbit, words)

@@ -175,5 +175,5 @@ def beginning(problem: Quarter, modes: Modes, row: int, amplitude: float) -> Orb
     direction = np.append(phi, 0.0) / np.linalg.norm(phi)
     start = point(problem, np.append(amplitude * phi, quarter), direction)
     if start is None:
-        raise ComputationError(f"no periodic orbit of {degrees(amplitude):.3g} deg was found beside the linear mode")
+        raise ComputationError(f"no periodic orbit of {degrees(amplitude):.3g} deg was found near the linear mode")
     return start

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 TITLES = {
     "configuration": "which rhythm each start ends in",
-    "first_turn_s": "when a link first goes over the top",
+    "first_turn_s": "when a link first turns over the top",
     "lyapunov_per_s": "how fast a small error grows",
     "attractor": "which attractor each start ends in",
 }

@@ -102,7 +102,7 @@ def pushing_links(trajectory: Trajectory) -> tuple[PushingLink, ...]:
         return ()
     times, motion = trajectory.times, trajectory.motion
     if len(times) < 2:
-        raise ComputationError("a single sample tells no interval")
+        raise ComputationError("a single sample gives no interval")
     is_vectorial = side_by_side(trajectory)
     if is_vectorial and len(times) * trajectory.system.n_links > TENSIONS_MAX:
         raise ComputationError(f"{len(times)} samples of {trajectory.system.n_links} links are too many")

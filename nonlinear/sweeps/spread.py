@@ -120,7 +120,7 @@ def _parsed(scene: Scene, text: str) -> Tolerance:
     if sigma is None:
         ends = _number(text, low), _number(text, high)
         if not ends[0] < ends[1]:
-            raise SceneError([f"uncertain {text}: an interval goes from a smaller to a larger number"])
+            raise SceneError([f"uncertain {text}: an interval runs from a smaller to a larger number"])
         return Tolerance(path, low=ends[0], high=ends[1])
     unknown, *_ = find_unknowns(scene, path)
     if percent and unknown.is_shift:

@@ -46,12 +46,12 @@ from nonlinear.system import System
 
 NOT_COVERED = (
     "The averaged equations are of first order in dampers, drives, coupling within a band and squares of angles, with "
-    "the third harmonic of every swing. They leave out: what else happens within a swing, stiction, backlash, "
+    "the third harmonic of every swing. They omit: what else happens within a swing, stiction, backlash, "
     "motion across the rail, inverted links, noise. Motions in which modes of one band beat for ever, with two or more "
     "frequencies, may exist beside the steady ones; they are not searched for."
 )
 EXACT = (
-    "Frequency, stability and e-folding time are those of the periodic orbit beside each: of its period and its "
+    "Frequency, stability and e-folding time are those of the periodic orbit near each: of its period and its "
     "Floquet multipliers in the full equations."
 )
 COPIED = "Copies are the same motion with the parts of equal pendula exchanged."
@@ -136,7 +136,7 @@ def _winner(study: SynchronizationStudy) -> Iterator[str]:
     if survival and survival.beat:
         beats = survival.beat
         outcome = (
-            f"the energy beats for ever: mode {survival.number} holds between {percent(beats.low)} and "
+            f"the energy beats indefinitely: mode {survival.number} holds between {percent(beats.low)} and "
             f"{percent(beats.high)} of it, every {beats.period:.4g} s ({_angles(study)})"
         )
     elif survival and outcome and not survival.is_settled:
@@ -308,7 +308,7 @@ def _simulation(study: SynchronizationStudy) -> Iterator[str]:
         share = ": the mode is, its share of the energy is not" if study.leads else ""
         yield "As predicted." if study.agrees else f"This is not what was predicted{share}."
     elif study.survival and study.too_short:
-        yield "The run ends before the predicted time: it cannot tell whether the prediction is right."
+        yield "The run ends before the predicted time: it cannot show whether the prediction is right."
     yield from _phases(study)
     yield from _energies(study)
 

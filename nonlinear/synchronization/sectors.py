@@ -97,7 +97,7 @@ def symmetric_motions(scene: Scene, report: Callable[[float], object] = silent) 
 
 
 def symmetric_motion(pattern: Pattern, neighbour: SymmetricMotion | None = None) -> SymmetricMotion:
-    """A pattern with its growth rates, found beside those of a scene with other numbers if given."""
+    """A pattern with its growth rates, found compared with those of a scene with other numbers if given."""
     try:
         averaged_motion = averaged_pattern(pattern, None if neighbour is None else neighbour.averaged)
         orbit = pattern_orbit(pattern, averaged_motion)

@@ -388,7 +388,7 @@ def test_what_free_bodies_do_not_take_is_said(capsys: pytest.CaptureFixture[str]
     refusals = {
         ("-o", picture): "free bodies alone are drawn",
         ("--names", "paper"): "belongs to --show freebody",
-        ("--show", "freebody,modes"): "stands alone",
+        ("--show", "freebody,modes"): "excludes other sections",
         ("--show", "freebody", "--symbolic", "masses"): "all numbers of free bodies are symbols",
         ("--show", "freebody", "--parts", "2"): "chooses what is drawn",
         ("--show", "freebody", "--parts", "2:9", "-o", picture): "the scene has parts 1 to 3",

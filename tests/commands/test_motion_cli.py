@@ -93,7 +93,7 @@ def test_a_scene_in_space_without_a_start_begins_along_the_rail(
         (["chaos", "paper:000", "--duration", "3"], "paper:000: has its own --duration"),
         (["tradeoff", "cart-upright", "--start", "scene"], "no pendulum has a start"),
         (["tradeoff", "chain-3", "-o", "film.avi"], "-o film.avi: the name must end in .png, .svg, .pdf, .txt"),
-        (["tradeoff", "chain-3", "--linear", "--duration", "3"], "--duration: is of motions: leave out --linear"),
+        (["tradeoff", "chain-3", "--linear", "--duration", "3"], "--duration: is of motions: omit --linear"),
         (["tradeoff", "chain-3", "--relative-error", "1e-3"], "--relative-error: needs --linear"),
         (["chaos", "chain-spatial"], "a Lyapunov exponent is computed in the plane"),
         (["simulate", "chain-2", "-o", "nowhere/run.npz"], "-o nowhere/run.npz: there is no folder nowhere"),
@@ -185,7 +185,7 @@ def interrupting(total: float, unit: str = "s") -> Iterator[Callable[[float], ob
         ("animate chain-2 --duration 2 -o run.gif", [], ""),
         ("check chain-3 --amplitudes 1 -o check.png", [], "mode 3 was skipped: interrupted"),
         ("check chain-2 --general --duration 60", [], ""),
-        ("tradeoff chain-2 --duration 1 -o t.png", [], "was left out: interrupted"),
+        ("tradeoff chain-2 --duration 1 -o t.png", [], "was omitted: interrupted"),
         ("chaos chain-2 --duration 30 -o chaos.png", [], "starts over"),
     ],
 )

@@ -112,8 +112,8 @@ def test_bad_input_is_refused(words: list[str], capsys: pytest.CaptureFixture[st
 def test_what_the_orbits_of_a_mode_leave_out_is_said(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["orbits", "metronomes", "--mode", "4", "--largest-angle", "2"]) == 0
     said = capsys.readouterr().err
-    assert "Dampers are left out" in said
-    assert "Drives are left out" in said
+    assert "Dampers are omitted" in said
+    assert "Drives are omitted" in said
     assert main(["orbits", "chain-2", "--mode", "1", "--largest-angle", "2"]) == 0
     assert not capsys.readouterr().err
 

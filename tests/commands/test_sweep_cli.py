@@ -166,7 +166,7 @@ def test_floquet_is_refused_before_anything_is_computed() -> None:
         sweep(options("gravity=9,10", measure=["floquet"]))
     with pytest.raises(SceneError, match="takes no number"):
         sweep(options("gravity=9,10", scene=KAPITZA, measure=["floquet:3"]))
-    with pytest.raises(SceneError, match=r"beside --picture"):
+    with pytest.raises(SceneError, match=r"as well as --picture"):
         sweep(options("gravity=9,10", picture="a.png", output="b.png"))
 
 

@@ -91,7 +91,7 @@ def test_nor_of_the_quick_ones(call: str, columns: int, printed: Printed) -> Non
 
 def test_a_table_drops_columns_in_their_order_and_names_them(printed: Printed) -> None:
     text = printed("table crane-hook --format text", 79)
-    assert "left out to fit 79 columns: rel. error ≤, fixed-base mass (kg), cart part.;" in " ".join(text.split())
+    assert "omitted to fit 79 columns: rel. error ≤, fixed-base mass (kg), cart part.;" in " ".join(text.split())
     head = next(line for line in text.splitlines() if line.startswith("mode"))
     assert "1 % at (°)" in head
     assert "cart part." not in head
@@ -122,7 +122,7 @@ def test_chosen_columns_are_stacked_and_none_is_lost(printed: Printed) -> None:
 def test_a_terminal_shows_one_table_and_names_what_is_left_out(printed: Printed) -> None:
     whole, narrow = (printed("response paper-cart-3 --gains", columns) for columns in (None, 40))
     assert [text.count("ω (rad/s)") for text in (whole, narrow)] == [2, 2]
-    assert "left out to fit 40 columns: multiplicity, theta_1_1, theta_1_2" in " ".join(narrow.split())
+    assert "omitted to fit 40 columns: multiplicity, theta_1_1, theta_1_2" in " ".join(narrow.split())
     assert "left out" not in whole
 
 
@@ -259,7 +259,7 @@ def test_a_real_terminal_of_80_columns_that_knows_only_ascii(folder: Path) -> No
     assert done.wait() == 0
     lines = output.decode("ascii").splitlines()
     assert max(map(len, lines)) <= 80
-    assert any(line.startswith("left out to fit 80 columns") for line in lines)
+    assert any(line.startswith("omitted to fit 80 columns") for line in lines)
     assert "\x1b" not in output.decode("ascii")
 
 

@@ -313,7 +313,7 @@ def test_swings_too_light_for_matrices_are_said_and_one_keeps_its_digits() -> No
     light, other = (Swing(name=name, mass=3e-32, length=0.8, position=(x, 0.0)) for name, x in (("a", 0.0), ("b", 2.0)))
     single = scene(light, bob(1, 1))
     assert every_omega(explained(single)) == pytest.approx(natural_modes(single).omega, rel=1e-12)
-    with pytest.raises(ComputationError, match="lost beside the heavy ones"):
+    with pytest.raises(ComputationError, match="lost next to the heavy ones"):
         coupling_report(explain(scene((light, other), bob(1, 1, on="a"), bob(1, 1, on="b"))))
 
 

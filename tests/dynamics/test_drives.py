@@ -605,8 +605,8 @@ def test_tables_and_matrices_leave_drives_out_and_the_table_says_so() -> None:
     scene = beside_a_clock()
     driven, bare = natural_modes(scene), natural_modes(scene.undriven)
     np.testing.assert_array_equal(driven.eigenvalue, bare.eigenvalue)
-    assert any("Drives are left out" in note for note in driven.notes)
-    assert not any("Drives are left out" in note for note in bare.notes)
+    assert any("Drives are omitted" in note for note in driven.notes)
+    assert not any("Drives are omitted" in note for note in bare.notes)
     model, other = matrices(scene), matrices(scene.undriven)
     for name in ("M", "K", "D"):
         np.testing.assert_array_equal(getattr(model, name), getattr(other, name))
@@ -617,5 +617,5 @@ def test_a_check_leaves_drives_out_and_says_so() -> None:
     scene = beside_a_clock(damping=0.1)
     driven, bare = (check(each, [2], (1.0, 10.0), periods=12) for each in (scene, scene.undriven))
     assert driven.rows[0].kappa == bare.rows[0].kappa
-    assert "Drives are left out" in check_table(driven, "text")
+    assert "Drives are omitted" in check_table(driven, "text")
     assert "drives" not in check_table(bare, "text")

@@ -385,7 +385,7 @@ def test_every_mistake_is_named_at_once() -> None:
     assert len(told.value.problems) == 4
     with pytest.raises(SceneError, match=r"theta_2_1: must be one of theta_1_1"):
         find_strobes(DRIVEN, of=["theta_2_1"])
-    with pytest.raises(SceneError, match="no strobe comes after 20 s"):
+    with pytest.raises(SceneError, match="no stroboscopic sample comes after 20 s"):
         find_strobes(DRIVEN, 20.2, settle=20.0, phase_deg=180.0)
     with pytest.raises(SceneError, match="how many links there are"):
         find_bifurcations(DRIVEN, "pendulum[0].count=1:2:2")

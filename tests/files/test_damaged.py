@@ -261,7 +261,7 @@ def test_the_command_says_so_and_leaves_with_2(
     content = with_record(files["run.csv"][0])
     for words, damaged in (
         ("is damaged", content[:-1]),
-        ("has no record: run.csv.json must stand beside it", content[40:]),
+        ("has no record: run.csv.json must be next to it", content[40:]),
     ):
         (tmp_path / "run.csv").write_bytes(damaged)
         assert main(["simulate", str(tmp_path / "run.csv")]) == 2

@@ -145,7 +145,7 @@ def test_a_csv_is_a_plain_table_with_its_record_beside_it(tmp_path: Path) -> Non
             read = recordings.load(written)
             assert all(np.array_equal(column, read.to_dict()[key]) for key, column in saved.to_dict().items())
         path.with_name(f"{path.name}.json").unlink()
-        with pytest.raises(SceneError, match=rf"{name}\.csv: has no record: {name}\.csv\.json must stand beside it"):
+        with pytest.raises(SceneError, match=rf"{name}\.csv: has no record: {name}\.csv\.json must be next to it"):
             recordings.load(path)
 
 

@@ -178,7 +178,7 @@ def place(k: int, **changes: Any) -> dict[str, Any]:
         (place(0, place="pendulum[0].links[*].length"), "means several numbers"),
         (place(0, value=11.0), "pendulum[0].links[0].length = 11: the scene has 12"),
         (place(0, value=True), "must have a"),
-        (place(1, place="pendulum[0].links[0].length", value=12.0), "stands there twice"),
+        (place(1, place="pendulum[0].links[0].length", value=12.0), "appears twice"),
     ],
 )
 def test_every_mistake_is_named(entries: Any, words: str) -> None:

@@ -227,7 +227,7 @@ def test_a_file_is_read(tmp_path: Path) -> None:
         ("mode,frequency_hz,std_hz\n1,x,0.1\n", "frequency_hz = x: must be a number above 0"),
         ("mode,frequency_hz,std_hz\n1,2,0\n", "std_hz = 0: must be a number above 0"),
         ("mode,frequency_hz,std_hz\n1,2,\n", "std_hz: is missing"),
-        ("mode,frequency_hz,std_hz\n1,2,1\n1,3,1\n", "mode 1: stands there twice"),
+        ("mode,frequency_hz,std_hz\n1,2,1\n1,3,1\n", "mode 1: appears twice"),
         ("mode,frequency_hz,std_hz,theta_2_1\n1,2,1,1\n", "column theta_2_1: the scene has 1 pendulum"),
         ("mode,frequency_hz,std_hz,theta_1_9\n1,2,1,1\n", "column theta_1_9: the pendulum has 2 links"),
         ("mode,frequency_hz,std_hz,theta_1\n1,2,1,1\n", "column theta_1: must be one of"),

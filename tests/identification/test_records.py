@@ -18,7 +18,7 @@ BAD = {
     "time_s,angle\n0,1\n": "has no column of a sensor",
     "time_s,theta_1_1\n0,1\n": "column theta_1_1: must be",
     "time_s,theta_1_1_mm\n0,1\n": "column theta_1_1_mm: must be",
-    "time_s,theta_1_1_rad,theta_1_1_rad\n": "stands there twice",
+    "time_s,theta_1_1_rad,theta_1_1_rad\n": "appears twice",
     "time_s,theta_1_1_rad,theta_1_1_deg\n0,1,1\n": "one sensor in two units",
     "time_s,theta_1_1_rad\n": "has no rows",
     "time_s,theta_1_1_rad\n0,1\n1,2,3\n": "line 3: must have 2 cells",

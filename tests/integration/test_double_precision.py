@@ -134,7 +134,7 @@ def test_far_units_change_nothing(kilograms: int, metres: int, form: str) -> Non
 @pytest.mark.parametrize(("mass", "length"), [(1e-50, 1e-50), (1.0, 1e-75), (1e50, 1e50)])
 def test_an_ordinary_link_beside_one_beyond_all_measure_is_refused(mass: float, length: float) -> None:
     links = [Rod(mass=1.0, length=1.0), Rod(mass=mass, length=length)]
-    with pytest.raises(SceneError, match=r"m l² goes from .* cannot square: choose other units"):
+    with pytest.raises(SceneError, match=r"m l² ranges from .* cannot square: choose other units"):
         simulate(Scene(gravity=9.81, pendulum=[Pendulum(links=links)]), 1e-3, start=State(np.ones(2), np.zeros(2)))
 
 
@@ -198,7 +198,7 @@ def test_maximal_coordinates_are_refused_where_they_lose_a_link() -> None:
         scene, start = Scene(gravity=9.81, pendulum=[Pendulum(links=links)]), State(np.array([0.5, 0.8]), np.zeros(2))
         return simulate(scene, ratio**0.5, start=start, form=form, output=3, method="DOP853")
 
-    with pytest.raises(SceneError, match="form maximal: cannot tell the ends of a link 1e-16 times as long"):
+    with pytest.raises(SceneError, match="form maximal: cannot distinguish the ends of a link 1e-16 times as long"):
         asked(1e-16, "maximal")
     assert asked(1e-12, "maximal").motion.links == pytest.approx(asked(1e-12, "minimal").motion.links, abs=1e-8)
 

@@ -146,7 +146,7 @@ def test_links_that_one_double_cannot_hold_are_named_with_their_file(
         f"[[pendulum]]\nlinks = [{second}, {light}]\nstart = {{ angles_deg = [1, 1] }}\n"
     )
     (told,) = refused(capsys, 2, "simulate", str(path), "--duration", "0.01")
-    assert told.startswith(f"multipendula: {path}: pendulum[1].links[1]: m l² goes from 1e-150 kg m² here to 2 kg m²")
+    assert told.startswith(f"multipendula: {path}: pendulum[1].links[1]: m l² ranges from 1e-150 kg m² here to 2 kg m²")
     assert "in pendulum[1].links[0]" in told
 
 

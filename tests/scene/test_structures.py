@@ -123,7 +123,7 @@ MISTAKES = {
         "the length of this rope changes, and no spring can end on it",
     ),
     "turning": (springy("fixed", "pendulum[0].links[0]", kind="torsion"), "a support of kind fixed does not turn"),
-    "angles": (springy("ground", "pendulum[0].links[0]@1", kind="torsion"), "an angle has no place: leave out @"),
+    "angles": (springy("ground", "pendulum[0].links[0]@1", kind="torsion"), "an angle has no place: omit @"),
     "torque": (pushed("right", direction="torque"), "a support of kind cart does not turn"),
     "upwards": (pushed("right", direction="vertical"), "a support of kind cart moves only along a horizontal force"),
     "sideways": (pushed("left"), "a support of kind heave moves only along a vertical force"),

@@ -25,14 +25,14 @@ CARTS = '[support]\nkind = "cart"\nmass = 1.0\n[[pen'
 
 MISTAKES = {
     "a number has a decimal point, not a comma": [("2.5", "2,5"), ("9.81", "9,81")],
-    'text stands in quotation marks: "cart"': [('"cart"', "cart")],
-    'text stands in quotation marks: "bob"': [('"bob"', "bob"), ('"bob"', 'bob"')],
+    'text is written in quotation marks: "cart"': [('"cart"', "cart")],
+    'text is written in quotation marks: "bob"': [('"bob"', "bob"), ('"bob"', 'bob"')],
     "this quotation mark is not closed": [('"cart"', '"cart'), ('"bob"', '"bob')],
     "“ is a curly quotation mark": [('"cart"', "“cart”"), ('"bob"', "“bob”")],
     "‘ is a curly quotation mark": [('"cart"', "‘cart’")],
     "− is not plain text": [("mass = 3.0", "damping = −0.0\nmass = 3.0")],
     "a special space": [("gravity = 9", "gravity\xa0= 9")],
-    "a table in braces { … } stands on one line": [("1.0, l", "1.0,\n          l"), ("{ k", "{ # one\n  k")],
+    "a table in braces { … } is written on one line": [("1.0, l", "1.0,\n          l"), ("{ k", "{ # one\n  k")],
     "a table in braces ends without a comma": [("2.5 }", "2.5, }")],
     "a key has an equals sign, not a colon": [
         ("mass = 3", "mass: 3"),
@@ -61,12 +61,12 @@ MISTAKES = {
     "a number has a digit after its point": [("3.0", "3.")],
     "a number begins with no zero": [("3.0", "03")],
     "a value is a number, not a formula": [("3.0", "1/2")],
-    "a number stands without its unit": [("3.0", "3.0 kg"), ("9.81", "9.81 m/s²"), ("3.0", "3.0kg # heavy")],
+    "a number is written without its unit": [("3.0", "3.0 kg"), ("9.81", "9.81 m/s²"), ("3.0", "3.0kg # heavy")],
     "a line ends without a semicolon": [("9.81", "9.81;")],
     "a line ends without a comma": [("9.81", "9.81,")],
     "a value is missing here": [("9.81", ""), ("9.81", " # earth")],
-    "a backslash stands between single": [("gravity", 'title = "C:\\data"\ngravity')],
-    "a list stands in square brackets": [("count", "x"), ("[[pen", "position = (1.0, 2.0)\n[[pen")][1:],
+    "a backslash is written between single": [("gravity", 'title = "C:\\data"\ngravity')],
+    "a list is written in square brackets": [("count", "x"), ("[[pen", "position = (1.0, 2.0)\n[[pen")][1:],
     "each key has a line of its own": [("9.81", '9.81 title = "x"')],
 }
 CASES = [(words, GOOD.replace(old, new, 1)) for words, changes in MISTAKES.items() for old, new in changes]

@@ -25,7 +25,7 @@ CHANGES = [
         "[[bob]]",
         'bob: is not a table of a scene: write links = [{ kind = "bob", … }] in a [[pendulum]]',
     ),
-    ("gravity", "[scene]\ngravity", "scene: is not a table: the keys of a scene stand at the top of the file"),
+    ("gravity", "[scene]\ngravity", "scene: is not a table: the keys of a scene belong at the top of the file"),
     ("links", 'equilibrium = "up"\nlinks', 'pendulum[0].equilibrium = "up": must be a list: write ["up"]'),
     ("links", 'equilibrium = "upright"\nlinks', 'pendulum[0].equilibrium = "upright": must be a list: write ["up"]'),
     ("links", 'equilibrium = ["upright"]\nlinks', "(did you mean up?)"),

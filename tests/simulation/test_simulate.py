@@ -333,7 +333,7 @@ def test_samples_are_where_they_were_asked_for() -> None:
         ({"duration": -1.0}, "duration -1.0: must be"),
         ({"duration": "x"}, "duration 'x': must be"),
         ({"start_time": math.nan}, "start_time nan: must be"),
-        ({"start_time": 1e9, "duration": 1e-9}, "duration 1e-09: too short beside the start"),
+        ({"start_time": 1e9, "duration": 1e-9}, "duration 1e-09: too short compared with the start"),
         ({"output": ["a"]}, "output: must be a number of samples"),
         ({"output": True}, "output: must be a number of samples"),
         ({"start": [40.0]}, "start: must be a State"),

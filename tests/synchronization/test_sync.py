@@ -103,7 +103,7 @@ def test_the_words_hold_the_numbers() -> None:
     assert "cart moves: in phase" in text
     assert f"{study.survival.locking_time():.6g} s" in text
     assert "As predicted." in text
-    assert "They leave out" in text
+    assert "They omit" in text
 
 
 def test_the_verdict_of_a_study_comes_first() -> None:
@@ -175,7 +175,7 @@ def test_a_run_that_ends_before_the_predicted_time_proves_nothing() -> None:
     assert (study.theory.prediction.row, study.survival.survivor) == (2, 2)
     assert study.agrees is None
     text = " ".join(sync_text(study, words=True).split())
-    assert "it cannot tell whether the prediction is right" in text
+    assert "it cannot show whether the prediction is right" in text
     assert "not what was predicted" not in text
 
 

@@ -10,7 +10,7 @@ const EPS = 2 ** -52;
 const [TOGETHER, MOST_ROUNDS, NULL] = [1e-9, 3, 1e-7];
 
 // Eigenvalues { re, im }, im >= 0, with their vectors as columns of the undamped modes, { a: re, b: im }: one entry for
-// each distinct one with `vectors`.  Those that are 0 are left out: every κ = 0 has one.
+// each distinct one with `vectors`.  Those that are 0 are omitted: every κ = 0 has one.
 export function dampedOf(kappa, Z) {
   const values = eigenvaluesOf(firstOrder(kappa, Z)).filter(({ im }) => im >= 0);
   return gathered(values).flatMap((group) => solved(kappa, Z, group));
