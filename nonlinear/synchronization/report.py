@@ -48,7 +48,7 @@ NOT_COVERED = (
     "The averaged equations are of first order in dampers, drives, coupling within a band and squares of angles, with "
     "the third harmonic of every swing. They omit: what else happens within a swing, stiction, backlash, "
     "motion across the rail, inverted links, noise. Motions in which modes of one band beat for ever, with two or more "
-    "frequencies, may exist beside the steady ones; they are not searched for."
+    "frequencies, may exist besides the steady ones; they are not searched for."
 )
 EXACT = (
     "Frequency, stability and e-folding time are those of the periodic orbit near each: of its period and its "

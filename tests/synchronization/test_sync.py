@@ -364,7 +364,7 @@ def test_a_start_in_a_mode_counts_modes_as_the_page_does(capsys: pytest.CaptureF
     assert main(["sync", "huygens", "--start", "mode:2:6", "--duration", "10"]) == 2
     assert "--start mode:2: is a mode of the dampers alone" in capsys.readouterr().err
     assert main(["sync", "huygens", "--start", "mode:3:6", "--duration", "10"]) == 0
-    assert "Mode 3 (cart still: antiphase) wins, as predicted: in the simulation it holds 100 %" in (
+    assert "Mode 3 (cart still: antiphase) wins, as predicted: in the simulation it contains 100 %" in (
         said := capsys.readouterr().out
     )
     assert "Modes have their numbers in the table" in said
