@@ -127,7 +127,42 @@ def test_all_assertions_are_at_the_end(twin: Path) -> None:
     assert not [code for code in before if asserted(code)]
     assert asserted(last) >= 3
     assert NUMBERS in cells(twin, "markdown")[-1].splitlines()
-    assert "hide-cell" in nbformat.read(twin.with_suffix(".ipynb"), as_version=4).cells[-1].metadata.tags
+    assert twins.HIDDEN in nbformat.read(twin.with_suffix(".ipynb"), as_version=4).cells[-1].metadata.tags
+
+
+@NUMBERED
+def test_what_is_hidden_is_hidden_in_jupyter_too(twin: Path) -> None:
+    notebook = nbformat.read(twin.with_suffix(".ipynb"), as_version=4)
+    hidden = [cell for cell in notebook.cells if twins.HIDDEN in cell.metadata.get("tags", [])]
+    assert hidden
+    assert all(cell.metadata.jupyter == {"source_hidden": True, "outputs_hidden": True} for cell in hidden)
+
+
+@NUMBERED
+def test_an_assignment_has_a_solution_for_each_answer_and_no_assertion(twin: Path) -> None:
+    """Every answer of a lesson is a solution cell of nbgrader, with a name of its own, and everything else stays."""
+    assignment = nbformat.reads(twins.assignment(twin), as_version=4)
+    solutions = {cell.metadata.nbgrader.grade_id: cell for cell in assignment.cells if "nbgrader" in cell.metadata}
+    prose = "\n".join(cells(twin, "markdown"))
+    assert sum(name.startswith("answer") for name in solutions) == prose.count("<details>")
+    assert sum("nbgrader" in cell.metadata for cell in assignment.cells) == len(solutions)
+    for cell in solutions.values():
+        assert cell.source.startswith("### BEGIN SOLUTION\n")
+        assert cell.source.endswith("\n### END SOLUTION")
+    rest = [cell.source for cell in assignment.cells if "nbgrader" not in cell.metadata]
+    assert not [text for text in rest if "<details>" in text or NUMBERS in text]
+    code = [cell.source for cell in assignment.cells if cell.cell_type == "code"]
+    assert [asserted(text) for text in code] == [0] * len(cells(twin, "code")[:-1])
+
+
+BAD_NAMES = {"one", "own", "alike", "told", "kept", "beside"}
+
+
+@NUMBERED
+def test_variables_are_named_for_what_they_are(twin: Path) -> None:
+    trees = [ast.parse(code) for code in cells(twin, "code")]
+    names = {node.id for tree in trees for node in ast.walk(tree) if isinstance(node, ast.Name)}
+    assert not names & BAD_NAMES
 
 
 def asserted(code: str) -> int:
