@@ -3,7 +3,7 @@
     OPENBLAS_NUM_THREADS=1 python benchmarks/engines.py [--quick]
 
 Two bobs with one feature each, over the same two bobs without, of two joints that rub one at rest; whole runs of ten
-seconds over those without; then runs of shipped scenes, that of `kapitza.toml` beside the ten lines that a user would
+seconds over those without; then runs of shipped scenes, that of `kapitza` next to the ten lines that a user would
 write with SciPy's DOP853.  Runs without friction take compiled code where it is ready, runs with friction never.  What
 time brings is listed by itself: one call in floats, one of a thousand times side by side, and a run over a whole
 record, whose steps end at its breaks.  Process times, the best of several, all in one run.
@@ -28,9 +28,9 @@ from nonlinear.integration.switched import Switched
 from nonlinear.system import AppliedForces, State, initial_state, system_of
 
 RUNS = {
-    "kapitza": ("examples/kapitza.toml", 10.0),
+    "kapitza": ("kapitza", 10.0),
     "crane": ("hoisting-crane", 10.0),
-    "suspension": ("examples/suspension.toml", 10.0),
+    "suspension": ("damped-suspension", 10.0),
 }
 START = InitialCondition(angles_deg=(30.0, -20.0))
 
@@ -190,8 +190,8 @@ def rubbing(free: Generated, y: list[float]) -> Callable[[], object]:
 
 
 def by_hand(seconds: float) -> float:
-    """The last angle of kapitza.toml by ten lines and SciPy."""
-    scene = load("examples/kapitza.toml")
+    """The last angle of kapitza by ten lines and SciPy."""
+    scene = load("kapitza")
     link, motion = scene.pendulum[0].links[0], scene.support.motion
     omega, phase = 2 * pi * motion.frequency_hz, motion.phase_deg * pi / 180
     inertia, b = link.inertia + link.mass * link.centre**2, link.mass * link.centre

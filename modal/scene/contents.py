@@ -218,6 +218,8 @@ def read_within_limit(stream: IO[bytes], largest: int = FILE_BYTES_MAX) -> bytes
 
 
 def _beginning(path: str | PathLike[str], largest: int, is_complete: bool) -> bytes:
+    if not os.path.exists(path):
+        path = _shipped(os.fspath(path)) or path
     try:
         if not S_ISREG(os.stat(path).st_mode):
             raise SceneError(["not a file"])
@@ -229,7 +231,7 @@ def _beginning(path: str | PathLike[str], largest: int, is_complete: bool) -> by
                 raise SceneError([f"is larger than {largest} bytes"])
             return read_within_limit(stream, largest) if is_complete else stream.read(largest)
     except OSError as error:
-        if isinstance(error, FileNotFoundError) and _is_example(os.fspath(path)):
+        if isinstance(error, FileNotFoundError) and _shipped(f"{os.fspath(path)}.toml"):
             raise SceneError(["is a shipped scene, and a file of data is needed in its place"]) from None
         raise SceneError([f"cannot be read: {error.strerror or error}"]) from None
     except ValueError as error:
@@ -238,8 +240,10 @@ def _beginning(path: str | PathLike[str], largest: int, is_complete: bool) -> by
         raise SceneError([f"cannot be read: {error}"]) from None
 
 
-def _is_example(name: str) -> bool:
-    return os.path.basename(name) == name and os.path.isfile(os.path.join(SHIPPED, f"{name}.toml"))
+def _shipped(name: str) -> str | None:
+    """Where a shipped file of this bare name is."""
+    place = os.path.join(SHIPPED, name)
+    return place if os.path.basename(name) == name and os.path.isfile(place) else None
 
 
 def private(path: str, flags: int) -> int:

@@ -211,7 +211,7 @@ COMMANDS = (
                 "a map of the exponent, as a table",
             ),
             (
-                "basins shaken_pendulum.toml --measure attractor --vary 'pendulum[0].start.angles_deg[0]=-60:60:4' "
+                "basins shaken-pendulum --measure attractor --vary 'pendulum[0].start.angles_deg[0]=-60:60:4' "
                 "--vary 'pendulum[0].start.rates_deg[0]=-90:90:4' -o attractors.png",
                 "small and large swings of a scene of the folder examples",
             ),
@@ -244,7 +244,7 @@ COMMANDS = (
         examples=(
             ("section chain-2 --energy 10 --members 6 --duration 20 -o section.png", "a double pendulum at 10 J"),
             (
-                "section driven_pendulum.toml --settle 20 --members 8 --duration 120 -o strobes.png",
+                "section driven-pendulum --settle 20 --members 8 --duration 120 -o strobes.png",
                 "the strange attractor of a scene of the folder examples",
             ),
             (

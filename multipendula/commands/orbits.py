@@ -243,7 +243,7 @@ COMMANDS = (
                 "two metronomes in phase and in antiphase, on beams of 0.5 to 5 kg",
             ),
             (
-                "orbits shaken.toml --vary support.motion.frequency_hz=0.40:0.55:2 -o resonance.png",
+                "orbits shaken-pendulum --vary support.motion.frequency_hz=0.40:0.55:2 -o resonance.png",
                 "largest angle against frequency of a pendulum on a shaken support",
             ),
         ),

@@ -211,11 +211,11 @@ COMMANDS = (
                 "frequencies that veer where two lengths are nearly equal",
             ),
             (
-                "sweep driven_pendulum.toml --vary 'force[0].amplitude=1.06:1.09:60' --strobe --picture cascade.png",
+                "sweep driven-pendulum --vary 'force[0].amplitude=1.06:1.09:60' --strobe --picture cascade.png",
                 "doublings of the period of a scene of the folder examples",
             ),
             (
-                "sweep kapitza.toml --vary support.motion.amplitude=0.005:0.03:26 "
+                "sweep kapitza --vary support.motion.amplitude=0.005:0.03:26 "
                 "--vary support.motion.frequency_hz=10:40:31 --measure floquet -o held.png",
                 "where an inverted pendulum is held up, with the boundaries of growth",
             ),

@@ -171,17 +171,20 @@ COMMANDS = (
             "combined by SRSS and CQC, and the effective masses with the number of modes that hold 90 % of the mass."
         ),
         examples=(
-            ("vibration suspension.toml --psd ground.csv", "two files of the folder examples"),
+            (
+                "vibration damped-suspension --psd ground.csv",
+                "a shipped scene on quiet ground, whose spectrum is shipped too",
+            ),
             (
                 "vibration tower --record quake.csv --baseline velocity --picture shock.png",
-                "peaks in an earthquake, without drift (a record of the folder examples)",
+                "peaks in an earthquake, without drift (a shipped record)",
             ),
             (
                 "vibration suspension --temperature 290 --at 1,10,100",
                 "the thermal noise of the shipped suspension, by wire",
             ),
             (
-                "vibration suspension.toml --psd ground.csv --signals tip_positions --picture psd.png",
+                "vibration damped-suspension --psd ground.csv --signals tip_positions --picture psd.png",
                 "how the mirror moves in the laboratory, with a figure",
             ),
         ),

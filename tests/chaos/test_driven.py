@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from amounts import usually
@@ -19,7 +17,7 @@ from nonlinear.chaos.tangent import Tangent
 from nonlinear.sweeps import Study, parse_measures, sweep
 from nonlinear.system import State, system_of
 
-DRIVEN = load(Path(__file__).parents[2] / "examples" / "driven_pendulum.toml")
+DRIVEN = load("driven-pendulum")
 BETA, OMEGA_0, OMEGA = 0.375 * np.pi * 2, 3 * np.pi, 2 * np.pi
 
 

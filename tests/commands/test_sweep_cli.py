@@ -30,7 +30,7 @@ pendulum = [{ links = [{ kind = "bob", mass = 1.0, length = 1.0, damping = 2.0 }
 force = [{ on = "pendulum[0].links[0]", kind = "sine", amplitude = 1.0, frequency_hz = 4.0 }]
 """
 
-KAPITZA = str(Path(__file__).parents[2] / "examples" / "kapitza.toml")
+KAPITZA = "kapitza"
 
 
 def options(*places: str, **changes: Any) -> Namespace:

@@ -20,8 +20,7 @@ from modal.scene.records import read_record, read_spectrum
 from modal.vibration import random_response, shock_response
 from multipendula.cli import main
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
-SUSPENSION, GROUND, QUAKE = (str(EXAMPLES / name) for name in ("suspension.toml", "ground.csv", "quake.csv"))
+SUSPENSION, GROUND, QUAKE = "damped-suspension", "ground.csv", "quake.csv"
 
 
 def said(capsys: pytest.CaptureFixture[str], *words: str, code: int = 0) -> str:
@@ -50,7 +49,7 @@ def test_the_main_result_may_be_the_picture(capsys: pytest.CaptureFixture[str], 
     words, picture = ("vibration", "suspension", "--temperature", "290", "--at", "1"), tmp_path / "p.svg"
     assert said(capsys, *words, "-o", str(picture)) == said(capsys, *words)
     assert picture.read_text(encoding="utf-8").startswith("<?xml")
-    assert "beside --picture" in said(capsys, *words, "-o", str(picture), "--picture", "a.png", code=2)
+    assert "as well as --picture" in said(capsys, *words, "-o", str(picture), "--picture", "a.png", code=2)
     assert "writes text or a figure" in said(capsys, *words, "-o", "a.gif", code=2)
 
 
@@ -114,13 +113,13 @@ def test_a_film_shows_the_support_moving(tmp_path: Path, capsys: pytest.CaptureF
     from nonlinear import simulate
     from nonlinear.plotting.scene import stage_of
 
-    run = simulate(load(EXAMPLES / "kapitza.toml"), 0.2, output=41)
+    run = simulate(load("kapitza"), 0.2, output=41)
     at = np.linspace(0.0, 0.2, 5)
     stage = stage_of(run, at)
     support = run.system.support
     assert support is not None
     assert stage.support[:, 1] == pytest.approx(support.motions[0][1].displacement(at))
     assert stage.actors[0].joints[:, 0, 1] == pytest.approx(stage.support[:, 1])
-    assert not said(capsys, "animate", str(EXAMPLES / "kapitza.toml"), "--duration", "0.2", "--seconds", "0.2",
+    assert not said(capsys, "animate", "kapitza", "--duration", "0.2", "--seconds", "0.2",
                     "-o", str(tmp_path / "a.html")).startswith("multipendula")  # fmt: skip
     assert (tmp_path / "a.html").stat().st_size > 1000

@@ -51,8 +51,7 @@ from nonlinear.ensembles.attractors import clustered
 from nonlinear.ensembles.strobes import repetition, strobe_times
 from nonlinear.plotting import basins_figure, bifurcation_figure, strobes_figure
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
-DRIVEN, SHAKEN = (load(EXAMPLES / f"{name}_pendulum.toml") for name in ("driven", "shaken"))
+DRIVEN, SHAKEN = load("driven-pendulum"), load("shaken-pendulum")
 ANGLE, RATE = (f"pendulum[0].start.{name}[0]" for name in ("angles_deg", "rates_deg"))
 QUICK = "numba" if find_spec("numba") else "numpy"
 PUSH = "pendulum[0].links[0]"
@@ -419,7 +418,7 @@ def test_nothing_is_wrong_with_pictures(name: str) -> None:
 
 
 def test_the_commands_write_what_they_show(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    path, picture, table = str(EXAMPLES / "driven_pendulum.toml"), tmp_path / "one.png", tmp_path / "one.csv"
+    path, picture, table = "driven-pendulum", tmp_path / "one.png", tmp_path / "one.csv"
     strobed = ["--phase-deg", "90", "--settle", "5", "--workers", "1"]
     words = ["section", path, "--members", "2", "--spread", "3", "--seed", "4", "--duration", "8", *strobed]
     assert main([*words, "-o", str(picture)]) == 0
@@ -451,5 +450,5 @@ def test_the_commands_write_what_they_show(capsys: pytest.CaptureFixture[str], t
     ],
 )
 def test_options_that_do_not_fit_are_named(words: str, message: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(words.replace("driven", str(EXAMPLES / "driven_pendulum.toml")).split()) == 2
+    assert main(words.replace("driven", "driven-pendulum").split()) == 2
     assert message in " ".join(capsys.readouterr().err.split())

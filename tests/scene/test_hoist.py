@@ -158,7 +158,7 @@ def test_only_bobs_are_hoisted_and_not_with_damping_ratios() -> None:
 
 
 def test_the_example_is_the_shipped_scene_and_the_table_says_what_it_shows() -> None:
-    example = load(Path(__file__).parents[2] / "examples" / "hoisting_crane.toml")
+    example = load("hoisting-crane")
     assert example == load("hoisting-crane")
     modes, still = natural_modes(example), natural_modes(load("crane-hook"))
     assert any("hoist" in note for note in modes.notes)

@@ -114,7 +114,7 @@ def test_a_device_is_no_record() -> None:
 
 
 def test_linear_results_are_those_at_rest() -> None:
-    moved = load(ROOT / "examples" / "suspension.toml")
+    moved = load("damped-suspension")
     assert natural_modes(moved).omega == pytest.approx(natural_modes(moved.still).omega, rel=0)
     assert pytest.approx(matrices(moved.still).K) == matrices(moved).K
     assert any("support's motion is omitted" in note for note in natural_modes(moved).notes)
@@ -122,15 +122,15 @@ def test_linear_results_are_those_at_rest() -> None:
 
 
 def test_numbers_of_a_motion_are_varied() -> None:
-    kapitza = load(ROOT / "examples" / "kapitza.toml")
+    kapitza = load("kapitza")
     assert motion_of(vary(kapitza, {"support.motion.frequency_hz": 50.0})).frequency_hz == 50.0  # type: ignore[attr-defined]
 
 
 def test_the_examples_are_whole_and_the_schema_knows_them() -> None:
-    for name in ("suspension", "kapitza"):
-        assert load(ROOT / "examples" / f"{name}.toml").is_moved
-    assert len(read_record(ROOT / "examples" / "quake.csv")["time_s"]) > 500
-    assert read_spectrum(ROOT / "examples" / "ground.csv").of == "displacement"
+    for name in ("damped-suspension", "kapitza"):
+        assert load(name).is_moved
+    assert len(read_record("quake.csv")["time_s"]) > 500
+    assert read_spectrum("ground.csv").of == "displacement"
     parts = schema()["$defs"]
     assert {"Moved", "RecordMotion", "RandomMotion"} <= parts.keys()
     assert {"type": "string"} in parts["RandomMotion"]["properties"]["psd"]["anyOf"]

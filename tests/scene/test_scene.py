@@ -186,6 +186,7 @@ def test_scenes_are_immutable_and_hashable() -> None:
 
 def test_every_promised_scene_is_shipped() -> None:
     promised = {*(f"paper-cart-{n}" for n in (1, 2, 3)), *(f"chain-{n}" for n in range(1, 6))}
+    promised |= {"damped-suspension", "driven-pendulum", "kapitza", "measured-swing", "shaken-pendulum"}
     promised |= {"beam", "ship-crane", "suspension", "tower", "two-bobs", "two-swings"}
     promised |= {
         "cart-upright",

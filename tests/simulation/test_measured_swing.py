@@ -16,7 +16,7 @@ COUNT = 2 * np.pi / 40_000
 
 def test_the_example_follows_the_arm_and_stops_when_it_did() -> None:
     times, measured = np.loadtxt(ROOT / "notebooks/data/single_pendulum_free_swing.csv", delimiter=",", skiprows=1).T
-    run = simulate(load(ROOT / "examples/measured_swing.toml"), 14.0, output=times, tolerance=1e-8)
+    run = simulate(load("measured-swing"), 14.0, output=times, tolerance=1e-8)
     off = run.motion.links[:, 1] - measured
     assert np.sqrt(np.mean(off**2)) < 4e-4
     stopped = times[np.flatnonzero(np.abs(measured - measured[-1]) > 3 * COUNT)[-1]]
