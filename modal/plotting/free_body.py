@@ -36,6 +36,8 @@ from modal.scene.free_body import normal
 
 COLUMNS = 3
 """Format: diagrams in a row."""
+LINE_CM = 11.2
+"""Format: width of two diagrams of TikZ, which the text of the article class has room for."""
 
 # ------------------------------------------------------------------------------------------------------- the door
 
@@ -78,7 +80,7 @@ def plot_free_body(scene: Scene, *, letters: str = "own", parts: str = "") -> Fi
 
 
 def free_body_tikz(scene: Scene, letters: str = "own", parts: str = "") -> str:
-    r"""The same diagrams as a TikZ picture, for a document of LaTeX that has the package tikz.
+    r"""The same diagrams as a TikZ picture, as wide as a line of LaTeX's article, for a document with the package tikz.
 
     >>> from modal import load
     >>> print(free_body_tikz(load("chain-2")).splitlines()[0])
@@ -89,16 +91,18 @@ def free_body_tikz(scene: Scene, letters: str = "own", parts: str = "") -> str:
     with theme("light"):
         hues = {look: _hue(look).removeprefix("#").upper() for look in LOOKS}
     lines = [rf"\definecolor{{fb{look}}}{{HTML}}{{{hue}}}" for look, hue in hues.items()]
-    lines.append(r"\begin{tikzpicture}[x=2.2cm, y=2.2cm, line cap=round, >=stealth]")
-    for k, row in enumerate(_rows(pictures)):
+    unit = LINE_CM / (2 * (RIGHT_EDGE - LEFT_EDGE))
+    style = rf"x={unit:.3f}cm, y={unit:.3f}cm, line cap=round, >=stealth, font=\footnotesize"
+    lines.append(rf"\begin{{tikzpicture}}[{style}]")
+    for k, row in enumerate(_rows(pictures, 2)):
         at = 0
         for diagram in row:
             shift = (
                 at * (RIGHT_EDGE - LEFT_EDGE) + (diagram.columns - 1) * (RIGHT_EDGE - LEFT_EDGE) / 2,
-                -k * (2 * HIGH + 0.2),
+                -k * (2 * HIGH + 0.5),
             )
             lines.append(rf"\begin{{scope}}[shift={{({shift[0]:.3f},{shift[1]:.3f})}}]")
-            lines.append(rf"\node[right] at ({LEFT_EDGE:.3f},{HIGH:.3f}) {{{diagram.title}}};")
+            lines.append(rf"\node[right] at ({LEFT_EDGE:.3f},{HIGH + 0.2:.3f}) {{{diagram.title}}};")
             lines += [_tikz(stroke) for stroke in diagram.strokes]
             lines += [
                 rf"\node[{_ANCHORS[lettering.side]}inner sep=1pt, text=fb{lettering.look}] "
@@ -125,13 +129,13 @@ def _caption_words(bodies: FreeBodies) -> str:
     return words
 
 
-def _rows(pictures: Sequence[Diagram]) -> list[list[Diagram]]:
-    """Diagrams in rows of COLUMNS; the links of a pendulum begin a row where they fit into one."""
+def _rows(pictures: Sequence[Diagram], columns: int = COLUMNS) -> list[list[Diagram]]:
+    """Diagrams in rows of so many columns; the links of a pendulum begin a row where they fit into one."""
     several = sum(diagram.title.startswith("pendulum") for diagram in pictures) > 1
     rows: list[list[Diagram]] = [[]]
     for diagram in pictures:
         begins = several and diagram.title.startswith("pendulum")
-        if rows[-1] and (begins or sum(neighbour.columns for neighbour in rows[-1]) + diagram.columns > COLUMNS):
+        if rows[-1] and (begins or sum(neighbour.columns for neighbour in rows[-1]) + diagram.columns > columns):
             rows.append([])
         rows[-1].append(diagram)
     return rows

@@ -25,7 +25,7 @@ from modal.symbolic.carriers import ORIGIN, STILL, Chain
 from modal.symbolic.papers import equal
 from modal.symbolic.roots import MOST_FACTORED, Kind, Root, of_kinds, polynomial_roots
 from modal.symbolic.structures import SymbolicStructure
-from modal.symbolic.typesetting import Conjugates, Line, Section
+from modal.symbolic.typesetting import Conjugates, Line, PlusMinus, Section
 from modal.types import EPS
 
 MOST_READABLE = 60
@@ -33,6 +33,7 @@ MOST_READABLE = 60
 MOST_IN_SYMBOLS = 5
 """Limit: links or coordinates with symbols of their own of which a polynomial is written; said beyond."""
 WIDTH = Fraction(1, 10**21)
+RECIPROCAL = "−1/ω²"
 
 
 class EigenPolynomial(NamedTuple):
@@ -175,7 +176,20 @@ def polynomial_section(system: SymbolicStructure, scene: Scene | None) -> Sectio
     polynomials = eigen_polynomials(system, scene)
     if isinstance(polynomials, str):
         return Section("Eigen-polynomial", [Line(polynomials)])
-    return Section("Eigen-polynomial", [line for eigen in polynomials for line in _polynomial_lines(eigen)])
+    lines = [line for eigen in polynomials for line in _polynomial_lines(eigen)]
+    return Section("Eigen-polynomial", _with_place_along(system, lines))
+
+
+def _with_place_along(system: SymbolicStructure, lines: list[Line]) -> list[Line]:
+    """The lines with λ for ω² where x is a place along the rail, without the reciprocal form, which has that letter."""
+    if not any(str(c.q).partition("_")[0] == "x" for c in system.coordinates):
+        return lines
+    letters = {sp.Symbol("x"): sp.Symbol("lambda")}
+    return [
+        Line(words.replace("$x = ω²", "$λ = ω²"), formula if formula is None else formula.xreplace(letters))
+        for words, formula in lines
+        if RECIPROCAL not in words
+    ]
 
 
 def _polynomial_lines(eigen: EigenPolynomial) -> Iterator[Line]:
@@ -185,12 +199,12 @@ def _polynomial_lines(eigen: EigenPolynomial) -> Iterator[Line]:
         words = f"{name}$det(s² M + s D + K)$" if has_dampers else f"{name}in $x = ω²$"
         yield Line(words, equal(_without_content(eigen.polynomial), 0))
         if not has_dampers:
-            yield Line(f"{name}in $λ = −1/ω²$", equal(_reciprocal_form(eigen.polynomial), 0))
+            yield Line(f"{name}in $λ = {RECIPROCAL}$", equal(_reciprocal_form(eigen.polynomial), 0))
         return
     unit = "l/g" if eigen.polynomial.unit == "g/l" else "(rad²/s²)"
     yield Line(f"{name}in $x = ω² {unit}$", equal(expression(eigen.polynomial), 0))
     if eigen.polynomial.coefficients[-1]:
-        words = "in $λ = −g/(l ω²)$, as paper 001 has it" if unit == "l/g" else "in $λ = −1/ω² (s²)$"
+        words = "in $λ = −g/(l ω²)$, as paper 001 has it" if unit == "l/g" else f"in $λ = {RECIPROCAL} (s²)$"
         yield Line(name + words, equal(expression(eigen.polynomial.in_lambda()), 0))
 
 
@@ -223,7 +237,7 @@ def modes_section(system: SymbolicStructure, scene: Scene | None) -> Section:
     all_modes = [mode for eigen in polynomials for mode in _modes_of(eigen)]
     computed_modes = [mode for mode in all_modes if isinstance(mode, ComputedMode)]
     lines = _number_modes(computed_modes) if len(computed_modes) == len(all_modes) else map(_mode_line, all_modes)
-    return Section("Modes", [*lines, *_remarks(system, polynomials)])
+    return Section("Modes", _with_place_along(system, [*lines, *_remarks(system, polynomials)]))
 
 
 class ComputedMode(NamedTuple):
@@ -281,18 +295,23 @@ def _in_symbols(eigen: EigenPolynomial) -> Iterator[Line]:
         if polynomial.degree() >= 3:  # whose closed forms nobody reads
             yield Line(f"{_heading_words(eigen)}degree {polynomial.degree()}: no useful closed form; use numbers")
             continue
-        for square in _roots(polynomial):
-            simple = min(sp.simplify(square), sp.factor_terms(square), key=sp.count_ops)
-            if simple.is_negative:
-                yield Line(f"{_heading_words(eigen)}{times}growth rate $σ$", equal(sp.Symbol("sigma") ** 2, -simple))
-            else:
-                yield Line(f"{_heading_words(eigen)}{times}natural frequency", equal(omega**2, simple))
+        if polynomial.degree() == 2:
+            yield Line(
+                f"{_heading_words(eigen)}{times}natural frequencies", equal(omega**2, _pair_of_roots(polynomial))
+            )
+            continue
+        (square,) = sp.roots(polynomial)
+        simple = min(sp.simplify(square), sp.factor_terms(square), key=sp.count_ops)
+        if sp.factor_terms(sp.numer(simple)).is_Add:
+            simple = sp.expand(simple)
+        if simple.is_negative:
+            yield Line(f"{_heading_words(eigen)}{times}growth rate $σ$", equal(sp.Symbol("sigma") ** 2, -simple))
+        else:
+            yield Line(f"{_heading_words(eigen)}{times}natural frequency", equal(omega**2, simple))
 
 
-def _roots(polynomial: Any) -> list[Any]:
-    """Roots of degree 1 or 2, with the discriminant as a product where that is shorter than the sum it expands to."""
-    if polynomial.degree() < 2:
-        return list(sp.roots(polynomial))
+def _pair_of_roots(polynomial: Any) -> Any:
+    """Both roots of degree 2, with the discriminant as a product where that is shorter than the sum it expands to."""
     a, b, c = map(sp.factor, polynomial.all_coeffs())
     common_factor = sp.gcd(b**2, a * c)
     discriminant = sp.factor(sp.cancel(b**2 / common_factor)) - 4 * sp.factor(sp.cancel(a * c / common_factor))
@@ -301,7 +320,9 @@ def _roots(polynomial: Any) -> list[Any]:
         sp.sqrt(sp.factor(common_factor)) * sp.sqrt(discriminant),
         key=sp.count_ops,
     )
-    return [(-b - root) / (2 * a), (-b + root) / (2 * a)]
+    outside, inside = root.as_independent(sp.Pow, as_Add=False) if root.is_Mul else (sp.S.One, root)
+    middle, half = sp.factor(-b / (2 * a)), sp.factor(outside / (2 * a))
+    return PlusMinus(middle, half * inside)
 
 
 def _damped_roots(eigen: EigenPolynomial) -> Iterator[ComputedMode | Line]:

@@ -25,6 +25,8 @@ from modal.scene.laws import JointPart
 from modal.scene.points import CarrierEnd, End, LinkEnd
 from modal.symbolic.carriers import Chain, Coordinate, SymbolicCarrier, coordinate, time_derivative
 from modal.symbolic.laws import dissipation_of, potential_of
+from modal.symbolic.papers import equal
+from modal.symbolic.typesetting import in_display
 
 Place = tuple[Any, ...]
 """Along the rail and down; in space also across."""
@@ -99,6 +101,11 @@ class SymbolicStructure(Displayed):
         facts = [("supports", supports), ("pendula", str(len(self.chains))), ("springs", str(len(self.spring_entries)))]
         return Summary(f"{self.title}, {count} in symbols", facts)
 
+    def _repr_latex_(self) -> str:
+        """M, K and D of the linearized motion."""
+        names = [(name, part) for name, part in zip("MKD", self.matrices(), strict=True) if name != "D" or any(part)]
+        return "\n".join(in_display(equal(sp.Symbol(name), part)) for name, part in names)
+
     # -------------------------------------------------------------------------------------------------- coordinates
 
     @cached_property
@@ -138,8 +145,9 @@ class SymbolicStructure(Displayed):
         """The symbols of its numbers."""
         values = [self.gravity, *(v for chain in self.chains for row in chain for v in row)]
         values += [v for carrier in self.carriers for v in carrier.symbols()]
-        values += [v for spring in self.springs for v in (spring.stiffness, spring.damping)]
-        return {name for value in values for name in sp.sympify(value).free_symbols}
+        values += [v for spring in self.springs for v in (*spring.between, spring.stiffness, spring.damping)]
+        names = {name for value in values for name in sp.sympify(value).free_symbols}
+        return names - {c.q for c in self.coordinates}
 
     def _of_chain(self, p: int) -> list[Coordinate]:
         return [angle for angle, (chain, _) in zip(self.angles, self.links, strict=True) if chain == p]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from fractions import Fraction
 from typing import Any
 
 import sympy as sp
@@ -12,13 +13,16 @@ from modal.errors import SceneError
 from modal.exact import exact, exact_links
 from modal.scene import ModalSupport, Pendulum, Scene, require, title_of
 from modal.scene.laws import JointPart
-from modal.scene.points import CarrierEnd, End, hanging_points, joined_points
+from modal.scene.points import CarrierEnd, End, LinkEnd, hanging_points, joined_points
 from modal.scene.supports import Fixed
 from modal.scene.validation import Part
 from modal.symbolic.carriers import LETTERS, ORIGIN, STILL, Chain, SymbolicCarrier
 from modal.symbolic.structures import JoinedSpring, SymbolicStructure
 
-SYMBOLIC = ("masses", "lengths", "gravity", "cart", "supports", "springs")
+QUANTITIES = ("masses", "lengths", "gravity", "cart", "supports", "springs")
+EQUAL = "equal"
+"""All quantities as symbols, those that are equal in the file sharing one: as a textbook writes a scene."""
+SYMBOLIC = (*QUANTITIES, EQUAL)
 MOST_LINKS = 1000
 """Limit: links of a scene in exact numbers, refused beyond."""
 
@@ -51,23 +55,59 @@ def _links(n: int, kind: str, symbolic: tuple[str, ...], sigma: tuple[int, ...])
     return Chain(mass, length, centre, inertia, none, none, sigma or (1,) * n)
 
 
+class Letters:
+    """Names the numbers of a scene: each by its place, or with EQUAL by a letter for all that are equal.
+
+    A letter has no number where one value alone has it, which is known when every value has been named once.
+    """
+
+    def __init__(self, symbolic: tuple[str, ...]) -> None:
+        self.are_shared = EQUAL in symbolic
+        self.quantities = QUANTITIES if self.are_shared else symbolic
+        self.values: dict[Any, Any] = {}
+        self._of_letter: dict[str, list[Any]] = {}
+
+    def __contains__(self, quantity: str) -> bool:
+        return quantity in self.quantities
+
+    def __call__(self, letter: str, value: Any, place: str = "") -> Any:
+        """The symbol of a number, which without sharing is named by its `place`."""
+        if not self.are_shared:
+            return symbol(place)
+        values = self._of_letter.setdefault(letter, [])
+        if value not in values:
+            values.append(value)
+        name = symbol(letter if len(values) == 1 else f"{letter}_{values.index(value) + 1}")
+        self.values[name] = value
+        return name
+
+
 def symbolic_structure(scene: Scene, symbolic: tuple[str, ...] = ()) -> SymbolicStructure:
     """A scene with its decimals as exact fractions, or as symbols for the quantities in `symbolic` (of SYMBOLIC).
 
-    Copies of a pendulum share their symbols; those of several pendula begin with the number of the first copy.  Raises
-    SceneError above MOST_LINKS links, and for what no derivation takes.
+    Copies of a pendulum share their symbols; those of several pendula begin with the number of the first copy.  With
+    "equal" all quantities are symbols, and numbers that are equal in the file share one; places of supports stay.
+    Raises SceneError above MOST_LINKS links, and for what no derivation takes.
     """
     require(scene, "a derivation")
     scene = scene.still
     if scene.n_links > MOST_LINKS:
         raise SceneError([f"the scene has {scene.n_links} links: at most {MOST_LINKS} are written in exact numbers"])
-    gravity = symbol("g") if "gravity" in symbolic else rational(scene.gravity)
+    letters = Letters(symbolic)
+    if letters.are_shared:
+        structure_with(scene, letters)
+    return structure_with(scene, letters)
+
+
+def structure_with(scene: Scene, letters: Letters) -> SymbolicStructure:
+    """The structure of a scene at rest, its numbers named by `letters`."""
+    gravity = symbol("g") if "gravity" in letters else rational(scene.gravity)
     is_single_cart = [support.kind for support in scene.supports] == ["cart"]
     entries = zip(scene.supports, scene.support_names, strict=True)
-    carriers = tuple(_carrier(support, name, () if is_single_cart else (name,), symbolic) for support, name in entries)
+    carriers = tuple(_carrier(support, name, () if is_single_cart else (name,), letters) for support, name in entries)
     pivot_ends = tuple(map(_exact, hanging_points(scene)))
-    spring_entries = tuple(_joining_spring(scene, entry, ends, symbolic) for entry, ends in joined_points(scene))
-    chains, in_space = chains_of(scene, symbolic), scene.space == "space"
+    chains, in_space = _chains_of(scene, letters), scene.space == "space"
+    spring_entries = tuple(_joining_spring(scene, entry, ends, letters, chains) for entry, ends in joined_points(scene))
     laws = _laws_of(scene) if "law" in scene.features else ()
     return SymbolicStructure(title_of(scene), gravity, carriers, chains, pivot_ends, spring_entries, in_space, laws)
 
@@ -85,7 +125,7 @@ def _laws_of(scene: Scene) -> tuple[tuple[tuple[JointPart, ...], ...], ...]:
     return tuple(laws for laws, pendulum in zip(chains, scene.pendulum, strict=True) for _ in range(pendulum.count))
 
 
-def _carrier(support: Any, name: str, index: tuple[str, ...], symbolic: tuple[str, ...]) -> SymbolicCarrier:
+def _carrier(support: Any, name: str, index: tuple[str, ...], letters: Letters) -> SymbolicCarrier:
     position = _rationals(support.position)
     if isinstance(support, Fixed):
         return SymbolicCarrier("fixed", name, index, position, sp.zeros(0), sp.zeros(0), ())
@@ -95,13 +135,12 @@ def _carrier(support: Any, name: str, index: tuple[str, ...], symbolic: tuple[st
         return SymbolicCarrier("modal", name, index, position, K, D, (True,) * M.rows, masses=M, points=points)
 
     def number(letter: str, value: float, *way: str) -> Any:
-        is_cart_mass = "cart" in symbolic and (support.kind, letter) == ("cart", "m")
+        is_cart_mass = "cart" in letters and (support.kind, letter) == ("cart", "m")
+        if not (is_cart_mass or (value and "supports" in letters)):
+            return rational(value)
         index_name = name if index or support.kind != "cart" else "c"
-        return (
-            symbol("_".join((letter, index_name, *way)))
-            if is_cart_mass or (value and "supports" in symbolic)
-            else rational(value)
-        )
+        family = "_".join((letter, "c" if support.kind == "cart" else "s", *way))
+        return letters(family, value, "_".join((letter, index_name, *way)))
 
     def diagonal(letter: str, values: float | Part) -> Any:
         if isinstance(values, Part):
@@ -142,35 +181,50 @@ def _exact_part(part: Any) -> Any:
     return _rationals(part) if isinstance(part, tuple) else rational(part) if isinstance(part, float) else part
 
 
-def _joining_spring(scene: Scene, entry: int, ends: tuple[End, End], symbolic: tuple[str, ...]) -> JoinedSpring:
+def _joining_spring(
+    scene: Scene, entry: int, ends: tuple[End, End], letters: Letters, chains: tuple[Chain, ...]
+) -> JoinedSpring:
     """A spring of an entry, whose symbols those of copies share."""
     spring = scene.spring[entry]
     numbers = [
-        symbol(f"{letter}_{entry + 1}") if value and "springs" in symbolic else rational(value)
+        letters(letter, value, f"{letter}_{entry + 1}") if value and "springs" in letters else rational(value)
         for letter, value in (("k", spring.stiffness), ("d", spring.damping))
     ]
-    return JoinedSpring((_exact(ends[0]), _exact(ends[1])), spring.kind == "torsion", *numbers)
+    first, second = (_end(end, letters, chains) for end in ends)
+    return JoinedSpring((first, second), spring.kind == "torsion", *numbers)
 
 
-def chains_of(scene: Scene, symbolic: tuple[str, ...]) -> tuple[Chain, ...]:
+def _end(end: End, letters: Letters, chains: tuple[Chain, ...]) -> End:
+    """An end in exact numbers; with shared letters at its link's length, or at a distance from its joint."""
+    end = _exact(end)
+    if not (letters.are_shared and isinstance(end, LinkEnd) and end.below):
+        return end
+    length = [value for chain in chains for value in chain.length][end.link]
+    return end._replace(below=length if end.below == letters.values[length] else letters("a", end.below))
+
+
+def _chains_of(scene: Scene, letters: Letters) -> tuple[Chain, ...]:
     """The chains of a scene, a pendulum's copies one after another."""
     chains: list[Chain] = []
     for pendulum in scene.pendulum:
         prefix = f"{len(chains) + 1}_" if len(scene.pendulum) > 1 else ""
-        chains += [_chain_of(pendulum, prefix, symbolic)] * pendulum.count
+        chains += [_chain_of(pendulum, prefix, letters)] * pendulum.count
     return tuple(chains)
 
 
-def _chain_of(pendulum: Pendulum, prefix: str, symbolic: tuple[str, ...]) -> Chain:
+def _chain_of(pendulum: Pendulum, prefix: str, letters: Letters) -> Chain:
     links = [link for link in pendulum.links for _ in range(link.count)]
     mass, length, centre, inertia, _, sigma = map(list, zip(*exact_links(pendulum), strict=True))
     for i, link in enumerate(links):
-        if "masses" in symbolic:
-            mass[i] = symbol(f"m_{prefix}{i + 1}")
-        if "lengths" in symbolic:
-            length[i] = symbol(f"l_{prefix}{i + 1}")
+        if "masses" in letters:
+            mass[i] = letters("m", mass[i], f"m_{prefix}{i + 1}")
+        if "lengths" in letters:
+            length[i] = letters("l", length[i], f"l_{prefix}{i + 1}")
         centre[i], inertia[i] = link.proportions(mass[i], length[i], exact)
     damping, stiffness = ([exact(getattr(link, name)) for link in links] for name in ("damping", "stiffness"))
+    if letters.are_shared:
+        for letter, values in (("c", centre), ("I", inertia), ("d_j", damping), ("k_j", stiffness)):
+            values[:] = [letters(letter, v) if isinstance(v, Fraction) and v else v for v in values]
     columns = (mass, length, centre, inertia, damping, stiffness, map(int, sigma))
     return Chain(*(tuple(map(sp.sympify, values)) for values in columns))
 

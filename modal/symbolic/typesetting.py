@@ -17,6 +17,8 @@ from sys import float_info
 from typing import Any, NamedTuple
 
 import sympy as sp
+from sympy.printing.latex import LatexPrinter
+from sympy.printing.str import StrPrinter
 
 from modal.report import LETTERS, breadth, fits, latex, markdown, visible
 
@@ -187,10 +189,46 @@ class Section(NamedTuple):
     title: str
     lines: list[Line]
 
+    def _repr_latex_(self) -> str:
+        blocks = [_inline(self.title)]
+        for words, formula in self.lines:
+            blocks.append(_sentence(_inline(words)) + ("." if formula is None else f": {in_display(formula)}"))
+        return "\n\n".join(blocks)
+
 
 def typeset(title: str, sections: Iterable[Section], form: str) -> str:
     """The document; `form` is text, latex or markdown."""
     return _WRITERS[form](title, list(sections))
+
+
+FACTORS = "mIkdglLac"
+"""Letters in the order of a product as books write it: m g l, k a²."""
+_RANKED = re.compile(r"\b[A-J]0(?=[a-zA-Z])")
+
+
+def _by_rank(formula: Any) -> dict[Any, Any]:
+    """Every symbol of FACTORS with a name by which SymPy sorts it there, before all others."""
+    ranks = {name: FACTORS.find(name.name[:1]) for name in formula.free_symbols if len(name.name.split("_")[0]) == 1}
+    return {
+        name: sp.Symbol(f"{'ABCDEFGHIJ'[rank]}0{name.name}", positive=True) for name, rank in ranks.items() if rank >= 0
+    }
+
+
+class _PositiveFirst:
+    """A sum begins with a term without a minus sign, where it has one."""
+
+    def _as_ordered_terms(self, sum_of_terms: Any, order: Any = None) -> list[Any]:
+        terms: list[Any] = super()._as_ordered_terms(sum_of_terms, order)  # type: ignore[misc]
+        first = next((term for term in terms if not term.could_extract_minus_sign()), terms[0])
+        return [first, *(term for term in terms if term is not first)]
+
+
+class _TextPrinter(_PositiveFirst, StrPrinter):  # type: ignore[misc]
+    pass
+
+
+class _LatexPrinter(_PositiveFirst, LatexPrinter):  # type: ignore[misc]
+    pass
 
 
 def plain(formula: Any) -> str:
@@ -199,8 +237,8 @@ def plain(formula: Any) -> str:
         return f"{plain(formula.lhs)} = {plain(formula.rhs)}"
     if isinstance(formula, sp.MatrixBase):
         return _grid(formula)
-    text = _NAME.sub(_symbol, sp.sstr(formula))
-    return text.replace("**", "^").replace("*", " ")
+    text = _RANKED.sub("", _TextPrinter().doprint(formula.xreplace(_by_rank(formula))))
+    return _NAME.sub(_symbol, text).replace("**", "^").replace("*", " ")
 
 
 def _symbol(match: re.Match[str]) -> str:
@@ -233,6 +271,20 @@ class Conjugates(sp.Function):  # type: ignore[misc]
     def _latex(self, printer: Any) -> str:
         real, imaginary = map(printer.doprint, self.args)
         return rf"{real} \pm {imaginary}\, i"
+
+
+class PlusMinus(sp.Function):  # type: ignore[misc]
+    """Two roots, given by what they share and by how far each is from it."""
+
+    nargs = 2
+
+    def _sympystr(self, printer: Any) -> str:
+        middle, distance = map(printer.doprint, self.args)
+        return f"{middle} ± {distance}"
+
+    def _latex(self, printer: Any) -> str:
+        middle, distance = map(printer.doprint, self.args)
+        return rf"{middle} \pm {distance}"
 
 
 def in_latex(words: str) -> str:
@@ -292,9 +344,14 @@ def _markdown(title: str, sections: list[Section]) -> str:
         for words, formula in section.lines:
             blocks.append(_sentence(_inline(words)) + ("." if formula is None else ":"))
             if formula is not None:
-                body = _display(formula).replace(r"\begin{equation*}", "").replace(r"\end{equation*}", "")
-                blocks.append(f"$$\n{body.strip().replace('align*', 'aligned')}\n$$")
+                blocks.append(in_display(formula))
     return "\n\n".join(blocks) + "\n"
+
+
+def in_display(formula: Any) -> str:
+    """A displayed formula between double dollars, as Markdown and notebooks take it."""
+    body = _display(formula).replace(r"\begin{equation*}", "").replace(r"\end{equation*}", "")
+    return f"$$\n{body.strip().replace('align*', 'aligned')}\n$$"
 
 
 def _display(formula: Any) -> str:
@@ -333,13 +390,17 @@ def _with_mathematics(words: str) -> str:
 
 
 def _tex(formula: Any, **settings: Any) -> str:
+    if isinstance(formula, sp.Equality):
+        return f"{_tex(formula.lhs, **settings)} = {_tex(formula.rhs, **settings)}"
     names = {name: name_in_latex for name in formula.free_symbols if (name_in_latex := _by_name(name.name))}
     computed = (
         number for number in formula.atoms(sp.Float) if number._prec <= float_info.mant_dig
     )  # others are proved
     rounded_numbers = {number: sp.Float(number, DIGITS_SHOWN) for number in computed}
     settings = {"symbol_names": names, "mat_str": "bmatrix", "mat_delim": "", "inv_trig_style": "full", **settings}
-    return _with_commas(str(sp.latex(formula.xreplace(rounded_numbers), **settings)))
+    ranks = _by_rank(formula)
+    settings["symbol_names"] = names | {rank: names.get(name, sp.latex(name)) for name, rank in ranks.items()}
+    return _with_commas(str(_LatexPrinter(settings).doprint(formula.xreplace({**rounded_numbers, **ranks}))))
 
 
 def _by_name(name: str) -> str:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from modal.exact.enclosures import Enclosure
 
 SECTIONS = ("lagrangian", "equations", "matrices", "polynomial", "modes")
-SYMBOLS = ("masses", "lengths", "gravity", "cart", "supports", "springs")
+SYMBOLS = ("masses", "lengths", "gravity", "cart", "supports", "springs", "equal")
 ALONE = ("hamiltonian", "freebody")
 TARGETS = ("chain:", "cart:", "paper:000", "paper:001", "paper:002")
 TARGET = (
@@ -130,7 +130,11 @@ COMMANDS = (
         main=("--show", "--symbolic", "--equilibrium", "--format", "--output"),
         takes=(
             argument("target", "TARGET", TARGET, scenes((".toml",), TARGETS)),
-            option(f"--symbolic, one for each link, shared by copies: {','.join(SYMBOLS)}", completion=words(SYMBOLS)),
+            option(
+                f"--symbolic, one for each link, shared by copies: {','.join(SYMBOLS)}, the last for all "
+                "of them, with one symbol for numbers that are equal in the file",
+                completion=words(SYMBOLS),
+            ),
             option(
                 f"--show that are shown (default all): {','.join(SECTIONS)}; where they are named: {','.join(ALONE)}; "
                 "of a paper its equations, such as 4,12",
