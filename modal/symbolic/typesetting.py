@@ -24,7 +24,7 @@ from modal.report import LETTERS, breadth, fits, latex, markdown, visible
 
 LINE = 54.0
 """Format: letters on a line of the article class, 345 pt, with a margin for the error of the estimate."""
-SHORTEST_LINE = 0.55
+SHORTEST_LINE = 0.25
 """Format: fraction of a line that must be filled for a break at smaller depth to be preferred."""
 _TOKEN = re.compile(r"\\(?:begin|end)\{[a-z*]+\}|\\[a-zA-Z]+|\\.|.", re.DOTALL)
 _SIGNS = {"=": 3.2, "+": 2.4, "-": 2.4, r"\cdot": 1.6, ",": 0.8, "(": 0.8, ")": 0.8, "[": 0.6, "]": 0.6, "m": 1.7}
@@ -91,9 +91,9 @@ def _pieces(latex: str) -> Iterator[_Unbroken]:
     """The formula cut at all places where it may be broken; parentheses grow no more, so that lines may part them."""
     text, cost, depth, parentheses = "", 0.0, 0, 0
     for token in _TOKEN.findall(latex):
-        if depth == 0 and text.endswith(" ") and text.strip()[-1:] not in "+-=" and token not in UNPARTED:
+        if depth == 0 and text.endswith(" ") and text.strip()[-1:] not in "+-=" and text.strip()[-3:] != r"\pm" and token not in UNPARTED:
             yield _Unbroken(text, letters(text), cost)
-            text, cost = "", parentheses + (0.0 if token in "+-=" else COST_OF_FACTORS)
+            text, cost = "", parentheses + (0.0 if token in ("+", "-", "=", r"\pm") else COST_OF_FACTORS)
         if token in (r"\left", r"\right") and depth == 0:
             parentheses += 1 if token == r"\left" else -1
             text += r"\bigl" if token == r"\left" else r"\bigr"
