@@ -33,6 +33,7 @@ _SILENT = {r"\left", r"\right", r"\bigl", r"\bigr", r"\,", r"\displaystyle", " "
 _ACCENTS = {r"\dot", r"\ddot", r"\hat", r"\bar"}
 WIDTH_OF_SCRIPT = 0.75
 """Format: width of a letter in an index or exponent over that of one on the line."""
+SIGNS = ("+", "-", "=", r"\pm")
 UNPARTED = (r"\right", "}", "^", "_", " ", ",")
 """Tokens before which a line must not end."""
 COST_OF_FACTORS = 1.5
@@ -91,9 +92,10 @@ def _pieces(latex: str) -> Iterator[_Unbroken]:
     """The formula cut at all places where it may be broken; parentheses grow no more, so that lines may part them."""
     text, cost, depth, parentheses = "", 0.0, 0, 0
     for token in _TOKEN.findall(latex):
-        if depth == 0 and text.endswith(" ") and text.strip()[-1:] not in "+-=" and text.strip()[-3:] != r"\pm" and token not in UNPARTED:
+        is_behind_sign = not text.strip() or text.strip().endswith(SIGNS)
+        if depth == 0 and text.endswith(" ") and not is_behind_sign and token not in UNPARTED:
             yield _Unbroken(text, letters(text), cost)
-            text, cost = "", parentheses + (0.0 if token in ("+", "-", "=", r"\pm") else COST_OF_FACTORS)
+            text, cost = "", parentheses + (0.0 if token in SIGNS else COST_OF_FACTORS)
         if token in (r"\left", r"\right") and depth == 0:
             parentheses += 1 if token == r"\left" else -1
             text += r"\bigl" if token == r"\left" else r"\bigr"

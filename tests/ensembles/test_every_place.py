@@ -24,7 +24,7 @@ from nonlinear.simulation import request_of
 from nonlinear.system import Motion, State, apart, motion_of
 
 ROOT = Path(__file__).parents[2]
-FILES = [*(ROOT / "tests" / "combinations" / "scenes").glob("*.toml"), *(ROOT / "examples").glob("*.toml")]
+FILES = (ROOT / "tests" / "combinations" / "scenes").glob("*.toml")
 SCENES = {**{name: name for name in example_names()}, **{path.stem: str(path) for path in sorted(FILES)}}
 LONG = {"count_100", "rope", "thousand-pendula", "two-swings"}
 """Scenes of many links, each of whose numbers others have."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 from math import radians
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,7 +15,6 @@ from nonlinear.orbits import follow_cycles, follow_forced_orbits, nonlinear_mode
 from nonlinear.plotting import draw_orbits, orbits_figure
 
 PAIR = load("chain-2")
-EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
 def test_a_backbone_has_the_orbits_the_linear_frequency_and_the_kappa_curve() -> None:
@@ -49,7 +47,7 @@ def test_limit_cycles_are_drawn_along_their_number_and_written() -> None:
 
 
 def test_a_resonance_is_drawn_beside_its_linear_response_and_backbone() -> None:
-    scene = load(EXAMPLES / "shaken.toml")
+    scene = load("shaken-pendulum")
     branches = follow_forced_orbits(scene, parse_variations(["support.motion.frequency_hz=0.52:0.55:2"])[0])
     upper, lower = orbits_figure(scene, branches).axes
     assert lower.get_xlabel() == "frequency of the drive (Hz)"

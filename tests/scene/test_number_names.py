@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from seen import UNIT
@@ -16,8 +14,7 @@ from modal.plotting.style import theme
 from modal.scene import ConstantForce, example_names, number_label, number_unit, number_words
 from modal.scene.parameters import Variation, _numbers, with_numbers
 
-EXAMPLES = sorted(map(str, (Path(__file__).parents[2] / "examples").glob("*.toml")))
-SCENES = [*example_names(), *EXAMPLES]
+SCENES = example_names()
 
 
 @pytest.mark.parametrize(

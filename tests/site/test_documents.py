@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from itertools import count
 from pathlib import Path
-from shutil import copy
 
 import pytest
 from amounts import usually
@@ -36,10 +35,7 @@ PAGES = pages()
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A fresh folder, which is also home, with the scenes and records of the examples; what is timed runs once."""
-    for path in (ROOT / "examples").iterdir():
-        if path.suffix in {".toml", ".csv"}:
-            copy(path, tmp_path)
+    """A fresh folder, which is also home; what is timed runs once."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("HOME", str(tmp_path))
     monkeypatch.setattr(work_precision, "perf_counter", count().__next__)
