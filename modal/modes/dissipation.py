@@ -105,11 +105,11 @@ def _loss(modes: Modes, index: int, losses: Sequence[Dissipator], alike: bool) -
             mass = float((column.conj() @ modes.matrices.M @ column).real)
         columns.append(column / np.sqrt(mass))
     strength = np.array([lossy.stiffness * float(loss_at(lossy.loss, np.array(omega))) for lossy in losses])
-    elongation = _elongations(losses, np.array(columns))
+    elongation = elongations(losses, np.array(columns))
     return float(np.linalg.eigvalsh((elongation.conj() * strength) @ elongation.T)[-1] / omega**2)
 
 
-def _elongations(losses: Sequence[Dissipator], columns: Floats) -> Floats:
+def elongations(losses: Sequence[Dissipator], columns: Floats) -> Floats:
     """The rows of all losses times some shapes, (shapes, losses)."""
     owner = np.repeat(np.arange(len(losses)), [len(lossy.row) for lossy in losses])
     at = np.array([column for lossy in losses for column in lossy.row], dtype=np.int64)
