@@ -176,7 +176,7 @@ def shared_differences(
     return tuple(sum(slopes[1:], slopes[0]) for slopes in zip(*parts, strict=True))
 
 
-# ------------------------------------------------------------------------------------------------------ as they are printed
+# -------------------------------------------------------------------------------------------------- as they are printed
 
 
 def matrices_table(scene: Scene, dense: Matrices, form: str) -> str:

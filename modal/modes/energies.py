@@ -117,7 +117,7 @@ class ModeEnergies(Result):
 
     def _head(self, energy: str) -> list[EnergyShare]:
         rows = [row for row in self.rows if row.energy == energy]
-        if len(rows) > TABLE_ROWS:
+        if len(rows) > TABLE_ROWS and len({row.pendulum for row in rows if row.pendulum}) > 1:
             rows = _by_pendulum(rows)
         if len(rows) <= TABLE_ROWS:
             return rows
@@ -231,7 +231,9 @@ class _Parts:
         for part in stiffness:
             numbers = part.numbers.ravel().tolist()
             if part.kind == JOINT:
-                yield _Source(self._links(POTENTIAL, "joint spring", numbers), _squares_of(part))
+                stiff = np.flatnonzero(part.size)
+                links = [numbers[k] for k in stiff]
+                yield _Source(self._links(POTENTIAL, "joint spring", links), _squares_of(part, stiff))
             elif part.kind == SPRING:
                 yield _Source([self._number(POTENTIAL, "spring", self._spring(numbers[0]))], _squares_of(part))
             elif part.kind == WIRE and leans:
@@ -305,7 +307,8 @@ class _Parts:
                 whole = -(value * m + k / value).real
                 energies[self.modal], d = whole - d, whole
         terms = abs(value) ** 2 * m + abs(value * d) + np.abs(potential).sum()
-        is_balanced = abs(value**2 * m + value * d + k) <= EPS**0.25 * terms
+        # second order in the error of a shape, first order in that of its shares
+        is_balanced = abs(value**2 * m + value * d + k) <= EPS**0.5 * terms
         return energies / m if is_balanced else np.full(len(energies), np.nan)
 
 
@@ -313,8 +316,8 @@ def _negative(squares: Callable[[Any], Floats]) -> Callable[[Any], Floats]:
     return lambda phi: -squares(phi)
 
 
-def _squares_of(part: SquareRows) -> Callable[[Any], Floats]:
-    """The squares of a part for a shape, (N,); of a modal support, which has no rows, their sum."""
+def _squares_of(part: SquareRows, chosen: Any = slice(None)) -> Callable[[Any], Floats]:
+    """The squares of a part for a shape, (N,), or the chosen ones; of a modal support, without rows, their sum."""
     if part.row_source is None and part.total is not None:
         at, matrix = part.at[0], part.total[0]
         return lambda phi: np.array([np.vdot(phi[at], matrix @ phi[at]).real])
@@ -325,6 +328,6 @@ def _squares_of(part: SquareRows) -> Callable[[Any], Floats]:
         if rows is not None and part.moves is not None:
             moves = np.concatenate(((part.moves @ phi[part.columns])[:, None], moves), axis=1)
         z = moves if rows is None else (rows @ moves[..., None])[..., 0]
-        return np.ravel(part.size * np.abs(z) ** 2)
+        return np.ravel(part.size * np.abs(z) ** 2)[chosen]
 
     return squares

@@ -30,9 +30,8 @@ from modal.report import (
     markdown,
     one_line,
 )
-from modal.scene import Scene, describe, title_of
+from modal.scene import describe, title_of
 from modal.scene.doors import checked
-from modal.types import Floats
 
 if TYPE_CHECKING:
     from modal.modes.energies import ModeEnergies
