@@ -214,7 +214,6 @@ COMMANDS = (
             ("table rope --modes 1:5", "the first five modes of a rope of 1000 links"),
             ("table crane-hook --columns +cumulative --sensitivities", "what a change of each number does"),
             ("table tower --energies", "which link moves, which spring holds, which damper damps"),
-            ("table crane-hook --format latex -o crane.tex", "for a paper"),
             ("table paper-cart-2 --format json --shapes", "in full precision, with shapes and energy shares"),
         ),
     ),
