@@ -34,7 +34,7 @@ COMPILERS = ("cc", "gcc", "clang")
 CROSS_COMPILER = "x86_64-w64-mingw32-gcc"
 FLAGS = ("-std=c99", "-O2", "-shared", "-s")
 OF_LINUX = ("-fPIC", "-fvisibility=hidden")
-OF_WINDOWS = ("-static-libgcc", "-Wl,--no-insert-timestamp")
+OF_WINDOWS = ("-static-libgcc", "-Wl,-no-insert-timestamp")
 SOURCE = "linear_fmu.c"
 LINUX, WINDOWS = "binaries/linux64", "binaries/win64"
 LACKING = {

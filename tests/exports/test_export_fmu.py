@@ -199,9 +199,9 @@ def test_rates_and_their_derivatives_are_the_matrices(scene: str, tmp_path: Path
         unit.enterContinuousTimeMode()
         values = (ctypes.c_double * n)(*z)
         unit.setContinuousStates(values, n)
-        found = (ctypes.c_double * n)()
-        unit.getDerivatives(found, n)
-        assert_close(np.array(found), model.A @ z + model.B @ u, 1e-13)
+        rates_now = (ctypes.c_double * n)()
+        unit.getDerivatives(rates_now, n)
+        assert_close(np.array(rates_now), model.A @ z + model.B @ u, 1e-13)
         assert_close(np.array(unit.getReal(outputs)), model.C @ z + model.D @ u, 1e-13)
         change = np.eye(len(inputs) + n)
         by_all = [unit.getDirectionalDerivative([*rates, *outputs], [*inputs, *states], list(row)) for row in change]

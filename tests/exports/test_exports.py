@@ -228,8 +228,8 @@ def test_a_modelica_compiler_moves_the_block_as_control_does(scene: str, dt: flo
     z0 = np.eye(len(model.A))[0] * 0.1
     u = np.array([[0.3 * k] * 5 for k in range(1, len(model.inputs) + 1)])
     expected = control.forced_response(to_control(model), times, u, z0).outputs
-    found = np.array([columns["data"][f"unit.{word}"][last] for word in words.outputs])
-    assert np.abs(found - expected).max() < 1e-6 * np.abs(expected).max()
+    outputs = np.array([columns["data"][f"unit.{word}"][last] for word in words.outputs])
+    assert np.abs(outputs - expected).max() < 1e-6 * np.abs(expected).max()
 
 
 def shapes(model: StateSpace) -> list[tuple[str, str]]:
