@@ -55,19 +55,24 @@ SHARED = "Of modes that share their frequency, the mean of all."
 class EnergyShare(NamedTuple):
     """What a `part` of a scene has of an `energy` of each mode, in per cent (R,).
 
-    It is of this sort, and belongs to a link of a `pendulum`, counting copies from 1, or to none, 0.
+    It is of this sort, and belongs to a `link` of the scene, counting copies from 0, or to none, −1.
     """
 
     energy: str
     sort: str
     label: str
-    pendulum: int
+    link: int
     percent: Floats
 
     @property
     def part(self) -> str:
         """What has it."""
         return f"{self.sort} {self.label}".rstrip()
+
+    @property
+    def pendulum(self) -> str:
+        """The number of the pendulum that it belongs to."""
+        return self.label.partition("_")[0] if self.link >= 0 else ""
 
     @property
     def key(self) -> str:
@@ -121,10 +126,10 @@ class ModeEnergies(Result):
             rows = _by_pendulum(rows)
         if len(rows) <= TABLE_ROWS:
             return rows
-        sizes = [float(np.abs(np.nan_to_num(row.percent)).max().round(6)) for row in rows]
+        sizes = [float(np.abs(np.nan_to_num(row.percent)).max(initial=0).round(6)) for row in rows]
         largest = sorted(sorted(range(len(rows)), key=lambda k: -sizes[k])[: TABLE_ROWS - 1])
         rest = [row.percent for k, row in enumerate(rows) if k not in set(largest)]
-        return [*(rows[k] for k in largest), EnergyShare(energy, f"{len(rest)} others", "", 0, np.sum(rest, axis=0))]
+        return [*(rows[k] for k in largest), EnergyShare(energy, f"{len(rest)} others", "", -1, np.sum(rest, axis=0))]
 
 
 def _share_of(k: int) -> Callable[[EnergyShare], float]:
@@ -137,7 +142,7 @@ def _by_pendulum(rows: Sequence[EnergyShare]) -> list[EnergyShare]:
     for row in rows:
         sort, label = row.sort, row.label
         if row.pendulum:
-            sort, label = SUM_WORDS[sort], f"{row.pendulum}"
+            sort, label = SUM_WORDS[sort], row.pendulum
         before = sums.get((sort, label))
         percent = row.percent if before is None else before.percent + row.percent
         sums[sort, label] = row._replace(sort=sort, label=label, percent=percent)
@@ -160,13 +165,14 @@ def mode_energies(modes: Modes, indices: Sequence[int] | None = None) -> ModeEne
     parts = _Parts(modes)
     shares = np.array([parts.shares(index) for index in chosen]).reshape(len(chosen), len(parts.names))
     rows = [EnergyShare(*name, percent) for name, percent in zip(parts.names, shares.T, strict=True)]
-    rows.sort(key=lambda row: ENERGIES.index(row.energy))
+    sorts = list(dict.fromkeys(row.sort for row in rows))
+    rows.sort(key=lambda row: (ENERGIES.index(row.energy), sorts.index(row.sort), row.link))
     is_shared = bool((modes.multiplicity[chosen] > 1).any())
     return ModeEnergies(modes.scene, tuple(modes.number[chosen].tolist()), tuple(rows), is_shared)
 
 
 Name = tuple[str, str, str, int]
-"""The energy, sort, label and pendulum of a share."""
+"""The energy, sort, label and link of a share."""
 
 
 class _Source(NamedTuple):
@@ -191,15 +197,13 @@ class _Parts:
             *self._of_links(squares.inertia[of_carriers[0] :], squares.stiffness[of_carriers[1] :]),
         ]
         self.dampers = dissipators_of(scene.replace(damping_ratio=0.0))
-        places = [self._number(*self._damper(damper)) for damper in self.dampers]
-        self.damper_places, self.modal = places, None
-        if scene.has_modal_damping:
-            self.modal = self._number(DISSIPATED, "damping_ratio")
+        self.damper_places = [self._number(DISSIPATED, *self._damper(damper)) for damper in self.dampers]
+        self.modal = self._number(DISSIPATED, "damping_ratio") if scene.has_modal_damping else None
         self.names = list(self.numbers)
         self.energy = np.array([name[0] for name in self.names])
 
-    def _number(self, energy: str, sort: str, label: str = "", pendulum: int = 0) -> int:
-        return self.numbers.setdefault((energy, sort, label, pendulum), len(self.numbers))
+    def _number(self, energy: str, sort: str, label: str = "", link: int = -1) -> int:
+        return self.numbers.setdefault((energy, sort, label, link), len(self.numbers))
 
     def _of_carriers(self, inertia: list[SquareRows], stiffness: list[SquareRows]) -> Iterator[_Source]:
         """What is of the carriers themselves."""
@@ -207,11 +211,11 @@ class _Parts:
         for part in inertia:
             carrier = int(part.numbers[0, 0])
             if part.kind == SUPPORT:
-                carrier = bisect(structure.offsets, carrier) - 1
+                carrier = self._carrier(carrier)
             yield _Source([self._number(KINETIC, structure.carriers[carrier].name)], _squares_of(part))
         for part in stiffness:
             at = int(part.numbers[0, 0])
-            carrier = bisect(structure.offsets, at) - 1
+            carrier = self._carrier(at)
             body = structure.carriers[carrier]
             way = body.way(at - structure.offsets[carrier]) if part.row_source is not None else ""
             sort = "weight of" if part.kind == WEIGHT else "spring of"
@@ -235,32 +239,33 @@ class _Parts:
                 links = [numbers[k] for k in stiff]
                 yield _Source(self._links(POTENTIAL, "joint spring", links), _squares_of(part, stiff))
             elif part.kind == SPRING:
-                yield _Source([self._number(POTENTIAL, "spring", self._spring(numbers[0]))], _squares_of(part))
+                label = self.hanging.spring_rows[numbers[0]].label
+                yield _Source([self._number(POTENTIAL, "spring", label)], _squares_of(part))
             elif part.kind == WIRE and leans:
                 yield _Source([self._number(*forces)] * len(numbers), _squares_of(part))
+
+    def _carrier(self, coordinate: int) -> int:
+        return bisect(self.hanging.structure.offsets, coordinate) - 1
 
     def _links(self, energy: str, sort: str, links: Iterable[int]) -> list[int]:
         return [self._number(energy, sort, *self._label(link)) for link in links]
 
     def _label(self, link: int) -> tuple[str, int]:
-        """The name of a link as in `theta_1_2`, and its pendulum."""
+        """The name of a link as in `theta_1_2`, and the link."""
         pendulum = self.hanging.owner(link)
-        return f"{pendulum + 1}_{link - int(self.hanging.first[pendulum]) + 1}", pendulum + 1
-
-    def _spring(self, row: int) -> str:
-        return self.hanging.spring_rows[row].label
+        return f"{pendulum + 1}_{link - int(self.hanging.first[pendulum]) + 1}", link
 
     def _damper(self, damper: Dissipator) -> tuple[Any, ...]:
         """The name of a damper or a loss angle."""
         place, _, key = damper.place.rpartition(".")
         if damper.kind == SPRING:
-            return DISSIPATED, "loss of spring" if key == "loss" else "damper of spring", self._spring(damper.number)
+            label = self.hanging.spring_rows[damper.number].label
+            return "loss of spring" if key == "loss" else "damper of spring", label
         if damper.number >= 0:
-            return DISSIPATED, WHAT_LOSES[key], *self._label(damper.number)
-        at = min(damper.row)
-        carrier = bisect(self.hanging.structure.offsets, at) - 1
+            return WHAT_LOSES[key], *self._label(damper.number)
+        carrier = self._carrier(min(damper.row))
         way = key if place.endswith("damping") else ""
-        return DISSIPATED, "damper of", f"{self.hanging.structure.carriers[carrier].name} {way}".strip()
+        return "damper of", f"{self.hanging.structure.carriers[carrier].name} {way}".strip()
 
     def _weights(self, part: SquareRows) -> Callable[[Any], Floats]:
         """Twice what each weight rises with, by the angles above it and by its pivot."""
@@ -308,7 +313,7 @@ class _Parts:
                 energies[self.modal], d = whole - d, whole
         terms = abs(value) ** 2 * m + abs(value * d) + np.abs(potential).sum()
         # second order in the error of a shape, first order in that of its shares
-        is_balanced = abs(value**2 * m + value * d + k) <= EPS**0.5 * terms
+        is_balanced = bool(abs(value**2 * m + value * d + k) <= (EPS**0.5 + 4 * self.modes.error[index]) * terms)
         return energies / m if is_balanced else np.full(len(energies), np.nan)
 
 
@@ -328,6 +333,6 @@ def _squares_of(part: SquareRows, chosen: Any = slice(None)) -> Callable[[Any], 
         if rows is not None and part.moves is not None:
             moves = np.concatenate(((part.moves @ phi[part.columns])[:, None], moves), axis=1)
         z = moves if rows is None else (rows @ moves[..., None])[..., 0]
-        return np.ravel(part.size * np.abs(z) ** 2)[chosen]
+        return np.asarray(np.ravel(part.size * np.abs(z) ** 2)[chosen])
 
     return squares
