@@ -175,11 +175,9 @@ Name = tuple[str, str, str, int]
 """The energy, sort, label and link of a share."""
 
 
-class _Source(NamedTuple):
-    """Squares with the numbers (N,) of their names, and what they are for a shape (n,), in all (N,)."""
-
-    places: list[int]
-    squares: Callable[[Any], Floats]
+Squares = Callable[[Any], Floats]
+Source = tuple[list[int], Squares]
+"""Squares (N,) for a shape (n,), and the numbers (N,) of their names."""
 
 
 class _Parts:
@@ -205,44 +203,44 @@ class _Parts:
     def _number(self, energy: str, sort: str, label: str = "", link: int = -1) -> int:
         return self.numbers.setdefault((energy, sort, label, link), len(self.numbers))
 
-    def _of_carriers(self, inertia: list[SquareRows], stiffness: list[SquareRows]) -> Iterator[_Source]:
+    def _of_carriers(self, inertia: list[SquareRows], stiffness: list[SquareRows]) -> Iterator[Source]:
         """What is of the carriers themselves."""
         structure = self.hanging.structure
         for part in inertia:
             carrier = int(part.numbers[0, 0])
             if part.kind == SUPPORT:
                 carrier = self._carrier(carrier)
-            yield _Source([self._number(KINETIC, structure.carriers[carrier].name)], _squares_of(part))
+            yield [self._number(KINETIC, structure.carriers[carrier].name)], _squares_of(part)
         for part in stiffness:
             at = int(part.numbers[0, 0])
             carrier = self._carrier(at)
             body = structure.carriers[carrier]
             way = body.way(at - structure.offsets[carrier]) if part.row_source is not None else ""
             sort = "weight of" if part.kind == WEIGHT else "spring of"
-            yield _Source([self._number(POTENTIAL, sort, f"{body.name} {way}".strip())], _squares_of(part))
+            yield [self._number(POTENTIAL, sort, f"{body.name} {way}".strip())], _squares_of(part)
 
-    def _of_links(self, inertia: list[SquareRows], stiffness: list[SquareRows]) -> Iterator[_Source]:
+    def _of_links(self, inertia: list[SquareRows], stiffness: list[SquareRows]) -> Iterator[Source]:
         """What is of links and of springs between points."""
         leans, forces = self.modes.rig.leans, (POTENTIAL, "constant forces")
         for part in inertia:
             links = part.numbers.ravel().tolist()
-            yield _Source(self._links(KINETIC, "link", links), _squares_of(part))
+            yield self._links(KINETIC, "link", links), _squares_of(part)
         for part in (part for part in inertia if part.kind == ALONG):
             links, weights = part.numbers.ravel().tolist(), self._weights(part)
-            yield _Source(self._links(POTENTIAL, "weight of link", links), weights)
+            yield self._links(POTENTIAL, "weight of link", links), weights
             if leans:
-                yield _Source([self._number(*forces)] * len(links), _negative(weights))
+                yield [self._number(*forces)] * len(links), _negative(weights)
         for part in stiffness:
             numbers = part.numbers.ravel().tolist()
             if part.kind == JOINT:
                 stiff = np.flatnonzero(part.size)
                 links = [numbers[k] for k in stiff]
-                yield _Source(self._links(POTENTIAL, "joint spring", links), _squares_of(part, stiff))
+                yield self._links(POTENTIAL, "joint spring", links), _squares_of(part, stiff)
             elif part.kind == SPRING:
                 label = self.hanging.spring_rows[numbers[0]].label
-                yield _Source([self._number(POTENTIAL, "spring", label)], _squares_of(part))
+                yield [self._number(POTENTIAL, "spring", label)], _squares_of(part)
             elif part.kind == WIRE and leans:
-                yield _Source([self._number(*forces)] * len(numbers), _squares_of(part))
+                yield [self._number(*forces)] * len(numbers), _squares_of(part)
 
     def _carrier(self, coordinate: int) -> int:
         return bisect(self.hanging.structure.offsets, coordinate) - 1
@@ -267,7 +265,7 @@ class _Parts:
         way = key if place.endswith("damping") else ""
         return "damper of", f"{self.hanging.structure.carriers[carrier].name} {way}".strip()
 
-    def _weights(self, part: SquareRows) -> Callable[[Any], Floats]:
+    def _weights(self, part: SquareRows) -> Squares:
         """Twice what each weight rises with, by the angles above it and by its pivot."""
         arms = part.rows[..., -part.at.shape[1] :]
         pivots = [self.hanging.owner(link) for link in part.numbers[:, 0].tolist()]
@@ -317,11 +315,11 @@ class _Parts:
         return energies / m if is_balanced else np.full(len(energies), np.nan)
 
 
-def _negative(squares: Callable[[Any], Floats]) -> Callable[[Any], Floats]:
+def _negative(squares: Squares) -> Squares:
     return lambda phi: -squares(phi)
 
 
-def _squares_of(part: SquareRows, chosen: Any = slice(None)) -> Callable[[Any], Floats]:
+def _squares_of(part: SquareRows, chosen: Any = slice(None)) -> Squares:
     """The squares of a part for a shape, (N,), or the chosen ones; of a modal support, without rows, their sum."""
     if part.row_source is None and part.total is not None:
         at, matrix = part.at[0], part.total[0]
