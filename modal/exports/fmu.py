@@ -38,8 +38,8 @@ OF_WINDOWS = ("-static-libgcc", "-Wl,-no-insert-timestamp")
 SOURCE = "linear_fmu.c"
 LINUX, WINDOWS = "binaries/linux64", "binaries/win64"
 LACKING = {
-    LINUX: "64-bit Linux (no C compiler for it is found)",
-    WINDOWS: f"64-bit Windows ({CROSS_COMPILER} is not found)",
+    LINUX: f"64-bit Linux (which takes {', '.join(COMPILERS)} there)",
+    WINDOWS: f"64-bit Windows (which takes {CROSS_COMPILER})",
 }
 """What a note says of an FMU without the binaries of a folder."""
 COMPILATION_SECONDS = 120.0
