@@ -148,6 +148,7 @@ RAISES = {
         "pendulum[1].links[0].stiffness": spring("joint spring 2_1"),
         "spring[0].stiffness": spring("spring 1"),
         "support.stiffness.sway": spring("spring of platform sway"),
+        "support.stiffness.roll": spring("spring of platform roll"),
         "pendulum[0].links[0].mass": mass("1_1"),
         "pendulum[1].links[0].mass": mass("2_1"),
     },
