@@ -23,7 +23,7 @@ HOMES = {
     "modal.scene.links": ("Link",),
     "modal.scene.parameters": ("vary",),
     "modal.errors": ("ComputationError", "MissingExtraError", "MultipendulaError", "SceneError"),
-    "modal.modes": ("Mode", "Modes", "natural_frequencies", "natural_modes", "sensitivities"),
+    "modal.modes": ("Mode", "Modes", "mode_energies", "natural_frequencies", "natural_modes", "sensitivities"),
     "modal.statespace": ("StateSpace", "modal_gains", "state_space"),
     "nonlinear": (
         *("AppliedForces", "Event", "Motion", "SimulationError", "State", "Trajectory", "initial_state"),

@@ -14,6 +14,7 @@ from modal.errors import MultipendulaError as MultipendulaError
 from modal.errors import SceneError as SceneError
 from modal.modes import Mode as Mode
 from modal.modes import Modes as Modes
+from modal.modes import mode_energies as mode_energies
 from modal.modes import natural_frequencies as natural_frequencies
 from modal.modes import natural_modes as natural_modes
 from modal.modes import sensitivities as sensitivities
@@ -94,6 +95,7 @@ def table(
     orbits: bool = False,
     columns: str | Sequence[str] | None = None,
     sensitivities: bool = False,
+    energies: bool = False,
     shapes: bool = False,
     places: bool = False,
     explain: bool = False,

@@ -123,6 +123,7 @@ FLAGS: dict[str, Flag] = {
     ),
     "--drive": Flag("NAME", "what moves the cart"),
     "--duration": Flag("SECONDS", "simulated time", SECONDS, "motion"),
+    "--energies": Flag("", "add where the energy of each mode is, in percent", group="written"),
     "--energy": Flag("JOULES", "energy above equilibrium", joules),
     "--engine": Flag(
         "", "what integrates the members of the ensemble", engine, "numerics", choices=ENGINES, default="auto"

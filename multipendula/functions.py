@@ -40,7 +40,7 @@ SECOND = frozenset({"--vary", "--uncertain", "--free", "--mode", "--duration", "
 """Options of which the first that a command takes may follow its arguments without a keyword."""
 WITHOUT = frozenset({"--quiet"})
 """Options of the command line alone."""
-FORMS = frozenset({"--format", "--columns", "--words", "--sensitivities", "--shapes", "--show"})
+FORMS = frozenset({"--format", "--columns", "--words", "--sensitivities", "--energies", "--shapes", "--show"})
 """Options that ask for a text of its own form, which is then what a function returns."""
 ROWS, SCENE = "int | range | str", "Scene | str | PathLike[str]"
 TYPES = {

@@ -36,8 +36,8 @@ from modal.assembly.modal_damping import modal_dampers
 from modal.assembly.squares import SceneSquares
 from modal.assembly.structure import scene_squares
 from modal.errors import ComputationError, SceneError
-from modal.report import Displayed, Summary, brief, counted
-from modal.scene import Scene
+from modal.report import Displayed, Summary, aligned, as_json, breadth, brief, counted, fits, folded
+from modal.scene import Scene, describe
 from modal.scene.doors import checked, require_type
 from modal.scene.parameters import Place, Variable, number_at, with_numbers
 from modal.types import Floats
@@ -174,3 +174,34 @@ def shared_differences(
     """Derivatives by one number that these places share, or that is added to theirs: the sum of those by each."""
     parts = [differences(scene, place, unit, arrays_of) for place in places]
     return tuple(sum(slopes[1:], slopes[0]) for slopes in zip(*parts, strict=True))
+
+
+# -------------------------------------------------------------------------------------------------- as they are printed
+
+
+def matrices_table(scene: Scene, dense: Matrices, form: str) -> str:
+    """M, K and D of a scene; `form` is text or json."""
+    by_name = {"M": dense.M, "K": dense.K, "D": dense.D}
+    if form == "json":
+        document = {
+            "scene": describe(scene),
+            "coordinates": list(dense.labels),
+            **{name: matrix.tolist() for name, matrix in by_name.items()},
+        }
+        return as_json(document)
+    parts = [folded(f"coordinates ({len(dense.labels)}): {', '.join(dense.labels)}")]
+    for name, matrix in by_name.items():
+        parts.append(f"{name} = 0" if not matrix.any() else f"{name} =\n{_grid(matrix, dense.labels)}")
+    return "\n\n".join(parts) + "\n"
+
+
+def _grid(matrix: Floats, labels: Sequence[str]) -> str:
+    """The matrix, or where it is too wide parts of its columns below each other, under their coordinates."""
+    cells = [[f"{value:.10g}" for value in row] for row in matrix]
+    width = max(len(cell) for row in cells for cell in row)
+    rows = ["  " + "  ".join(cell.rjust(width) for cell in row) for row in cells]
+    if fits(breadth(rows[0])):
+        return "\n".join(rows)
+    return aligned(
+        [[name, *row] for name, row in zip(labels, cells, strict=True)], ["", *labels], ["right"] * (1 + len(labels))
+    )

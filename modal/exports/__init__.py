@@ -104,12 +104,12 @@ class CHeader(Format):
 
 @register
 class FunctionalMockupUnit(Format):
-    """An FMI 2.0 co-simulation unit."""
+    """An FMI 2.0 unit for model exchange and co-simulation."""
 
     name, extension = "fmu", ".fmu"
     what = (
-        "an FMI 2.0 co-simulation unit: source, and a Linux binary if a C compiler is found; inputs are "
-        "held constant over each communication step"
+        "an FMI 2.0 unit for model exchange and co-simulation: source, and binaries for Linux and Windows if C "
+        "compilers are found; in co-simulation inputs are held constant over each communication step"
     )
     tools = ("simulink", "fmi", "dymola")
     write = staticmethod(deferred("modal.exports.fmu:write_fmu"))

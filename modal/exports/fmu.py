@@ -1,7 +1,9 @@
-"""FMI 2.0 co-simulation: a zip of description, C source and, where a compiler is found, a Linux binary.
+"""FMI 2.0: a zip of description, C source and, where compilers are found, binaries for Linux and Windows.
 
-Inputs are held constant over every communication step, as in co-simulation without input derivatives: the response to
-a ramp lags by half a step.  The default step is exact; `linear_fmu.c` handles any other one to rounding.
+For model exchange it has z' = A z + B u, and derivatives of it.  In co-simulation inputs are held constant over every
+communication step, without input derivatives: the response to a ramp lags by half a step.  The default step is exact;
+`linear_fmu.c` handles any other one to rounding.  A sampled model is for co-simulation alone.  Names are those of the
+Modelica block (`modal.exports.source`), as a tool writes the FMU of it.
 """
 
 from __future__ import annotations
@@ -9,7 +11,7 @@ from __future__ import annotations
 import platform
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from importlib.resources import files
 from io import BytesIO
 from pathlib import Path
@@ -20,18 +22,26 @@ from uuid import NAMESPACE_URL, uuid5
 from xml.etree import ElementTree as ET
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
-from modal.exports.source import c_matrix, hexadecimal, unit
-from modal.exports.text import heading, identifier, identifiers, law, rest, text_file
+import numpy as np
+
+from modal.exports.source import c_matrix, hexadecimal, public_names, unit
+from modal.exports.text import heading, identifier, law, rest, text_file
 from modal.report import c_comment, one_line
 from modal.statespace import Signal, StateSpace
 from modal.statespace.sampling import reach, sample
 
 COMPILERS = ("cc", "gcc", "clang")
-FLAGS = ("-std=c99", "-O2", "-shared", "-fPIC", "-fvisibility=hidden")
+CROSS_COMPILER = "x86_64-w64-mingw32-gcc"
+FLAGS = ("-std=c99", "-O2", "-shared", "-s")
+OF_LINUX = ("-fPIC", "-fvisibility=hidden")
+OF_WINDOWS = ("-static-libgcc", "-Wl,-no-insert-timestamp")
 SOURCE = "linear_fmu.c"
-SOURCE_ONLY = (
-    "no C compiler for 64-bit Linux found: the FMU has C source and no binary; compile it on the target system"
-)
+LINUX, WINDOWS = "binaries/linux64", "binaries/win64"
+LACKING = {
+    LINUX: f"64-bit Linux (which takes {', '.join(COMPILERS)} there)",
+    WINDOWS: f"64-bit Windows (which takes {CROSS_COMPILER})",
+}
+"""What a note says of an FMU without the binaries of a folder."""
 COMPILATION_SECONDS = 120.0
 """Limit: of a C compiler; the FMU of one that takes longer has source and no binary."""
 UNITS = {
@@ -44,10 +54,13 @@ UNITS = {
     "N.m": {"kg": 1, "m": 2, "s": -2},
 }
 HELD = "inputs are held constant over each communication step"
+REST = "deviations from the equilibrium"
 ROLES = {
     "input": {"causality": "input", "variability": "continuous"},
-    "state": {"causality": "local", "variability": "continuous", "initial": "exact"},
+    "state": {"causality": "local", "variability": "continuous", "initial": "calculated"},
     "output": {"causality": "output", "variability": "continuous", "initial": "calculated"},
+    "start": {"causality": "parameter", "variability": "fixed", "initial": "exact"},
+    "derivative": {"causality": "local", "variability": "continuous", "initial": "calculated"},
 }
 
 
@@ -66,15 +79,22 @@ def write_fmu(model: StateSpace, step: float = 0.01) -> bytes:
         f"sources/{SOURCE}": source,
         "sources/model.h": header,
     }
-    if binary := _compile({SOURCE: source, "model.h": header}):
-        content[f"binaries/linux64/{name}.so"] = binary
+    sources = {SOURCE: source, "model.h": header}
+    for file, command, flags in (
+        (f"{LINUX}/{name}.so", compiler(), OF_LINUX),
+        (f"{WINDOWS}/{name}.dll", which(CROSS_COMPILER), OF_WINDOWS),
+    ):
+        if command and (binary := _compile(sources, [command, *FLAGS, *flags])):
+            content[file] = binary
     return _zip(content)
 
 
 def note(content: bytes) -> str:
-    """A note that an FMU contains no binary, or nothing."""
+    """A note on the systems for which an FMU has no binary, or nothing."""
     with ZipFile(BytesIO(content)) as archive:
-        return "" if any(name.startswith("binaries/") for name in archive.namelist()) else SOURCE_ONLY
+        names = " ".join(archive.namelist())
+    lacking = [what for folder, what in LACKING.items() if folder not in names]
+    return f"the FMU has C source, and no binary for {' or '.join(lacking)}" if lacking else ""
 
 
 def compiler() -> str | None:
@@ -102,17 +122,14 @@ def _matrices(model: StateSpace, discrete: StateSpace) -> Iterator[str]:
         yield from c_matrix(name, values, hexadecimal, by_place=True)
 
 
-def _compile(sources: dict[str, bytes]) -> bytes:
+def _compile(sources: dict[str, bytes], command: list[str]) -> bytes:
     """The shared library, or nothing."""
-    command = compiler()
-    if command is None:
-        return b""
     with TemporaryDirectory() as folder:
         for name, content in sources.items():
             (Path(folder) / name).write_bytes(content)
         try:
             subprocess.run(
-                [command, *FLAGS, SOURCE, "-o", "model.so"],
+                [*command, SOURCE, "-o", "model.lib"],
                 cwd=folder,
                 capture_output=True,
                 check=True,
@@ -120,7 +137,7 @@ def _compile(sources: dict[str, bytes]) -> bytes:
             )
         except (OSError, subprocess.SubprocessError):
             return b""
-        return (Path(folder) / "model.so").read_bytes()
+        return (Path(folder) / "model.lib").read_bytes()
 
 
 def _zip(content: dict[str, bytes]) -> bytes:
@@ -143,13 +160,23 @@ class FmuVariable(NamedTuple):
 
 
 def variables(model: StateSpace) -> list[FmuVariable]:
-    """Inputs, then states as `state.NAME`, then outputs: the index of each is its value reference."""
-    outside = [("input", s) for s in model.inputs], [("output", s) for s in model.outputs]
-    words = identifiers((s.name for _, s in (*outside[0], *outside[1])), keywords=["state"])
-    signals = [FmuVariable(word, *pair) for word, pair in zip(words, (*outside[0], *outside[1]), strict=True)]
-    inner = identifiers(s.name for s in model.states)
-    states = [FmuVariable(f"state.{word}", "state", s) for word, s in zip(inner, model.states, strict=True)]
-    return [*signals[: len(outside[0])], *states, *signals[len(outside[0]) :]]
+    """Inputs, states, outputs, where states start, and their derivatives: the index of each is its value reference."""
+    names = public_names(model)
+    states = [f"state.{word}" for word in names.states]
+    groups: list[tuple[str, Sequence[str], tuple[Signal, ...]]] = [
+        ("input", names.inputs, model.inputs),
+        ("state", states, model.states),
+        ("output", names.outputs, model.outputs),
+        ("start", names.starts, model.states),
+    ]
+    if not model.dt:
+        rates = (s._replace(unit="", meaning=f"derivative: {s.meaning}") for s in model.states)
+        groups.append(("derivative", [f"der({word})" for word in states], tuple(rates)))
+    return [
+        FmuVariable(word, role, signal)
+        for role, words, signals in groups
+        for word, signal in zip(words, signals, strict=True)
+    ]
 
 
 def description(model: StateSpace, step: float, guid: str, source: str) -> bytes:
@@ -162,9 +189,11 @@ def description(model: StateSpace, step: float, guid: str, source: str) -> bytes
     ET.SubElement(log, "Category", name="logStatusError")
     ET.SubElement(root, "DefaultExperiment", startTime="0", stopTime="10", stepSize=repr(step))
     element = ET.SubElement(root, "ModelVariables")
-    for reference, variable in enumerate(fmu_variables):
-        element.append(_variable(variable, reference))
-    _structure(root, model)
+    places = {role: [k for k, variable in enumerate(fmu_variables, 1) if variable.role == role] for role in ROLES}
+    derived = dict(zip(places["derivative"], places["state"], strict=not model.dt))
+    for place, variable in enumerate(fmu_variables, 1):
+        element.append(_variable(variable, place - 1, derived.get(place)))
+    _structure(root, model, places)
     ET.indent(root)
     return bytes(ET.tostring(root, encoding="UTF-8", xml_declaration=True))
 
@@ -174,7 +203,7 @@ def _about(model: StateSpace, guid: str) -> dict[str, str]:
         "fmiVersion": "2.0",
         "modelName": heading(model),
         "guid": guid,
-        "description": "; ".join([law(model), HELD, "deviations from the equilibrium", *rest(model)[:8]]),
+        "description": "; ".join([law(model), f"in co-simulation {HELD}", REST, *rest(model)[:8]]),
         "generationTool": "multipendula",
         "variableNamingConvention": "structured",
         "numberOfEventIndicators": "0",
@@ -182,17 +211,16 @@ def _about(model: StateSpace, guid: str) -> dict[str, str]:
 
 
 def _interface(root: ET.Element, model: StateSpace, source: str) -> None:
-    interface = ET.SubElement(
-        root,
-        "CoSimulation",
-        modelIdentifier=identifier(heading(model)),
-        canInterpolateInputs="false",
-        canHandleVariableCommunicationStepSize="false" if model.dt else "true",
-        canNotUseMemoryManagementFunctions="true",
-        canGetAndSetFMUstate="true",
-        canSerializeFMUstate="true",
-    )
-    ET.SubElement(ET.SubElement(interface, "SourceFiles"), "File", name=source)
+    alike = {"modelIdentifier": identifier(heading(model)), "canNotUseMemoryManagementFunctions": "true"}
+    alike |= dict.fromkeys(("canGetAndSetFMUstate", "canSerializeFMUstate", "providesDirectionalDerivative"), "true")
+    steps = "false" if model.dt else "true"
+    kinds = {
+        "ModelExchange": {"completedIntegratorStepNotNeeded": "true"},
+        "CoSimulation": {"canInterpolateInputs": "false", "canHandleVariableCommunicationStepSize": steps},
+    }
+    for kind in list(kinds)[bool(model.dt) :]:
+        interface = ET.SubElement(root, kind, alike | kinds[kind])
+        ET.SubElement(ET.SubElement(interface, "SourceFiles"), "File", name=source)
 
 
 def _units(root: ET.Element, fmu_variables: list[FmuVariable]) -> None:
@@ -206,30 +234,32 @@ def _units(root: ET.Element, fmu_variables: list[FmuVariable]) -> None:
             ET.SubElement(definition, "BaseUnit", {base: str(power) for base, power in UNITS[name].items()})
 
 
-def _variable(variable: FmuVariable, reference: int) -> ET.Element:
+def _variable(variable: FmuVariable, reference: int, state: int | None) -> ET.Element:
+    """A variable, perhaps the derivative of a `state`, an index from 1."""
     what = {"name": variable.name, "valueReference": str(reference), "description": one_line(variable.signal.meaning)}
     element = ET.Element("ScalarVariable", {**what, **ROLES[variable.role]})
-    start = {} if variable.role == "output" else {"start": "0"}
     attributes = {"unit": name} if (name := unit(variable.signal)) else {}
-    ET.SubElement(element, "Real", {**attributes, **start})
+    if variable.role in {"input", "start"}:
+        attributes["start"] = "0"
+    if state is not None:
+        attributes["derivative"] = str(state)
+    ET.SubElement(element, "Real", attributes)
     return element
 
 
-def _structure(root: ET.Element, model: StateSpace) -> None:
-    """Outputs depend directly on the inputs with feedthrough in D; their initial values on everything."""
-    structure = ET.SubElement(root, "ModelStructure")
-    for part, unknowns in (("Outputs", _through(model)), ("InitialUnknowns", _first(model))):
-        if model.outputs:
-            parent = ET.SubElement(structure, part)
-            for attributes in unknowns:
-                ET.SubElement(parent, "Unknown", attributes)
-
-
-def _through(model: StateSpace) -> Iterator[dict[str, str]]:
-    for attributes, row in zip(_first(model), model.D, strict=True):
-        yield {**attributes, "dependencies": " ".join(str(k) for k, gain in enumerate(row, 1) if gain)}
-
-
-def _first(model: StateSpace) -> Iterator[dict[str, str]]:
-    n_others = len(model.inputs) + len(model.states)
-    yield from ({"index": str(n_others + row)} for row in range(1, len(model.outputs) + 1))
+def _structure(root: ET.Element, model: StateSpace, places: dict[str, list[int]]) -> None:
+    """Outputs and derivatives by the inputs and states on which they depend; initial values depend on everything."""
+    structure, known = ET.SubElement(root, "ModelStructure"), np.array(places["input"] + places["state"])
+    parts = {"Outputs": (places["output"], model.D)}
+    if not model.dt:
+        parts["Outputs"] = places["output"], np.hstack((model.D, model.C))
+        parts["Derivatives"] = places["derivative"], np.hstack((model.B, model.A))
+    for part, (unknown, gains) in parts.items():
+        parent = ET.SubElement(structure, part) if unknown else structure
+        for place, row in zip(unknown, gains, strict=True):
+            depends = " ".join(map(str, known[np.flatnonzero(row)].tolist()))
+            ET.SubElement(parent, "Unknown", index=str(place), dependencies=depends)
+    first = [*([] if model.dt else places["state"]), *places["output"], *places["derivative"]]
+    parent = ET.SubElement(structure, "InitialUnknowns") if first else structure
+    for place in first:
+        ET.SubElement(parent, "Unknown", index=str(place))

@@ -1,8 +1,9 @@
-/* A co-simulation slave (FMI 2.0) of the linear model in model.h.
+/* The linear model in model.h for model exchange and co-simulation (FMI 2.0).
 
-   Over a step with the input held, z(t + STEP) = PHI z + GAMMA u exactly.  What is left of a communication step that is
+   In co-simulation, over a step with the input held, z(t + STEP) = PHI z + GAMMA u exactly.  What is left of a communication step that is
    no multiple of STEP is bridged by Taylor's series of the exponential in pieces of length at most 1 / REACH, which is
-   exact to rounding too.  A model that is discrete from the start (CONTINUOUS 0) refuses such a rest. */
+   exact to rounding too.  A model that is discrete from the start (CONTINUOUS 0) refuses such a rest, and is for
+   co-simulation alone: it has no derivatives. */
 
 #include <stdlib.h>
 #include <string.h>
@@ -46,6 +47,7 @@ typedef struct {
 typedef struct {
     double u[INPUTS + 1];
     double z[STATES + 1];
+    double start[STATES + 1];
     int running;
 } Memory;
 
@@ -63,6 +65,17 @@ static double output(const Memory *at, int row)
     for (k = 0; k < INPUTS; k++) sum += D[row][k] * at->u[k];
     return sum;
 }
+
+#if CONTINUOUS
+static double derivative(const Memory *at, int row)
+{
+    double sum = 0.0;
+    int k;
+    for (k = 0; k < STATES; k++) sum += A[row][k] * at->z[k];
+    for (k = 0; k < INPUTS; k++) sum += B[row][k] * at->u[k];
+    return sum;
+}
+#endif
 
 static void step(Memory *at)
 {
@@ -144,7 +157,7 @@ EXPORT void *FMI(fmi2Instantiate)(String name, Kind kind, String guid, String re
                                   Boolean visible, Boolean logging)
 {
     Slave *slave;
-    if (!callbacks || !name || !guid || kind != CO_SIMULATION) return NULL;
+    if (!callbacks || !name || !guid || (kind == MODEL_EXCHANGE && !CONTINUOUS)) return NULL;
     slave = calloc(1, sizeof *slave);
     if (!slave) return NULL;
     slave->callbacks = callbacks;
@@ -179,7 +192,13 @@ EXPORT Status FMI(fmi2Reset)(void *c)
     return OK;
 }
 
-/* ------------------------------------------------------------- values: inputs first, then states, then outputs */
+/* ------------------------- values: inputs first, then states, outputs, where states start, and their derivatives */
+
+#define FIRST_STATE INPUTS
+#define FIRST_OUTPUT (INPUTS + STATES)
+#define FIRST_START (FIRST_OUTPUT + OUTPUTS)
+#define FIRST_DERIVATIVE (FIRST_START + STATES)
+#define VARIABLES (FIRST_DERIVATIVE + (CONTINUOUS ? STATES : 0))
 
 EXPORT Status FMI(fmi2GetReal)(void *c, const Reference reference[], size_t n, double value[])
 {
@@ -187,10 +206,14 @@ EXPORT Status FMI(fmi2GetReal)(void *c, const Reference reference[], size_t n, d
     size_t i;
     for (i = 0; i < n; i++) {
         Reference r = reference[i];
-        if (r >= INPUTS + STATES + OUTPUTS) return refused(slave, "no variable has this value reference");
-        if (r < INPUTS) value[i] = slave->memory.u[r];
-        else if (r < INPUTS + STATES) value[i] = slave->memory.z[r - INPUTS];
-        else value[i] = output(&slave->memory, (int) (r - INPUTS - STATES));
+        if (r >= VARIABLES) return refused(slave, "no variable has this value reference");
+        if (r < FIRST_STATE) value[i] = slave->memory.u[r];
+        else if (r < FIRST_OUTPUT) value[i] = slave->memory.z[r - FIRST_STATE];
+        else if (r < FIRST_START) value[i] = output(&slave->memory, (int) (r - FIRST_OUTPUT));
+        else if (r < FIRST_DERIVATIVE) value[i] = slave->memory.start[r - FIRST_START];
+#if CONTINUOUS
+        else value[i] = derivative(&slave->memory, (int) (r - FIRST_DERIVATIVE));
+#endif
     }
     return OK;
 }
@@ -201,10 +224,11 @@ EXPORT Status FMI(fmi2SetReal)(void *c, const Reference reference[], size_t n, c
     size_t i;
     for (i = 0; i < n; i++) {
         Reference r = reference[i];
-        if (r >= INPUTS + STATES) return refused(slave, "only inputs and the start of states can be set");
-        if (r >= INPUTS && slave->memory.running) return refused(slave, "states can be set before the first step only");
+        if (r >= INPUTS && (r < FIRST_START || r >= FIRST_DERIVATIVE))
+            return refused(slave, "only inputs and the start of states can be set");
+        if (r >= INPUTS && slave->memory.running) return refused(slave, "a start can be set before the first step only");
         if (r < INPUTS) slave->memory.u[r] = value[i];
-        else slave->memory.z[r - INPUTS] = value[i];
+        else slave->memory.z[r - FIRST_START] = slave->memory.start[r - FIRST_START] = value[i];
     }
     return OK;
 }
@@ -250,10 +274,90 @@ EXPORT Status FMI(fmi2GetRealOutputDerivatives)(void *c, const Reference r[], si
     return n ? ERROR : OK;
 }
 
+/* The entry of A, B, C or D by which a derivative or an output depends on a state or an input; *fits where it does. */
+static double entry(Reference unknown, Reference known, int *fits)
+{
+    int row, is_output = unknown >= FIRST_OUTPUT && unknown < FIRST_START;
+    *fits = known < FIRST_OUTPUT && unknown < VARIABLES && (is_output || unknown >= FIRST_DERIVATIVE);
+    if (!*fits) return 0.0;
+    row = (int) (unknown - (is_output ? FIRST_OUTPUT : FIRST_DERIVATIVE));
+#if CONTINUOUS
+    if (!is_output) return known < INPUTS ? B[row][known] : A[row][known - FIRST_STATE];
+#endif
+    return known < INPUTS ? D[row][known] : C[row][known - FIRST_STATE];
+}
+
 EXPORT Status FMI(fmi2GetDirectionalDerivative)(void *c, const Reference unknown[], size_t n, const Reference known[],
                                                 size_t m, const double change[], double value[])
 {
-    return ERROR;
+    size_t i, k;
+    int fits;
+    for (i = 0; i < n; i++) {
+        value[i] = 0.0;
+        for (k = 0; k < m; k++) {
+            value[i] += entry(unknown[i], known[k], &fits) * change[k];
+            if (!fits) return refused(c, "derivatives are of outputs and rates by inputs and states");
+        }
+    }
+    return OK;
+}
+
+/* ------------------------------------------------------------------------------------------------ model exchange */
+
+typedef struct {
+    Boolean again, ends, nominals_changed, states_changed, next_is_defined;
+    double next;
+} Events;
+
+EXPORT Status FMI(fmi2EnterEventMode)(void *c) { return OK; }
+
+EXPORT Status FMI(fmi2NewDiscreteStates)(void *c, Events *events)
+{
+    memset(events, 0, sizeof *events);
+    return OK;
+}
+
+EXPORT Status FMI(fmi2EnterContinuousTimeMode)(void *c) { return OK; }
+
+EXPORT Status FMI(fmi2CompletedIntegratorStep)(void *c, Boolean keeps, Boolean *enter_event_mode, Boolean *terminate)
+{
+    *enter_event_mode = *terminate = 0;
+    return OK;
+}
+
+EXPORT Status FMI(fmi2SetTime)(void *c, double time) { return OK; }
+
+EXPORT Status FMI(fmi2GetEventIndicators)(void *c, double value[], size_t n) { return n ? ERROR : OK; }
+
+EXPORT Status FMI(fmi2SetContinuousStates)(void *c, const double value[], size_t n)
+{
+    if (n != STATES) return refused(c, "there are as many values as states");
+    memcpy(((Slave *) c)->memory.z, value, n * sizeof *value);
+    return OK;
+}
+
+EXPORT Status FMI(fmi2GetContinuousStates)(void *c, double value[], size_t n)
+{
+    if (n != STATES) return refused(c, "there are as many values as states");
+    memcpy(value, ((Slave *) c)->memory.z, n * sizeof *value);
+    return OK;
+}
+
+EXPORT Status FMI(fmi2GetNominalsOfContinuousStates)(void *c, double value[], size_t n)
+{
+    while (n--) value[n] = 1.0;
+    return OK;
+}
+
+EXPORT Status FMI(fmi2GetDerivatives)(void *c, double value[], size_t n)
+{
+#if CONTINUOUS
+    if (n == STATES) {
+        while (n--) value[n] = derivative(&((Slave *) c)->memory, (int) n);
+        return OK;
+    }
+#endif
+    return refused(c, CONTINUOUS ? "there are as many derivatives as states" : "a sampled model has no derivatives");
 }
 
 /* ------------------------------------------------------------------------------------------ keeping and going back */

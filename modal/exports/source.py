@@ -7,6 +7,7 @@ outputs and start values.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple
 
 from modal.errors import SceneError
 from modal.exports.text import digits, heading, identifier, identifiers, matrices, meaning, preamble, rest, text_file
@@ -41,13 +42,10 @@ KEYWORDS = """
     public pure record redeclare replaceable return stream then true type when while within
     Real Integer Boolean String time abs max min sum product fill zeros ones pre sample terminal reinit
 """
-TAKEN = (*KEYWORDS.split(), *"ABCDuyz", "z_next")
-CONTINUOUS = """\
-  der(z) = A * z + B * u;
-  y = C * z + D * u;"""
+TAKEN = (*KEYWORDS.split(), *"ABCDuzy", "rate", "z_next", "state", "States")
 DISCRETE = """\
   when sample(0.0, {dt!r}) then
-    z = pre(z_next);
+    {held}
     y = C * z + D * u;
     z_next = A * z + B * u;
   end when;"""
@@ -114,8 +112,28 @@ def _c_row(row: list[str], *, by_place: bool) -> str:
 # ----------------------------------------------------------------------------------------------------------- Modelica
 
 
+class PublicNames(NamedTuple):
+    """The names in Modelica, and in an FMU the same: states are `state.NAME` there, and start at the `starts`."""
+
+    block: str
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    states: tuple[str, ...]
+    starts: tuple[str, ...]
+
+
+def public_names(model: StateSpace) -> PublicNames:
+    """Those of a model, all different; state NAME starts at the parameter `NAME_start`."""
+    (block,) = identifiers([heading(model)], TAKEN)
+    starts = [f"{identifier(s.name, 'signal')}_start" for s in model.states]
+    names = identifiers([*(s.name for s in (*model.inputs, *model.outputs)), *starts], [*TAKEN, block])
+    m, p = len(model.inputs), len(model.outputs)
+    states = identifiers((s.name for s in model.states), TAKEN)
+    return PublicNames(block, names[:m], names[m : m + p], states, names[m + p :])
+
+
 def write_modelica(model: StateSpace) -> bytes:
-    """The block; state NAME starts at the parameter `NAME_start`, 0 unless it is set."""
+    """The block, with the names of `public_names`; starts are 0 unless they are set."""
     return text_file(_modelica_lines(model))
 
 
@@ -129,23 +147,39 @@ def unit(signal: Signal) -> str:
 
 
 def _modelica_lines(model: StateSpace) -> Iterator[str]:
-    (name,) = identifiers([heading(model)], TAKEN)
-    words = (f"{identifier(s.name, 'signal')}_start" for s in model.states)
-    inner = identifiers([*(s.name for s in (*model.inputs, *model.outputs)), *words], [*TAKEN, name])
-    m, p = len(model.inputs), len(model.outputs)
-    inputs, outputs, starts = inner[:m], inner[m : m + p], inner[m + p :]
-    yield f"block {name} {modelica_text(heading(model))}"
+    names, n, p = public_names(model), len(model.states), len(model.outputs)
+    kind = "discrete Real" if model.dt else "Real"
+    yield f"block {names.block} {modelica_text(heading(model))}"
     yield from (f"  // {line}" for line in rest(model))
-    yield from _declarations("input Real", inputs, model.inputs)
-    yield from _declarations("output Real", outputs, model.outputs)
-    yield from _declarations("parameter Real", starts, model.states, " = 0.0")
+    yield from _declarations("input Real", names.inputs, model.inputs)
+    yield from _declarations("output Real", names.outputs, model.outputs)
+    yield from _declarations("parameter Real", names.starts, model.states, " = 0.0")
+    yield "  record States"
+    yield from _declarations(f"  {kind}", names.states, model.states)
+    yield "  end States;"
+    begin = (f"{word}(start = {start}, fixed = true)" for word, start in zip(names.states, names.starts, strict=True))
+    modifiers = ",\n      ".join(begin)
+    yield f'  States state{f"({modifiers})" if n else ""} "deviations from the equilibrium";'
+    yield "protected"
     for letter, values in matrices(model):
         yield from _modelica_matrix(letter, values)
-    yield from _vectors(model, inputs, starts)
+    states = [f"state.{word}" for word in names.states]
+    yield f"  Real u[{len(names.inputs)}] = {_array(names.inputs)};"
+    yield f"  Real z[{n}] = {_array(states)};"
+    if model.dt:
+        yield f"  discrete Real z_next[{n}](start = {_array(names.starts)}, each fixed = true);"
+        yield f"  discrete Real y[{p}];"
+    else:
+        yield f"  Real rate[{n}] = A * z + B * u;"
+        yield f"  Real y[{p}] = C * z + D * u;"
     yield "equation"
-    yield DISCRETE.format(dt=model.dt) if model.dt else CONTINUOUS
-    yield from (f"  {word} = y[{row}];" for row, word in enumerate(outputs, 1))
-    yield f"end {name};"
+    if model.dt:
+        held = "\n    ".join(f"{word} = pre(z_next[{k}]);" for k, word in enumerate(states, 1))
+        yield DISCRETE.format(dt=model.dt, held=held)
+    else:
+        yield from (f"  der({word}) = rate[{k}];" for k, word in enumerate(states, 1))
+    yield from (f"  {word} = y[{row}];" for row, word in enumerate(names.outputs, 1))
+    yield f"end {names.block};"
 
 
 def _declarations(what: str, words: Sequence[str], signals: Sequence[Signal], value: str = "") -> Iterator[str]:
@@ -154,20 +188,8 @@ def _declarations(what: str, words: Sequence[str], signals: Sequence[Signal], va
         yield f"  {what} {word}{modifier}{value} {modelica_text(signal.meaning)};"
 
 
-def _vectors(model: StateSpace, inputs: Sequence[str], starts: Sequence[str]) -> Iterator[str]:
-    n, p = len(starts), len(model.outputs)
-    names = ", ".join(f"{s.name} ({s.unit})" for s in model.states)
-    kind, state = ("discrete Real", "z_next") if model.dt else ("Real", "z")
-    begin = f"(start = {_array(starts)}, each fixed = true)"
-    yield f"  Real u[{len(inputs)}] = {_array(inputs)};"
-    yield f"  {kind} z[{n}]{begin if state == 'z' else ''} {modelica_text(names)};"
-    if model.dt:
-        yield f"  {kind} z_next[{n}]{begin} {modelica_text('the states one step on')};"
-    yield f"  {kind} y[{p}];"
-
-
 def _modelica_matrix(name: str, values: Floats) -> Iterator[str]:
-    head = f"  parameter Real {name}[{values.shape[0]}, {values.shape[1]}] ="
+    head = f"  final parameter Real {name}[{values.shape[0]}, {values.shape[1]}] ="
     if not values.size:
         yield f"{head} zeros({values.shape[0]}, {values.shape[1]});"
         return

@@ -16,6 +16,7 @@ from modal.lazy import lazy_attributes
 if TYPE_CHECKING:
     from modal.eigen import UNCERTAIN
     from modal.modes.dissipation import mode_losses, quality_factors, sliding_modes, stop_of
+    from modal.modes.energies import ModeEnergies, mode_energies
     from modal.modes.frequencies import natural_frequencies
     from modal.modes.mode import Mode
     from modal.modes.modes import MOST_LISTED, ModalMatrix, Modes, all_shapes, equilibrium_words, natural_modes
@@ -32,6 +33,7 @@ __all__ = [
     "UNCERTAIN",
     "ModalMatrix",
     "Mode",
+    "ModeEnergies",
     "Modes",
     "Shape",
     "all_shapes",
@@ -39,6 +41,7 @@ __all__ = [
     "equilibrium_words",
     "hanging_rope",
     "letters",
+    "mode_energies",
     "mode_losses",
     "moving_words",
     "natural_frequencies",

@@ -29,7 +29,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from modal.assembly import Dissipator, centres, loss_angles, loss_at, losses_of
+from modal.assembly import Block, Dissipator, Hanging, centres, displacements, loss_angles, loss_at, losses_of
 from modal.errors import ComputationError
 from modal.modes.modes import Modes, natural_modes
 from modal.modes.numbering import table_numbers
@@ -105,11 +105,11 @@ def _loss(modes: Modes, index: int, losses: Sequence[Dissipator], alike: bool) -
             mass = float((column.conj() @ modes.matrices.M @ column).real)
         columns.append(column / np.sqrt(mass))
     strength = np.array([lossy.stiffness * float(loss_at(lossy.loss, np.array(omega))) for lossy in losses])
-    elongation = _elongations(losses, np.array(columns))
+    elongation = elongations(losses, np.array(columns))
     return float(np.linalg.eigvalsh((elongation.conj() * strength) @ elongation.T)[-1] / omega**2)
 
 
-def _elongations(losses: Sequence[Dissipator], columns: Floats) -> Floats:
+def elongations(losses: Sequence[Dissipator], columns: Floats) -> Floats:
     """The rows of all losses times some shapes, (shapes, losses)."""
     owner = np.repeat(np.arange(len(losses)), [len(lossy.row) for lossy in losses])
     at = np.array([column for lossy in losses for column in lossy.row], dtype=np.int64)
@@ -150,6 +150,7 @@ def sliding_modes(scene: Scene) -> tuple[Sliding, ...]:
     undamped_modes, table = natural_modes(scene.conservative), natural_modes(scene)
     numbers, sliding = table_numbers(scene, undamped_modes), []
     joints, rail, weight, quadratic = _limits(scene)
+    first = Hanging(undamped_modes.rig).first[:-1]
     spans = _centres(undamped_modes) if quadratic.any() else None
     for row, omega in enumerate(undamped_modes.omega.tolist()):
         shape = undamped_modes.shape(row)
@@ -158,7 +159,8 @@ def sliding_modes(scene: Scene) -> tuple[Sliding, ...]:
         angles = np.real(shape.angles)
         cart = float(np.real(shape.cart))
         inertia, number = float(shape.modal_mass), int(numbers[row])
-        relative_angles = np.abs(_relative(scene, angles))
+        relative_angles = np.abs(np.diff(angles, prepend=0.0))
+        relative_angles[first] = np.abs(angles[first])
         sliding_path = joints @ relative_angles + (rail + weight) * abs(cart)
         air = 0.0
         if spans is not None:
@@ -228,29 +230,14 @@ def _limits(scene: Scene) -> tuple[np.ndarray, float, float, np.ndarray]:
     return joints, cart.friction, cart.friction_coefficient * weight, quadratic
 
 
-def _relative(scene: Scene, angles: np.ndarray) -> np.ndarray:
-    """The angle of every link relative to the one above, (L,)."""
-    relative, at = angles.copy(), 0
-    for pendulum in scene.pendulum:
-        for _ in range(pendulum.count):
-            links = slice(at, at + pendulum.n_links)
-            relative[links] = np.diff(angles[links], prepend=0.0)
-            at += pendulum.n_links
-    return relative
-
-
 def _centres(modes: Modes) -> np.ndarray:
     """The displacement of every centre of mass along the rail, and downwards, by every angle, (2, L, L)."""
     rig, size = modes.rig, modes.scene.n_links
     if size > 4000:
         raise ComputationError(f"the drag of {size} links on modes: at most 4000 links")
-    rows, at = np.zeros((2, size, size)), 0
-    for block, column, count in rig.members:
-        for _ in range(count):
-            chains = rig.blocks[block]
-            links = slice(at, at + chains.n)
-            rows[0, links, links] = centres(chains, column)
-            if chains.sinking is not None:
-                rows[1, links, links] = centres(chains, column, chains.sinking)
-            at += chains.n
-    return rows
+    columns = [(rig.blocks[block], column) for block, column, count in rig.members for _ in range(count)]
+
+    def sinking(chains: Block, column: int) -> Floats:
+        return centres(chains, column, np.zeros_like(chains.length) if chains.sinking is None else chains.sinking)
+
+    return np.array([displacements(columns, 0, of) for of in (centres, sinking)])

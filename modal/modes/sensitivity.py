@@ -20,7 +20,7 @@ are sums, and what every number changes of them (`modal.modes.squares`).
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 from decimal import Context, Decimal, localcontext
 from typing import Any, NamedTuple
@@ -35,12 +35,16 @@ from modal.modes.mode import Mode
 from modal.modes.modes import Modes
 from modal.modes.shapes import Shape
 from modal.modes.squares import CANCELLED, slopes_by_squares
-from modal.report import Displayed, Summary, brief, tabulated
+from modal.report import NOTHING, Displayed, ReportTable, Summary, brief, listed, tabulated
 from modal.scene import Body, Pendulum, refusals
 from modal.scene.doors import checked
 from modal.scene.parameters import number_at, with_numbers
 from modal.types import EPS, NEWTON_ROUNDS, Complexes, Floats
 
+MOST_SENSITIVITIES = 200_000
+"""Limit: sensitivities of one table, refused beyond as too many."""
+SENSITIVITIES = "Sensitivities (p/ω) ∂ω/∂p: the percentage by which a frequency changes where a number p grows by 1 %."
+NO_DERIVATIVE = "growing, damped by a damping_ratio, or shared by several modes"
 BY_PLACE = (
     "support: sensitivities link by link are those of pendula on a fixed support or one cart: take "
     "modal.modes.sensitivity.of_mode, which has them by places of the scene"
@@ -429,3 +433,28 @@ def _one(path: str, number: float, derivative: float, omega: float) -> Iterator[
 
 def _sensitivity(number: float, derivative: float, omega: float) -> Sensitivity:
     return Sensitivity(number, derivative, number / omega * derivative if omega else None)
+
+
+def sensitivities_of(modes: Modes, rows: Sequence[Mode]) -> tuple[str, ReportTable, str]:
+    """The relative sensitivities, a row for each number of the scene and a column for each mode, between two sentences.
+
+    ComputationError for too many.
+    """
+    size = len(rows) * 5 * sum(len(pendulum.links) for pendulum in modes.scene.pendulum)
+    size *= modes.rig.leading if modes.rig.structure else 1
+    if size > MOST_SENSITIVITIES:
+        raise ComputationError(f"{size} sensitivities are too many for a table: choose fewer modes with `modes`")
+    slopes_of_modes = [of_mode(modes, row) for row in rows]
+    relative = [{place: slope.relative for place, slope in slopes.items()} for slopes in slopes_of_modes]
+    places = list(dict.fromkeys(place for slopes in slopes_of_modes for place in slopes))
+    cells = [[place, *(_decimals(slopes.get(place)) for slopes in relative)] for place in places]
+    headings = ["number", *(f"mode {row.number}" for row in rows)]
+    lacking = [f"{row.number}" for row, slopes in zip(rows, slopes_of_modes, strict=True) if not slopes]
+    which = f"mode{'s' * (len(lacking) > 1)} {listed(lacking, len(lacking))}"
+    why = f"No single derivative: {which} ({NO_DERIVATIVE})." if lacking else ""
+    return SENSITIVITIES, ReportTable(headings, cells), why
+
+
+def _decimals(value: float | None) -> str:
+    """Four decimals, zero without a sign."""
+    return NOTHING if value is None else f"{value:z.4f}"

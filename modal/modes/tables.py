@@ -1,8 +1,8 @@
-"""The table of modes as text, Markdown, LaTeX, CSV, HTML or JSON, one list of columns for all; M, K and D likewise."""
+"""The table of modes as text, Markdown, LaTeX, CSV, HTML or JSON, one list of columns for all."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from math import isnan, nan
 from typing import TYPE_CHECKING, Any
 
@@ -14,41 +14,33 @@ from modal.modes.columns import COLUMNS, Column, Stds, added_by, columns_of, pri
 from modal.modes.mode import Mode
 from modal.modes.modes import Modes
 from modal.report import (
+    LEFT,
     NOTHING,
+    ReportTable,
     Summary,
-    aligned,
     as_json,
-    breadth,
     csv_rows,
     deferred,
     finite,
-    fits,
     folded,
-    grid,
     headed,
     html,
     layout,
     limit,
-    listed,
     markdown,
     one_line,
 )
-from modal.scene import Scene, describe, title_of
+from modal.scene import describe, title_of
 from modal.scene.doors import checked
-from modal.types import Floats
 
 if TYPE_CHECKING:
-    from modal.assembly import Matrices
+    from modal.modes.energies import ModeEnergies
 
-__all__ = ["GUIDE", "matrices_table", "table"]
+__all__ = ["GUIDE", "table"]
 
 MOST_SHAPE_NUMBERS = 5_000_000
 """Limit: angles of the shapes of one document, refused beyond as too many."""
-MOST_SENSITIVITIES = 200_000
-"""Limit: sensitivities of one table, refused beyond as too many."""
 GUIDE = "the 1 % angle is approximate"
-SENSITIVITIES = "Sensitivities (p/ω) ∂ω/∂p: the percentage by which a frequency changes where a number p grows by 1 %."
-NO_DERIVATIVE = "growing, damped by a damping_ratio, or shared by several modes"
 UNDAMPED = "Effective masses are those of the modes without dampers; – where dampers change a shape too much."
 SPLIT = "± –: the numbers split a frequency that several modes share, so it has no standard deviation of its own."
 
@@ -66,6 +58,7 @@ def table(
     chosen: str = "",
     elsewhere: str = "",
     sensitive: bool = False,
+    energies: bool = False,
     left: int = 0,
 ) -> str:
     """These rows of `modes` as text, markdown, latex, csv, html or json, as `form` says.
@@ -78,16 +71,16 @@ def table(
     Columns that say nothing about the scene are left out, but in csv and json.  Text that does not fit the width in
     force (`modal.report.fitted`) leaves out more and names them, with the sentence `elsewhere` on where they are.
     `chosen` are names of columns to print instead, `all`, or after a + to add; a table of chosen columns leaves out
-    none, it is stacked.  `sensitive` adds the sensitivities of the frequencies to the numbers of the scene.  Text says
-    how many rows are `left` out.
+    none, it is stacked.  `sensitive` adds the sensitivities of the frequencies to the numbers of the scene, `energies`
+    where the energy of each mode is.  Text says how many rows are `left` out.
     """
     if form not in (forms := ("text", "csv", "json", *_WRITERS)):
         raise SceneError([f"form {form}: must be one of {', '.join(forms)}{spelling_hint(form, forms)}"])
     columns = columns_of(modes, rows, chosen, stds, amplitude_deg)
     if form == "json":
-        return _json(modes, rows, columns, shapes=shapes, sensitive=sensitive)
+        return _json(modes, rows, columns, shapes=shapes, sensitive=sensitive, energies=energies)
     if form == "csv":
-        return _csv(modes, rows, columns, sensitive=sensitive)
+        return _csv(modes, rows, columns, sensitive=sensitive, energies=energies)
     visible_columns = printed_columns(modes, rows, columns, chosen)
     cells = [[column.cell(row) for column in visible_columns if column.cell] for row in rows]
     split = stds is not None and any(isnan(stds[row.number][0]) for row in rows if not row.is_uncertain)
@@ -98,44 +91,36 @@ def table(
         text = _text(modes, visible_columns, cells, notes, chosen, elsewhere, last_lines)
     else:
         text = _WRITERS[form](modes, visible_columns, cells, notes)
-    return text + (_sensitivities(modes, rows, form) if sensitive else "")
+    return text + "".join(_below(modes, rows, form, sensitive=sensitive, energies=energies))
 
 
-def _sensitivities(modes: Modes, rows: Sequence[Mode], form: str) -> str:
-    """A table of the relative sensitivities, a row for each number of the scene and a column for each mode.
+def _below(modes: Modes, rows: Sequence[Mode], form: str, *, sensitive: bool, energies: bool) -> Iterator[str]:
+    """The tables that stand below that of the modes."""
+    if sensitive:
+        yield _further(form, *deferred("modal.modes.sensitivity:sensitivities_of")(modes, rows))
+    if energies:
+        yield _further(form, *_energies(modes, rows).parts())
 
-    ComputationError for too many.
-    """
-    size = len(rows) * 5 * sum(len(pendulum.links) for pendulum in modes.scene.pendulum)
-    size *= modes.rig.leading if modes.rig.structure else 1
-    if size > MOST_SENSITIVITIES:
-        raise ComputationError(f"{size} sensitivities are too many for a table: choose fewer modes with `modes`")
-    from modal.modes.sensitivity import of_mode
 
-    slopes_of_modes = [of_mode(modes, row) for row in rows]
-    relative = [{place: slope.relative for place, slope in slopes.items()} for slopes in slopes_of_modes]
-    places = list(dict.fromkeys(place for slopes in slopes_of_modes for place in slopes))
-    cells = [[place, *(_decimals(slopes.get(place)) for slopes in relative)] for place in places]
-    headings = ["number", *(f"mode {row.number}" for row in rows)]
-    lacking = [f"{row.number}" for row, slopes in zip(rows, slopes_of_modes, strict=True) if not slopes]
-    which = f"mode{'s' * (len(lacking) > 1)} {listed(lacking, len(lacking))}"
-    why = f"No single derivative: {which} ({NO_DERIVATIVE})." if lacking else ""
+def _energies(modes: Modes, rows: Sequence[Mode]) -> ModeEnergies:
+    shares: ModeEnergies = deferred("modal.modes.energies:mode_energies")(modes, [modes.index_of(row) for row in rows])
+    return shares
+
+
+def _further(form: str, head: str, table: ReportTable, notes: str) -> str:
+    """A table below the first, between a sentence and lines of notes."""
+    lines = notes.split("\n") if notes else []
     if form == "text":
-        parts = folded(SENSITIVITIES), grid(cells, headings), folded(why)
+        parts = folded(head), table.written(), "\n".join(map(folded, lines))
         return "\n" + "\n\n".join(filter(None, parts)) + "\n"
     from tabulate import tabulate
 
-    align = ["left", *["right"] * len(rows)]
+    align = ["left" if heading in LEFT else "right" for heading in table.headings]
     names = {"markdown": "github", "latex": "latex", "html": "html"}
-    body = tabulate(cells, headings, tablefmt=names[form], colalign=align, disable_numparse=True) if cells else ""
+    body = tabulate(table.cells, table.headings, tablefmt=names[form], colalign=align, disable_numparse=True)
     line, between = {"markdown": ("{}", "\n\n"), "latex": ("% {}", "\n"), "html": ("<p>{}</p>", "\n")}[form]
-    parts = line.format(SENSITIVITIES), body, line.format(why) if why else ""
-    return between[1:] + between.join(filter(None, parts)) + "\n"
-
-
-def _decimals(value: float | None) -> str:
-    """Four decimals, zero without a sign."""
-    return NOTHING if value is None else f"{round(value, 4) + 0.0:.4f}"
+    paragraphs = line.format(head), body if table.cells else "", *map(line.format, lines)
+    return between[1:] + between.join(filter(None, paragraphs)) + "\n"
 
 
 def _records(rows: Sequence[Mode], columns: Sequence[Column]) -> list[dict[str, Any]]:
@@ -144,7 +129,7 @@ def _records(rows: Sequence[Mode], columns: Sequence[Column]) -> list[dict[str, 
 
 
 def _json(
-    modes: Modes, rows: Sequence[Mode], columns: Sequence[Column], *, shapes: bool, sensitive: bool = False
+    modes: Modes, rows: Sequence[Mode], columns: Sequence[Column], *, shapes: bool, sensitive: bool, energies: bool
 ) -> str:
     """JSON: the scene, its modes, the routes taken and notes."""
     records = _records(rows, columns)
@@ -160,6 +145,10 @@ def _json(
 
         for record, row in zip(rows_of, rows, strict=True):
             record["sensitivities"] = {path: slope.record() for path, slope in of_mode(modes, row).items()}
+    if energies:
+        shares = _energies(modes, rows)
+        for record, row in zip(rows_of, rows, strict=True):
+            record["energies"] = shares.of_mode(row.number)
     document = {"scene": describe(modes.scene), "modes": rows_of, "route": modes.route, "notes": list(modes.notes)}
     return as_json(document)
 
@@ -199,13 +188,16 @@ def _footnotes(modes: Modes, rows: Sequence[Mode], starred: str) -> list[str]:
     return notes
 
 
-def _csv(modes: Modes, rows: Sequence[Mode], columns: Sequence[Column], *, sensitive: bool = False) -> str:
+def _csv(modes: Modes, rows: Sequence[Mode], columns: Sequence[Column], *, sensitive: bool, energies: bool) -> str:
     records = _records(rows, columns)
     if sensitive:
         from modal.modes.sensitivity import of_mode
 
         for record, row in zip(records, rows, strict=True):
             record |= {f"d_omega_d_{path}": finite(slope.derivative) for path, slope in of_mode(modes, row).items()}
+    for share in _energies(modes, rows).rows if energies else ():
+        for record, percent in zip(records, share.percent.tolist(), strict=True):
+            record[share.key] = finite(percent)
     keys = list(records[0]) if records else [column.key for column in columns]
     return csv_rows([keys, *(record.values() for record in records)])
 
@@ -266,34 +258,6 @@ _WRITERS: dict[str, Callable[[Modes, Sequence[Column], list[list[str]], list[str
     "latex": _latex,
     "html": _html,
 }
-
-
-def matrices_table(scene: Scene, dense: Matrices, form: str) -> str:
-    """M, K and D of a scene; `form` is text or json."""
-    by_name = {"M": dense.M, "K": dense.K, "D": dense.D}
-    if form == "json":
-        document = {
-            "scene": describe(scene),
-            "coordinates": list(dense.labels),
-            **{name: matrix.tolist() for name, matrix in by_name.items()},
-        }
-        return as_json(document)
-    parts = [folded(f"coordinates ({len(dense.labels)}): {', '.join(dense.labels)}")]
-    for name, matrix in by_name.items():
-        parts.append(f"{name} = 0" if not matrix.any() else f"{name} =\n{_grid(matrix, dense.labels)}")
-    return "\n\n".join(parts) + "\n"
-
-
-def _grid(matrix: Floats, labels: Sequence[str]) -> str:
-    """The matrix, or where it is too wide parts of its columns below each other, under their coordinates."""
-    cells = [[f"{value:.10g}" for value in row] for row in matrix]
-    width = max(len(cell) for row in cells for cell in row)
-    rows = ["  " + "  ".join(cell.rjust(width) for cell in row) for row in cells]
-    if fits(breadth(rows[0])):
-        return "\n".join(rows)
-    return aligned(
-        [[name, *row] for name, row in zip(labels, cells, strict=True)], ["", *labels], ["right"] * (1 + len(labels))
-    )
 
 
 # ------------------------------------------------------------------------------ as columns, and as they show themselves

@@ -39,6 +39,7 @@ from modal.report.fitting import TABLE_ROWS, TableLimit, breadth, broken, column
 from modal.report.prose import WIDTH, capital, counted, line_width, listed, percent, rad, short, silent, with_unit
 from modal.report.results import Drawable, ReportColumn, ReportTable, Result, TextResult, records_of
 from modal.report.tables import (
+    LEFT,
     NOTHING,
     Form,
     aligned,
@@ -56,6 +57,7 @@ from modal.report.tables import (
 
 __all__ = [
     "HTML_ROWS",
+    "LEFT",
     "LETTERS",
     "NOTHING",
     "TABLE_ROWS",

@@ -15,7 +15,7 @@ Form = Literal["text", "csv", "json", "markdown"]
 
 LEFT = {
     *("action", "at", "description", "engine", "event", "lines", "loci", "meeting", "method", "moves", "number"),
-    *("pendula", "place", "runs", "stability"),
+    *("of", "part", "pendula", "place", "runs", "stability"),
 }
 """Headings of columns of text."""
 NOTHING = "–"

@@ -56,6 +56,7 @@ def table(options: argparse.Namespace) -> Modes | None:
             "chosen": options.columns or "",
             "elsewhere": ELSEWHERE,
             "sensitive": options.sensitivities,
+            "energies": options.energies,
             "left": len(every) - len(numbers),
         }
         write(tables.table(modes, rows, options.format, **more))
@@ -143,7 +144,7 @@ def shapes(options: argparse.Namespace) -> Figure | None:
 def matrices(options: argparse.Namespace) -> Matrices:
     """Print M, K and D."""
     from modal.assembly import matrices as matrices_of
-    from modal.modes.tables import matrices_table
+    from modal.assembly.linearization import matrices_table
     from modal.scene import load
 
     scene = about(noted(load(options.scene), "mode shapes"))
@@ -194,6 +195,7 @@ COMMANDS = (
                 completion=words(("all", *COLUMN_NAMES)),
             ),
             "--sensitivities",
+            "--energies",
             "--shapes (json only)",
             "--places",
             "--explain",
@@ -211,7 +213,7 @@ COMMANDS = (
             ("table paper-cart-2", "every mode of two double pendula on a cart"),
             ("table rope --modes 1:5", "the first five modes of a rope of 1000 links"),
             ("table crane-hook --columns +cumulative --sensitivities", "what a change of each number does"),
-            ("table crane-hook --format latex -o crane.tex", "for a paper"),
+            ("table tower --energies", "which link moves, which spring holds, which damper damps"),
             ("table paper-cart-2 --format json --shapes", "in full precision, with shapes and energy shares"),
         ),
     ),

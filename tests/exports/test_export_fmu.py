@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import re
 import shutil
 import subprocess
 from collections.abc import Iterator
@@ -27,6 +28,7 @@ from modal.exports.scripts import to_control
 from modal.exports.text import identifier
 from modal.statespace import StateSpace, state_space
 from modal.statespace.sampling import reach, sample
+from nonlinear import simulate, state_at_rest
 
 fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")
 needs_a_compiler = pytest.mark.skipif(fmu.compiler() is None, reason="no C compiler for 64-bit Linux is installed")
@@ -78,17 +80,24 @@ def test_fmpy_finds_no_problem(scene: str, dt: float, tmp_path: Path) -> None:
     path = written(tmp_path, FORMATS["fmu"].write(model))
     assert validate_fmu(path) == []
     description = fmpy.read_model_description(path)
-    by_role: dict[str, list[Any]] = {"input": [], "local": [], "output": []}
+    by_role: dict[str, list[Any]] = {"input": [], "local": [], "output": [], "parameter": []}
     for variable in description.modelVariables:
-        by_role[variable.causality].append(variable)
-    for role, signals in zip(by_role, (model.inputs, model.states, model.outputs), strict=True):
-        assert [v.name.removeprefix("state.") for v in by_role[role]] == names(signals)
+        by_role[variable.causality].append(variable) if not variable.derivative else None
+    for role, signals in zip(by_role, (model.inputs, model.states, model.outputs, model.states), strict=True):
+        assert [v.name.removeprefix("state.").removesuffix("_start") for v in by_role[role]] == names(signals)
         assert [v.unit for v in by_role[role]] == [s.unit.replace(" ", ".").replace("^", "") for s in signals]
     assert [v.valueReference for v in description.modelVariables] == list(range(len(description.modelVariables)))
     assert description.coSimulation.canHandleVariableCommunicationStepSize is (dt == 0)
     assert float(description.defaultExperiment.stepSize) == DT
-    through = [[names(model.inputs).index(v.name) for v in unknown.dependencies] for unknown in description.outputs]
-    assert through == [list(np.flatnonzero(row)) for row in model.D]
+    rates = [variable for variable in description.modelVariables if variable.derivative]
+    assert [rate.name for rate in rates] == [f"der({rate.derivative.name})" for rate in rates]
+    assert (description.modelExchange is None, len(rates)) == ((True, 0) if dt else (False, len(model.states)))
+    known = names(model.inputs) + ([] if dt else [f"state.{name}" for name in names(model.states)])
+    gains = {"outputs": model.D if dt else np.hstack((model.D, model.C))}
+    gains |= {} if dt else {"derivatives": np.hstack((model.B, model.A))}
+    for part, rows in gains.items():
+        through = [[known.index(v.name) for v in unknown.dependencies] for unknown in getattr(description, part)]
+        assert through == [list(np.flatnonzero(row)) for row in rows]
 
 
 @EVERY_SCENE
@@ -143,6 +152,100 @@ def test_fmpy_simulates_a_constant_input_as_control_does(scene: str, tmp_path: P
 
 
 @needs_a_compiler
+def test_both_kinds_move_as_the_nonlinear_simulation_does(tmp_path: Path) -> None:
+    """From 1e-5 rad, linear to seven digits, as the unit from 1 rad: by CVode, and with exact steps."""
+    scene, angle = load("crane-hook"), 1e-5
+    path = written(tmp_path, fmu.write_fmu(state_space(scene), 0.05))
+    columns = simulate(
+        scene, 4.0, output=81, start=state_at_rest(scene, np.degrees([angle, -angle])), tolerance=1e-12
+    ).to_dict()
+    angles = np.array([columns["theta_1_1_rad"], columns["theta_1_2_rad"]])
+    starts = {"theta_1_1_start": 1.0, "theta_1_2_start": -1.0}
+    for kind, options in (("CoSimulation", {}), ("ModelExchange", {"solver": "CVode", "relative_tolerance": 1e-12})):
+        simulated = fmpy.simulate_fmu(
+            path, fmi_type=kind, stop_time=4.0, step_size=0.05, output_interval=0.05, start_values=starts, **options
+        )
+        assert np.abs([simulated["theta_1_1"], simulated["theta_1_2"]] - angles / angle).max() < 1e-7
+        assert np.abs(simulated["x"] - columns["x_m"] / angle).max() < 1e-7 * np.abs(simulated["x"]).max()
+
+
+@contextmanager
+def exchanged(folder: Path, model: StateSpace) -> Iterator[Any]:
+    """A model for exchange, in continuous time."""
+    path = written(folder, fmu.write_fmu(model))
+    unzipped = fmpy.extract(path, str(folder / "unzipped"))
+    unit = fmpy.instantiate_fmu(unzipped, fmpy.read_model_description(path), "ModelExchange")
+    unit.setupExperiment(startTime=0.0)
+    unit.enterInitializationMode()
+    yield unit
+    unit.terminate()
+    unit.freeInstance()
+
+
+@EVERY_SCENE
+@needs_a_compiler
+def test_rates_and_their_derivatives_are_the_matrices(scene: str, tmp_path: Path) -> None:
+    model = model_of(scene)
+    n, rng = len(model.states), np.random.default_rng(5)
+    z, z0, u = (rng.normal(size=size).tolist() for size in (n, n, len(model.inputs)))
+    kinds = ("input", "state", "output", "start", "derivative")
+    inputs, states, outputs, starts, rates = (references(model, role) for role in kinds)
+    with exchanged(tmp_path, model) as unit:
+        unit.setReal(starts, z0)
+        assert unit.getReal(states) == z0
+        unit.exitInitializationMode()
+        unit.setReal(inputs, u)
+        assert_close(np.array(unit.getReal(rates)), model.A @ z0 + model.B @ u, 1e-13)
+        unit.enterContinuousTimeMode()
+        values = (ctypes.c_double * n)(*z)
+        unit.setContinuousStates(values, n)
+        rates_now = (ctypes.c_double * n)()
+        unit.getDerivatives(rates_now, n)
+        assert_close(np.array(rates_now), model.A @ z + model.B @ u, 1e-13)
+        assert_close(np.array(unit.getReal(outputs)), model.C @ z + model.D @ u, 1e-13)
+        change = np.eye(len(inputs) + n)
+        by_all = [unit.getDirectionalDerivative([*rates, *outputs], [*inputs, *states], list(row)) for row in change]
+        np.testing.assert_array_equal(np.array(by_all).T, np.block([[model.B, model.A], [model.D, model.C]]))
+        with pytest.raises(fmpy.fmi1.FMICallException):
+            unit.getDirectionalDerivative([states[0]], [inputs[0]], [1.0])
+
+
+@needs_a_compiler
+def test_a_sampled_model_is_for_co_simulation_alone(tmp_path: Path) -> None:
+    path = written(tmp_path, fmu.write_fmu(model_of("crane-hook", DT)))
+    description = fmpy.read_model_description(path)
+    assert description.modelExchange is None
+    with pytest.raises(Exception, match="is not supported"):
+        fmpy.simulate_fmu(path, fmi_type="ModelExchange", stop_time=1.0)
+
+
+@EVERY_SCENE
+@BOTH
+def test_names_are_those_of_modelica(scene: str, dt: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A compiler of Modelica lists the block's inputs, outputs, parameters and states."""
+    monkeypatch.setattr(fmu, "which", lambda command: None)
+    model = model_of(scene, dt)
+    text = FORMATS["modelica"].write(model).decode()
+    public, _, hidden = text.partition("\nprotected\n")
+    record = re.search(r"  record States\n(.*?)  end States;", public, re.DOTALL)
+    assert record
+    declared = {
+        kind: re.findall(rf"^  {kind} Real (\w+)", public, re.MULTILINE) for kind in ("input", "output", "parameter")
+    }
+    declared["local"] = [f"state.{name}" for name in re.findall(r"Real (\w+)", record[1])]
+    listed: dict[str, list[str]] = {kind: [] for kind in declared}
+    for variable in fmpy.read_model_description(BytesIO(fmu.write_fmu(model))).modelVariables:
+        if not variable.derivative:
+            listed[variable.causality].append(variable.name)
+    assert listed == declared
+    assert re.findall(r"(\S+)\(start = (\w+), fixed = true\)", public.partition("States state(")[2]) == [
+        (name.removeprefix("state."), start)
+        for name, start in zip(declared["local"], declared["parameter"], strict=True)
+    ]
+    assert "final parameter Real A[" in hidden
+
+
+@needs_a_compiler
 def test_states_start_where_they_are_told(tmp_path: Path) -> None:
     model = state_space(load("crane-hook"))
     path = written(tmp_path, fmu.write_fmu(model))
@@ -150,7 +253,7 @@ def test_states_start_where_they_are_told(tmp_path: Path) -> None:
         path,
         stop_time=5.0,
         output_interval=0.05,
-        start_values={"state.theta_1_1": 0.1, "state.x_dot": -0.2},
+        start_values={"theta_1_1_start": 0.1, "x_dot_start": -0.2},
         output=["theta_1_1", "state.theta_dot_1_2", "x"],
     )
     z0 = np.array([0.0, 0.1, 0.0, -0.2, 0.0, 0.0])
@@ -167,7 +270,7 @@ def test_the_binary_holds_the_tables_poles(scene: str, tmp_path: Path) -> None:
     model = model_of(scene)
     columns = []
     with instance(tmp_path, model) as slave:
-        for k in references(model, "state"):
+        for k in references(model, "start"):
             slave.reset()
             slave.setReal([k], [1.0])
             slave.doStep(currentCommunicationPoint=0.0, communicationStepSize=DT)
@@ -190,12 +293,13 @@ def test_a_discrete_model_takes_whole_steps_only(tmp_path: Path) -> None:
 @needs_a_compiler
 def test_what_the_slave_refuses(tmp_path: Path) -> None:
     model = model_of("chain-3")
-    inner, outer = references(model, "state")[0], references(model, "output")[0]
+    inner, outer, start = (references(model, role)[0] for role in ("state", "output", "start"))
     with instance(tmp_path, model) as slave:
         refused = (
             lambda: slave.setReal([inner], [1.0]),
+            lambda: slave.setReal([start], [1.0]),
             lambda: slave.setReal([outer], [1.0]),
-            lambda: slave.getReal([outer + len(model.outputs)]),
+            lambda: slave.getReal([len(variables(model))]),
             lambda: slave.getInteger([0]),
             lambda: slave.doStep(currentCommunicationPoint=0.0, communicationStepSize=-DT),
             lambda: slave.doStep(currentCommunicationPoint=0.0, communicationStepSize=float("nan")),
@@ -204,8 +308,8 @@ def test_what_the_slave_refuses(tmp_path: Path) -> None:
             with pytest.raises(fmpy.fmi1.FMICallException):
                 call()
         slave.reset()
-        slave.setReal([inner], [1.0])
-        assert slave.getReal([inner]) == [1.0]
+        slave.setReal([start], [1.0])
+        assert slave.getReal([inner, start]) == [1.0, 1.0]
 
 
 @needs_a_compiler
@@ -239,7 +343,7 @@ def test_another_models_guid_is_refused(tmp_path: Path) -> None:
 
 
 def test_the_guid_follows_the_model(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(fmu, "compiler", lambda: None)
+    monkeypatch.setattr(fmu, "which", lambda command: None)
 
     def guid(model: StateSpace, step: float = DT) -> str:
         return str(fmpy.read_model_description(BytesIO(fmu.write_fmu(model, step))).guid)
@@ -256,7 +360,7 @@ def test_without_a_compiler_the_source_compiles_elsewhere(
     dt: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     model = model_of("crane-hook", dt)
-    monkeypatch.setattr(fmu, "compiler", lambda: None)
+    monkeypatch.setattr(fmu, "which", lambda command: None)
     content = FORMATS["fmu"].write(model)
     assert "no binary" in FORMATS["fmu"].note(content)
     with ZipFile(BytesIO(content)) as archive:
@@ -282,17 +386,29 @@ def test_without_a_compiler_the_source_compiles_elsewhere(
 
 def test_a_broken_compiler_leaves_the_source(monkeypatch: pytest.MonkeyPatch) -> None:
     for command in (shutil.which("false"), "/nowhere/cc"):
-        monkeypatch.setattr(fmu, "compiler", lambda command=command: command)
-        assert fmu.note(fmu.write_fmu(model_of("chain-3"))) == fmu.SOURCE_ONLY
+        monkeypatch.setattr(fmu, "which", lambda name, command=command: command)
+        text = fmu.note(fmu.write_fmu(model_of("chain-3")))
+        assert "64-bit Linux" in text
+        assert "64-bit Windows" in text
 
 
 @needs_a_compiler
-def test_with_a_compiler_there_is_nothing_to_tell() -> None:
-    model = model_of("chain-3")
+def test_with_compilers_there_is_nothing_to_tell(tmp_path: Path) -> None:
+    """The library for Windows has the functions of the one for Linux; without a cross compiler a note says so."""
+    model, cross = model_of("chain-3"), shutil.which(fmu.CROSS_COMPILER)
     content = FORMATS["fmu"].write(model)
-    assert FORMATS["fmu"].note(content) == ""
+    assert ("no binary for 64-bit Windows" in FORMATS["fmu"].note(content)) == (cross is None)
+    name = identifier(model.title)
     with ZipFile(BytesIO(content)) as archive:
-        assert f"binaries/linux64/{identifier(model.title)}.so" in archive.namelist()
+        shared = archive.read(f"binaries/linux64/{name}.so")
+        assert shared.startswith(b"\x7fELF")
+        if cross is None:
+            return
+        library = archive.read(f"binaries/win64/{name}.dll")
+    assert library.startswith(b"MZ")
+    functions = set(re.findall(rb"fmi2[A-Z]\w+", shared))
+    assert len(functions) > 30
+    assert set(re.findall(rb"fmi2[A-Z]\w+", library)) == functions
 
 
 @needs_a_compiler
@@ -315,7 +431,7 @@ def test_a_step_must_be_positive() -> None:
 
 
 def test_matrices_in_the_source_are_the_models(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(fmu, "compiler", lambda: None)
+    monkeypatch.setattr(fmu, "which", lambda command: None)
     model = model_of("crane-hook")
     with ZipFile(BytesIO(fmu.write_fmu(model))) as archive:
         text = archive.read("sources/model.h").decode()

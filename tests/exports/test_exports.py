@@ -35,6 +35,7 @@ from modal import Bob, Cart, ComputationError, Pendulum, Scene, SceneError, load
 from modal.exports import FORMATS, find_format
 from modal.exports.data import read_json, read_npz, write_json, write_npz
 from modal.exports.scripts import to_control, to_scipy, write_mat
+from modal.exports.source import public_names
 from modal.exports.text import IDENTIFIER_LETTERS, identifier, identifiers
 from modal.statespace import Signal, StateSpace, state_space
 from modal.statespace.sampling import METHODS, reach, sample
@@ -186,7 +187,7 @@ def test_modelica_as_text(scene: str, dt: float) -> None:
     text = FORMATS["modelica"].write(model).decode()
     assert_matrices(model, [literals(text, f"Real {name}[{shape}] = [\n", "];") for name, shape in shapes(model)])
     assert_poles(literals(text, f"Real A[{len(model.A)}, {len(model.A)}] = [\n", "];"), load(scene), dt)
-    declared = re.findall(r"^  (?:input |output |parameter |discrete )*Real (\w+)", text, re.MULTILINE)
+    declared = re.findall(r"^  (?:input |output |final |parameter |discrete )*Real (\w+)", text, re.MULTILINE)
     assert len(set(declared)) == len(declared)
     assert re.findall(r"^  input Real (\w+)\(unit = \"(\S+)\"\)", text, re.MULTILINE) == [
         (s.name, s.unit.replace(" ", ".")) for s in model.inputs
@@ -198,7 +199,37 @@ def test_modelica_as_text(scene: str, dt: float) -> None:
     assert text.count("{") == text.count("}")
     assert (text.count("("), text.count("[")) == (text.count(")"), text.count("]"))
     assert re.match(r"block (\w+) ", text)[1] == re.search(r"\nend (\w+);\n$", text)[1]  # type: ignore[index]
-    assert ("der(z)" in text, "sample(0.0, 0.01)" in text) == (dt == 0, dt > 0)
+    assert ("der(state." in text, "sample(0.0, 0.01)" in text) == (dt == 0, dt > 0)
+
+
+HARNESS = """
+model Harness
+  {block} unit({start} = 0.1);
+equation
+{inputs}
+end Harness;
+"""
+"""Inputs that are 0.3, 0.6, … from the beginning, and a state that starts at 0.1."""
+
+
+@EVERY_SCENE
+@BOTH
+def test_a_modelica_compiler_moves_the_block_as_control_does(scene: str, dt: float) -> None:
+    rumoca = pytest.importorskip("rumoca", reason="the Modelica compiler rumoca is not installed")
+    model = model_of(scene, 0.5 if dt else 0.0)
+    words = public_names(model)
+    inputs = "\n".join(f"  unit.{word} = {0.3 * k!r};" for k, word in enumerate(words.inputs, 1))
+    harness = HARNESS.format(block=words.block, start=words.starts[0], inputs=inputs)
+    compiled = rumoca.Session().loads(FORMATS["modelica"].write(model).decode() + harness, model="Harness")
+    config = rumoca.SimConfig(rtol=1e-10, atol=1e-12)
+    columns = compiled.simulate(t=(0.0, 2.0), dt=0.5, config=config).to_dict()
+    times = np.arange(5) * 0.5
+    last = np.searchsorted(columns["time"], times + 1e-6) - 1  # after events, of which a time has two values
+    z0 = np.eye(len(model.A))[0] * 0.1
+    u = np.array([[0.3 * k] * 5 for k in range(1, len(model.inputs) + 1)])
+    expected = control.forced_response(to_control(model), times, u, z0).outputs
+    outputs = np.array([columns["data"][f"unit.{word}"][last] for word in words.outputs])
+    assert np.abs(outputs - expected).max() < 1e-6 * np.abs(expected).max()
 
 
 def shapes(model: StateSpace) -> list[tuple[str, str]]:

@@ -19,7 +19,7 @@ from modal.coupling import explain
 from modal.errors import ComputationError
 from modal.identification import identify
 from modal.loci import follow_loci
-from modal.modes import natural_modes
+from modal.modes import mode_energies, natural_modes
 from modal.modes.sensitivity import sensitivities
 from modal.scene.parameters import parse_variations
 from modal.statespace import modal_gains, state_space, to_modal_form
@@ -70,6 +70,7 @@ def form() -> Any:
 RESULTS: dict[str, Callable[[], Any]] = {
     "coupling": lambda: explain(modal.load("paper-cart-2")),
     "sensitivities": lambda: sensitivities(crane(), 2),
+    "energies": lambda: mode_energies(crane()),
     "matrices": lambda: matrices(modal.load("paper-cart-3")),
     "state space": lambda: state_space(modal.load("crane-hook")),
     "modal form": form,
