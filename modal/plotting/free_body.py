@@ -36,8 +36,6 @@ from modal.scene.free_body import normal
 
 COLUMNS = 3
 """Format: diagrams in a row."""
-LINE_CM = 11.2
-"""Format: width of two diagrams of TikZ, which the text of the article class has room for."""
 
 # ------------------------------------------------------------------------------------------------------- the door
 
@@ -91,7 +89,7 @@ def free_body_tikz(scene: Scene, letters: str = "own", parts: str = "") -> str:
     with theme("light"):
         hues = {look: _hue(look).removeprefix("#").upper() for look in LOOKS}
     lines = [rf"\definecolor{{fb{look}}}{{HTML}}{{{hue}}}" for look, hue in hues.items()]
-    unit = LINE_CM / (2 * (RIGHT_EDGE - LEFT_EDGE))
+    unit = 11.2 / (2 * (RIGHT_EDGE - LEFT_EDGE))  # cm: two diagrams fill a line of the article class
     style = rf"x={unit:.3f}cm, y={unit:.3f}cm, line cap=round, >=stealth, font=\footnotesize"
     lines.append(rf"\begin{{tikzpicture}}[{style}]")
     for k, row in enumerate(_rows(pictures, 2)):
