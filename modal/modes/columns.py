@@ -334,6 +334,15 @@ def spare_headings(columns: Sequence[Column], exceptions: frozenset[str] = froze
     return list(dict.fromkeys(order))
 
 
+def proof_columns(proofs: Mapping[int, str] | None) -> list[Column]:
+    """What of each row is proved, by the number of its mode."""
+
+    def word(mode: Mode) -> str:
+        return (proofs or {})[mode.number]
+
+    return [Column("proof", word, "proof", cell=word)] if proofs else []
+
+
 def _with_stds(stds: Stds) -> list[Column]:
     """All columns, with those of standard deviations beside what they are of."""
     std_columns = {
