@@ -96,6 +96,7 @@ def table(
     sensitivities: bool = False,
     shapes: bool = False,
     places: bool = False,
+    prove: str | PathLike[str] | None = None,
     explain: bool = False,
 ) -> Modes | Any: ...
 def shapes(

@@ -30,7 +30,6 @@ from fractions import Fraction as Q
 from pathlib import Path
 from typing import Any, NamedTuple
 
-TWO_PI = 2 * Q("3.14159265358979323846264338328")
 Row = dict[int, Any]  # entries of a row by the numbers of their coordinates
 Known = dict[str, Any]  # keys with their defaults, None for those that must be there
 
@@ -46,7 +45,7 @@ class NotProvedError(Exception):
 # ------------------------------------------------------------------------------- sums of squares
 
 
-class Block:
+class Sums:
     """What moves together, `times` over: M, K and D as sums of squares of rows."""
 
     def __init__(self, times: int) -> None:
@@ -123,7 +122,7 @@ UNUSED_OF_SUPPORTS = "start friction friction_coefficient motion"
 class Carrier:
     """A support with its coordinates: sway, heave (upwards) and roll."""
 
-    def __init__(self, block: Block, data: dict[str, Any], where: str, gravity: Q) -> None:
+    def __init__(self, block: Sums, data: dict[str, Any], where: str, gravity: Q) -> None:
         kind = data["kind"]
         if kind not in WAYS:
             raise UnreadableError(f"{where}.kind = {kind}: this checker does not know it")
@@ -182,7 +181,7 @@ def links_of(pendulum: dict[str, Any], where: str) -> list[dict[str, Any]]:
     return [{**link, "sign": sign} for link, sign in zip(links, ups, strict=True)]
 
 
-def hang(block: Block, links: list[dict[str, Any]], pivot: Point, gravity: Q, times: int) -> Any:
+def hang(block: Sums, links: list[dict[str, Any]], pivot: Point, gravity: Q, times: int) -> Any:
     """Adds a chain, `times` as heavy; each link's coordinate is how far its lower end moves along.
 
     Its angle is then that of the line between both ends, and its centre of mass is on this line.
@@ -235,7 +234,7 @@ def ends_of(text: str, carriers: list[Carrier], chains: dict[int, Any]) -> list[
     raise UnreadableError(f"spring: there is no point {text}")
 
 
-def stretch(block: Block, spring: dict[str, Any], a: Point | None, b: Point | None) -> None:
+def stretch(block: Sums, spring: dict[str, Any], a: Point | None, b: Point | None) -> None:
     """Adds a spring and its damper between two points."""
     if a is None or b is None:  # the ground
         there = a or b or NOWHERE
@@ -257,7 +256,7 @@ PENDULUM = {"links": None, "count": 1, "equilibrium": [], "on": "", "position": 
 SPRING = {"between": None, "kind": "linear", "stiffness": 0, "damping": 0}
 
 
-def blocks_of(data: dict[str, Any]) -> list[Block]:
+def blocks_of(data: dict[str, Any]) -> list[Sums]:
     """What moves with the supports, and every pendulum that moves while its support is still.
 
     Of N equal pendula that hang together, the sum moves with the support, like one N times as
@@ -267,7 +266,7 @@ def blocks_of(data: dict[str, Any]) -> list[Block]:
     for k, force in enumerate(scene["force"]):
         if force["kind"] == "constant":
             raise UnreadableError(f"force[{k}]: this checker does not know how links lean under it")
-    gravity, moving, given = size(scene["gravity"]), Block(1), scene["support"]
+    gravity, moving, given = size(scene["gravity"]), Sums(1), scene["support"]
     given = given if isinstance(given, list) else [given]
     carriers = [Carrier(moving, each, f"support[{k}]", gravity) for k, each in enumerate(given)]
     springs = [part(each, f"spring[{k}]", SPRING, "loss") for k, each in enumerate(scene["spring"])]
@@ -291,7 +290,7 @@ def blocks_of(data: dict[str, Any]) -> list[Block]:
             hang(moving, links, pivot, gravity, count)
             still -= 1
         if still:
-            blocks.append(Block(still))
+            blocks.append(Sums(still))
             hang(blocks[-1], links, NOWHERE, gravity, 1)
     for spring in springs:
         ends = [ends_of(text, carriers, chains) for text in spring["between"]]
@@ -304,22 +303,22 @@ def blocks_of(data: dict[str, Any]) -> list[Block]:
 # ---------------------------------------------------------------------------------------- counts
 
 
-class Rounded:
+class Between:
     """A number between two integers over 2**bits, which arithmetic rounds outwards."""
 
     def __init__(self, low: int, high: int, bits: int) -> None:
         self.low, self.high, self.bits = low, high, bits
 
-    def __sub__(self, other: Rounded) -> Rounded:
-        return Rounded(self.low - other.high, self.high - other.low, self.bits)
+    def __sub__(self, other: Between) -> Between:
+        return Between(self.low - other.high, self.high - other.low, self.bits)
 
-    def __mul__(self, other: Rounded) -> Rounded:
+    def __mul__(self, other: Between) -> Between:
         ends = [a * b for a in (self.low, self.high) for b in (other.low, other.high)]
-        return Rounded(min(ends) >> self.bits, -(-max(ends) >> self.bits), self.bits)
+        return Between(min(ends) >> self.bits, -(-max(ends) >> self.bits), self.bits)
 
-    def __truediv__(self, other: Rounded) -> Rounded:  # by one that has a sign
+    def __truediv__(self, other: Between) -> Between:  # by one that has a sign
         ends = [(a << self.bits, b) for a in (self.low, self.high) for b in (other.low, other.high)]
-        return Rounded(min(a // b for a, b in ends), max(-(-a // b) for a, b in ends), self.bits)
+        return Between(min(a // b for a, b in ends), max(-(-a // b) for a, b in ends), self.bits)
 
 
 def rounded(q: Q | int, bits: int) -> Any:
@@ -327,12 +326,12 @@ def rounded(q: Q | int, bits: int) -> Any:
     if not bits:
         return Q(q)
     shifted = Q(q).numerator << bits
-    return Rounded(shifted // Q(q).denominator, -(-shifted // Q(q).denominator), bits)
+    return Between(shifted // Q(q).denominator, -(-shifted // Q(q).denominator), bits)
 
 
 def sign(value: Any) -> int:
     """1, 0 or -1."""
-    low, high = (value.low, value.high) if isinstance(value, Rounded) else (value, value)
+    low, high = (value.low, value.high) if isinstance(value, Between) else (value, value)
     if low <= 0 <= high and low != high:
         raise NotProvedError("a sign needs more bits")
     return (low > 0) - (low < 0)
@@ -362,15 +361,16 @@ def signs(A: list[Row], bits: int = 0) -> tuple[int, int]:
     return minus, 0
 
 
-def count(blocks: list[Block], x: Q, bits: int) -> tuple[int, int]:
+def count(blocks: list[Sums], x: Q, bits: int) -> tuple[int, int]:
     """How many w^2 are below x, and how many are x."""
     y, below, equal = rounded(x, bits), 0, 0
     for block in blocks:
         if bits not in block.ready:
-            rows = zip(block.matrix("K"), block.matrix("M"), strict=True)
-            block.ready[bits] = [
-                {j: (rounded(k.get(j, 0), bits), rounded(m.get(j, 0), bits)) for j in {**k, **m}} for k, m in rows
-            ]
+            block.ready[bits] = []
+            for K, M in zip(block.matrix("K"), block.matrix("M"), strict=True):
+                pairs = {j: (K.get(j, 0), M.get(j, 0)) for j in {**K, **M}}
+                pairs = {j: (rounded(k, bits), rounded(m, bits)) for j, (k, m) in pairs.items()}
+                block.ready[bits].append(pairs)
         A = [{j: k - y * m for j, (k, m) in row.items()} for row in block.ready[bits]]
         minus, missing = signs(A, bits)
         below, equal = below + block.times * minus, equal + block.times * missing
@@ -394,7 +394,7 @@ def determinant(A: list[list[Q]]) -> Q:
     return product
 
 
-def polynomial(block: Block) -> list[Q]:
+def polynomial(block: Sums) -> list[Q]:
     """det(z^2 M + z D + K), lowest power first, by Newton from its values at z = 0, 1, 2, ..."""
     M, D, K = (block.matrix(name) for name in "MDK")
     values, p, at = list[Q](), list[Q](), range(block.n)
@@ -427,7 +427,7 @@ def roots_near(p: list[Q], re: Q, im: Q, radius: Q) -> int:
     raise NotProvedError("no term is larger than the sum of the others")
 
 
-def count_roots(blocks: list[Block], re: Q, im: Q, radius: Q) -> int:
+def count_roots(blocks: list[Sums], re: Q, im: Q, radius: Q) -> int:
     """How many roots all polynomials have within a radius of re + i im."""
     total = 0
     for block in blocks:
@@ -448,7 +448,7 @@ class Verdict(NamedTuple):
     words: str
 
 
-def judge(row: dict[str, Any], claim: dict[str, Any], blocks: list[Block], bits: int) -> Verdict:
+def judge(row: dict[str, Any], claim: dict[str, Any], blocks: list[Sums], bits: int) -> Verdict:
     """Whether what the proof claims for a row of the table proves it."""
     try:
         if not {"counts", "roots"} & claim.keys():
@@ -456,8 +456,9 @@ def judge(row: dict[str, Any], claim: dict[str, Any], blocks: list[Block], bits:
         if None in (row["omega_rad_per_s"], row["relative_error_bound"]):
             raise NotProvedError("no digit of it is certain")
         w, e = size(row["omega_rad_per_s"]), size(row["relative_error_bound"])
-        hertz = w / TWO_PI if row["frequency_hz"] is None else Q(row["frequency_hz"])
-        if abs(TWO_PI * hertz - w) > (e + Q(1, 2**50)) * w or e > Q(1, 4):
+        turn = 2 * Q("3.14159265358979323846264338328")
+        hertz = w / turn if row["frequency_hz"] is None else Q(row["frequency_hz"])
+        if abs(turn * hertz - w) > (e + Q(1, 2**50)) * w or e > Q(1, 4):
             raise NotProvedError("omega is not 2 pi times its frequency, or has no digit")
         if any(block.squares["D"] for block in blocks):
             words = judge_roots(row, claim, blocks)
@@ -469,7 +470,7 @@ def judge(row: dict[str, Any], claim: dict[str, Any], blocks: list[Block], bits:
         return Verdict(row["mode"], False, str(error))
 
 
-def judge_counts(row: Any, claim: Any, blocks: list[Block], bits: int) -> str:
+def judge_counts(row: Any, claim: Any, blocks: list[Sums], bits: int) -> str:
     """Counts at both ends of an interval within the bound; a growing mode has w^2 = -(growth)^2."""
     w, e = Q(row["omega_rad_per_s"]), Q(row["relative_error_bound"])
     grows = row["growth_rate_per_s"] is not None
@@ -489,7 +490,7 @@ def judge_counts(row: Any, claim: Any, blocks: list[Block], bits: int) -> str:
     return f"{'growth rate ' * grows}number {first} to {last}; {upto - before} so near"
 
 
-def judge_roots(row: Any, claim: Any, blocks: list[Block]) -> str:
+def judge_roots(row: Any, claim: Any, blocks: list[Sums]) -> str:
     """Roots z in a disc within the bound of w = |z|, about the root of the table."""
     w, e, zeta = Q(row["omega_rad_per_s"]), Q(row["relative_error_bound"]), Q(row["damping_ratio"])
     (re, im), radius = map(Q, claim["centre"]), size(claim["radius"])

@@ -49,7 +49,7 @@ def table(options: argparse.Namespace) -> Modes | None:
     starred = f"{tables.GUIDE} (`--orbits` computes it)"
     stds = proofs = None
     if options.orbits or options.covariance or options.prove:
-        from multipendula.evidence import evidence
+        from multipendula.commands.evidence import evidence
 
         rows, starred, stds, proofs = evidence(options, modes, rows, starred)
     with output(options.output) as write:

@@ -25,13 +25,9 @@ from modal.scene import Scene, dumps, example_names
 from modal.scene.contents import text_of
 from modal.scene.files import example_text
 from multipendula import check_proof
-from multipendula.check_proof import Block, NotProvedError, UnreadableError
+from multipendula.check_proof import Sums, NotProvedError, UnreadableError
 from multipendula.commands.shared import bar, estimate_of, output
 
-COORDINATES_IN_FRACTIONS = 40
-"""Cost: beyond, fractions grow so long that integers rounded outwards are sooner done (`benchmarks/proofs.py`)."""
-SHARE_OF_BOUND = 0.9
-"""Tolerance: of the radius of a disc, so that with the rounding of its centre it stays within the bound."""
 WHAT = "python check_proof.py SCENE.toml TABLE.json PROOF.json counts again, with Python's standard library alone"
 
 
@@ -124,13 +120,26 @@ def first_numbers(modes: Modes) -> dict[int, int]:
 
 
 class _Prover:
-    """What is claimed of rows of a table, for the sums of squares of its scene."""
+    """What is claimed of rows of a table, for the sums of squares of its scene.
 
-    def __init__(self, blocks: list[Block], why: str, numbers: dict[int, int]) -> None:
+    Of more coordinates `in_fractions` these grow so long that integers rounded outwards are sooner done, and of more
+    coordinates `in_polynomials` roots are not counted (`benchmarks/proofs.py`).
+    """
+
+    def __init__(
+        self,
+        blocks: list[Sums],
+        why: str,
+        numbers: dict[int, int],
+        in_fractions: int = 40,
+        in_polynomials: int = 12,
+    ) -> None:
         self.blocks, self.why, self.numbers = blocks, why, numbers
         self.is_damped = any(block.squares["D"] for block in blocks)
         largest = max((block.n for block in blocks), default=0)
-        self.bits = 0 if largest <= COORDINATES_IN_FRACTIONS else 128
+        self.bits = 0 if largest <= in_fractions else 128
+        if self.is_damped and largest > in_polynomials:
+            self.why = f"with dampers, polynomials of at most {in_polynomials} coordinates are made"
 
     def claim(self, row: Mode, root: complex) -> dict[str, Any]:
         """The claim for a row with this eigenvalue (rad/s), as the proof has it."""
@@ -156,7 +165,7 @@ class _Prover:
         raise problem
 
     def _roots(self, row: Mode, root: complex) -> dict[str, Any]:
-        radius = row.omega * row.relative_error_bound * SHARE_OF_BOUND
+        radius = 0.9 * row.omega * row.relative_error_bound  # with the rounding of its centre it is within the bound
         roots = check_proof.count_roots(self.blocks, *map(Fraction, (root.real, root.imag, radius)))
         return {"centre": [root.real, root.imag], "radius": radius, "roots": roots}
 
