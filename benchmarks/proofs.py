@@ -17,8 +17,7 @@ from tempfile import TemporaryDirectory
 
 from tabulate import tabulate
 
-ROOT = Path(__file__).parent.parent
-sys.path.insert(0, str(ROOT / "tests" / "support"))
+sys.path.insert(0, str(Path(__file__).parent.parent / "tests" / "support"))
 
 from scenes import decimal_scene, extreme_scene, spatial_scene, sprung_scene, structured_scene
 
@@ -27,6 +26,7 @@ from modal.modes import tables
 from modal.scene import Scene, example_names
 from multipendula.commands.evidence import prove
 
+ROOT = Path(__file__).parent.parent
 RANDOM = {
     "carts, extreme ratios": extreme_scene,
     "joint springs, standing links": lambda seed: sprung_scene(seed, 3.0, standing=True),

@@ -8,12 +8,12 @@ become fractions, and these become M and K, sums of squares of small displacemen
 
     energy of motion = 1/2 sum m (displacement')^2,      potential energy = 1/2 sum k (extension)^2
 
-SYLVESTER'S LAW OF INERTIA (1852).  However K - x M is written as a sum of squares, the number of
-those with a minus is the same.  It is the number of natural frequencies whose w^2 is below x: none
-is where x is far below zero, and as x grows, a sign changes at each w^2 and nowhere else, as M has
-no square with a minus.  So two counts, at both ends of an interval, prove how many w^2 are in it,
-by + - * / of fractions alone.  The proof says where to count.  Of many coordinates it may say with
-how many bits: then each number is between two integers over 2^bits, which are rounded outwards.
+SYLVESTER'S LAW OF INERTIA [Sylvester1852].  However K - x M is written as a sum of squares, as many
+of them have a minus.  This is the number of natural frequencies whose w^2 is below x: none is where
+x is far below zero, and as x grows, a sign changes at each w^2 and nowhere else, as M has no square
+with a minus.  So two counts, at both ends of an interval, prove how many w^2 are in it, by + - * /
+of fractions alone.  The proof says where to count.  Of many coordinates it may say with how many
+bits: then each number is between two integers over 2^bits, which are rounded outwards.
 
 With dampers, roots of the polynomial p(z) = det(z^2 M + z D + K) are counted instead, in a disc:
 where one term |a_n| r^n of p(c + y) = sum a_k y^k is larger than the sum of all others, p has

@@ -25,7 +25,7 @@ from modal.scene import Scene, dumps, example_names
 from modal.scene.contents import text_of
 from modal.scene.files import example_text
 from multipendula import check_proof
-from multipendula.check_proof import Sums, NotProvedError, UnreadableError
+from multipendula.check_proof import NotProvedError, Sums, UnreadableError
 from multipendula.commands.shared import bar, estimate_of, output
 
 WHAT = "python check_proof.py SCENE.toml TABLE.json PROOF.json counts again, with Python's standard library alone"
