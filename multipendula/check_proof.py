@@ -265,7 +265,7 @@ def blocks_of(data: dict[str, Any]) -> list[Sums]:
     scene = part(data, "scene", SCENE, "title ground")
     for k, force in enumerate(scene["force"]):
         if force["kind"] == "constant":
-            raise UnreadableError(f"force[{k}]: this checker does not know how links lean under it")
+            raise NotProvedError(f"force[{k}]: links lean under it, at angles that are no fractions")
     gravity, moving, given = size(scene["gravity"]), Sums(1), scene["support"]
     given = given if isinstance(given, list) else [given]
     carriers = [Carrier(moving, each, f"support[{k}]", gravity) for k, each in enumerate(given)]
@@ -521,13 +521,19 @@ def check(scene: dict[str, Any], table: dict[str, Any], proof: dict[str, Any]) -
     for place in {**here, **there}:
         if place not in here or place not in there or here[place] != there[place]:
             raise UnreadableError(f"{place}: is not that of the proof, which is of another scene")
-    blocks, claims = blocks_of(scene), {claim["mode"]: claim for claim in proof["modes"]}
-    bits = int(proof["bits"])
+    claims, bits = {claim["mode"]: claim for claim in proof["modes"]}, int(proof["bits"])
+    try:
+        blocks = blocks_of(scene)
+    except NotProvedError as error:
+        return [Verdict(row["mode"], False, str(error)) for row in table["modes"]]
     return [judge(row, claims.get(row["mode"], {}), blocks, bits) for row in table["modes"]]
 
 
 def main(arguments: list[str]) -> int:
     """0 where all is proved, 1 where not, 2 for files that it cannot read."""
+    if len(arguments) != 3:
+        print("usage: python check_proof.py SCENE.toml TABLE.json PROOF.json", file=sys.stderr)
+        return 2
     try:
         scene, table, proof = (Path(name).read_text(encoding="utf-8") for name in arguments)
         verdicts = check(tomllib.loads(scene), json.loads(table), json.loads(proof))

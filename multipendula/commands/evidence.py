@@ -85,7 +85,7 @@ def prove(
     scene = scene_data(modes.scene, source)
     try:
         blocks, why = check_proof.blocks_of(scene), ""
-    except UnreadableError as error:
+    except (UnreadableError, NotProvedError) as error:
         blocks, why = [], str(error)
     if modes.scene.has_modal_damping and modes.scene.has_dampers:
         blocks, why = [], "damping ratios beside dampers make a matrix of no fractions"
