@@ -112,8 +112,6 @@ class Point(NamedTuple):
 
 
 NOWHERE = Point({}, {}, {}, Q(0), Q(0))
-
-
 WAYS = {"fixed": "", "moved": "", "cart": "sway", "swing": "sway", "heave": "heave", "tilt": "roll"}
 WAYS |= {"platform": "sway heave roll"}
 UNUSED_OF_SUPPORTS = "start friction friction_coefficient motion"
@@ -134,8 +132,11 @@ class Carrier:
         self.name, self.gravity, self.block = self.data["name"] or kind, gravity, block
         self.at = {way: block.coordinate() for way in WAYS[kind].split()}
         for way, i in self.at.items():
-            for name, law in (("K", self.data["stiffness"]), ("D", self.data["damping"])):
-                block.add(name, size(law.get(way, 0) if isinstance(law, dict) else law), {i: 1})
+            for name, key in (("K", "stiffness"), ("D", "damping")):
+                law = self.data[key]
+                if isinstance(law, dict):
+                    law = part(law, f"{where}.{key}", {"sway": 0, "heave": 0, "roll": 0})[way]
+                block.add(name, size(law), {i: 1})
         if self.at:
             centre, mass = self.point(*self.data.get("centre", (0, 0))), size(self.data["mass"])
             block.add("M", mass, centre.along, centre.down)
@@ -265,7 +266,7 @@ def blocks_of(data: dict[str, Any]) -> list[Sums]:
     scene = part(data, "scene", SCENE, "title ground")
     for k, force in enumerate(scene["force"]):
         if force["kind"] == "constant":
-            raise NotProvedError(f"force[{k}]: links lean under it, at angles that are no fractions")
+            raise NotProvedError(f"force[{k}]: links lean under it, at no fractions")
     gravity, moving, given = size(scene["gravity"]), Sums(1), scene["support"]
     given = given if isinstance(given, list) else [given]
     carriers = [Carrier(moving, each, f"support[{k}]", gravity) for k, each in enumerate(given)]
