@@ -290,7 +290,7 @@ def printed_columns(modes: Modes, rows: Sequence[Mode], columns: Sequence[Column
         return with_heading
     chosen_keys = _chosen_keys(modes, chosen, with_heading)
     if chosen and not chosen.startswith("+"):
-        return [column for column in with_heading if column.key in chosen_keys or column.key == "mode"]
+        return [column for column in with_heading if column.key in {*chosen_keys, "mode", "proof"}]
     return [column for column in with_heading if column.key in chosen_keys or _says_something(modes, rows, column)]
 
 
