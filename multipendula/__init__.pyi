@@ -98,6 +98,7 @@ def table(
     energies: bool = False,
     shapes: bool = False,
     places: bool = False,
+    prove: str | PathLike[str] | None = None,
     explain: bool = False,
 ) -> Modes | Any: ...
 def shapes(

@@ -192,6 +192,7 @@ FLAGS: dict[str, Flag] = {
     "--pixel": Flag("METRES", "metres of one pixel of marks, x_1_1_px and y_1_1_px", number("metres above 0")),
     "--places": Flag("", "list the places, values and units of the scene's numbers instead"),
     "--prior": Flag("PLACE=VALUE±STD", "what is known of a free number beforehand", action=Repeated, keyword="priors"),
+    "--prove": Flag("FILE", "file for a proof of every frequency", group="written", kinds=("json",), keyword="proof"),
     "--psd": Flag("CSV", "file of a one-sided power spectral density", completion=files((".csv",))),
     "--quick": Flag("", "a shorter version"),
     "--quiet": Flag(

@@ -290,7 +290,7 @@ def printed_columns(modes: Modes, rows: Sequence[Mode], columns: Sequence[Column
         return with_heading
     chosen_keys = _chosen_keys(modes, chosen, with_heading)
     if chosen and not chosen.startswith("+"):
-        return [column for column in with_heading if column.key in chosen_keys or column.key == "mode"]
+        return [column for column in with_heading if column.key in {*chosen_keys, "mode", "proof"}]
     return [column for column in with_heading if column.key in chosen_keys or _says_something(modes, rows, column)]
 
 
@@ -332,6 +332,15 @@ def spare_headings(columns: Sequence[Column], exceptions: frozenset[str] = froze
     """Headings of columns for which a narrow terminal has no room, in the order of DROPPED, but for `exceptions`."""
     order = [c.heading for start in DROPPED for c in columns if c.key.startswith(start) and c.key not in exceptions]
     return list(dict.fromkeys(order))
+
+
+def proof_columns(proofs: Mapping[int, str] | None) -> list[Column]:
+    """What of each row is proved, by the number of its mode."""
+
+    def word(mode: Mode) -> str:
+        return (proofs or {})[mode.number]
+
+    return [Column("proof", word, "proof", cell=word)] if proofs else []
 
 
 def _with_stds(stds: Stds) -> list[Column]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from math import isnan, nan
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from modal.errors import ComputationError, SceneError, spelling_hint
-from modal.modes.columns import COLUMNS, Column, Stds, added_by, columns_of, printed_columns, spare_headings
+from modal.modes.columns import (
+    COLUMNS,
+    Column,
+    Stds,
+    added_by,
+    columns_of,
+    printed_columns,
+    proof_columns,
+    spare_headings,
+)
 from modal.modes.mode import Mode
 from modal.modes.modes import Modes
 from modal.report import (
@@ -60,6 +69,7 @@ def table(
     sensitive: bool = False,
     energies: bool = False,
     left: int = 0,
+    proofs: Mapping[int, str] | None = None,
 ) -> str:
     """These rows of `modes` as text, markdown, latex, csv, html or json, as `form` says.
 
@@ -72,11 +82,12 @@ def table(
     force (`modal.report.fitted`) leaves out more and names them, with the sentence `elsewhere` on where they are.
     `chosen` are names of columns to print instead, `all`, or after a + to add; a table of chosen columns leaves out
     none, it is stacked.  `sensitive` adds the sensitivities of the frequencies to the numbers of the scene, `energies`
-    where the energy of each mode is.  Text says how many rows are `left` out.
+    where the energy of each mode is.  Text says how many rows are `left` out.  The last column says which rows are
+    proved where `proofs` tell it by their numbers.
     """
     if form not in (forms := ("text", "csv", "json", *_WRITERS)):
         raise SceneError([f"form {form}: must be one of {', '.join(forms)}{spelling_hint(form, forms)}"])
-    columns = columns_of(modes, rows, chosen, stds, amplitude_deg)
+    columns = columns_of(modes, rows, chosen, stds, amplitude_deg) + proof_columns(proofs)
     if form == "json":
         return _json(modes, rows, columns, shapes=shapes, sensitive=sensitive, energies=energies)
     if form == "csv":
@@ -209,7 +220,7 @@ def _tabulate(name: str, columns: Sequence[Column], cells: list[list[str]], head
 
 
 def _align(columns: Sequence[Column]) -> list[str]:
-    return ["left" if column.key == "family" else "right" for column in columns]
+    return ["left" if column.key in {"family", "proof"} else "right" for column in columns]
 
 
 def _text(

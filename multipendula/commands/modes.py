@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from multipendula.command import SCENE, THEME, Command, main_file, option, text_file
-from multipendula.commands.shared import about, bar, chosen, drawn, estimate_of, large, made, noted, output, picture
+from multipendula.commands.shared import about, bar, chosen, drawn, large, made, noted, output, picture
 from multipendula.completion import words
 from multipendula.options import FILMS, PICTURES, REPORTS
 
@@ -45,13 +45,16 @@ def table(options: argparse.Namespace) -> Modes | None:
     modes, every = _modes(options, options.relative_error)
     rest = limit() if options.format == "text" and options.output is None else None
     numbers = every[: rest.rows] if rest else every
-    stds = _stds(modes, numbers, options.covariance)
     rows = list(_with_progress(modes.rows(numbers), len(numbers)))
     starred = f"{tables.GUIDE} (`--orbits` computes it)"
-    if options.orbits:
-        rows, starred = _by_orbits(modes, rows)
+    stds = proofs = None
+    if options.orbits or options.covariance or options.prove:
+        from multipendula.commands.evidence import evidence
+
+        rows, starred, stds, proofs = evidence(options, modes, rows, starred)
     with output(options.output) as write:
         more = {"shapes": options.shapes, "starred": starred, "amplitude_deg": options.amplitude, "stds": stds}
+        more |= {"proofs": proofs}
         more |= {
             "chosen": options.columns or "",
             "elsewhere": ELSEWHERE,
@@ -64,7 +67,7 @@ def table(options: argparse.Namespace) -> Modes | None:
         from modal.modes.solution_report import report_solution
 
         sys.stderr.write(report_solution(modes).text())
-    asked = options.orbits or options.covariance or options.amplitude or len(numbers) < len(modes)
+    asked = options.orbits or stds or proofs or options.amplitude or len(numbers) < len(modes)
     return None if asked else modes
 
 
@@ -80,42 +83,6 @@ def _list_places(options: argparse.Namespace) -> None:
     with output(options.output) as write:
         text = numbers_table(load(options.scene), options.format)
         write(folded(text) if options.format == "text" else text)
-
-
-def _stds(modes: Modes, numbers: Sequence[int], path: str | None) -> dict[int, tuple[float, float]] | None:
-    """Standard deviations of ω and ζ by the modes' numbers, from the covariance in a report of `fit`."""
-    estimate = estimate_of(modes.scene, path)
-    if estimate is None:
-        return None
-    from modal.identification import mode_stds
-
-    deviations = mode_stds(modes, estimate, numbers)
-    return {
-        modes.first + row + 1: (deviation.omega, deviation.zeta)
-        for row, deviation in zip(numbers, deviations, strict=True)
-    }
-
-
-def _by_orbits(modes: Modes, rows: list[Mode]) -> tuple[list[Mode], str]:
-    """The rows with the 1 % angles of starred modes from periodic orbits, and what these angles are."""
-    from dataclasses import replace
-    from math import degrees, inf
-
-    from modal.errors import MultipendulaError
-    from modal.modes import tables
-    from nonlinear.orbits import orbit_where_off
-
-    replaced, missing = [], []
-    for row in rows:
-        angle = row.linear_to_1_percent_deg
-        if row.resonances:
-            try:
-                orbit = orbit_where_off(modes.scene, row.number)
-                angle = degrees(orbit.amplitude) if orbit else inf
-            except MultipendulaError as error:
-                missing.append(f"{tables.GUIDE} for mode {row.number} ({error})")
-        replaced.append(replace(row, linear_to_1_percent_deg=angle))
-    return replaced, "; ".join(["the 1 % angle is that of the mode's periodic orbits", *missing])
 
 
 def shapes(options: argparse.Namespace) -> Figure | None:
@@ -198,6 +165,7 @@ COMMANDS = (
             "--energies",
             "--shapes (json only)",
             "--places",
+            "--prove, which `check_proof.py` counts again",
             "--explain",
         ),
         details=(

@@ -1,0 +1,87 @@
+"""Proofs of the tables of all shipped scenes and of random ones, with the times of the table, the proof and its check.
+
+    python benchmarks/proofs.py [--quick] [--random 300]
+
+Each scene gets its table and proof (`table SCENE --prove`), which `multipendula/check_proof.py` then checks, run as a
+file by itself.  Exit code 1 where a row is not proved.  `--quick` leaves out random scenes and those of over 40 rows.
+"""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+import time
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from tabulate import tabulate
+
+sys.path.insert(0, str(Path(__file__).parent.parent / "tests" / "support"))
+
+from scenes import decimal_scene, extreme_scene, spatial_scene, sprung_scene, structured_scene
+
+from modal import dump, load, natural_modes
+from modal.modes import tables
+from modal.scene import Scene, example_names
+from multipendula.commands.evidence import prove
+
+ROOT = Path(__file__).parent.parent
+RANDOM = {
+    "carts, extreme ratios": extreme_scene,
+    "joint springs, standing links": lambda seed: sprung_scene(seed, 3.0, standing=True),
+    "structures": lambda seed: structured_scene(seed, 2.0),
+    "decimals": decimal_scene,
+    "in space": spatial_scene,
+}
+QUICK_ROWS = 40
+
+
+def measure(scene: Scene, folder: Path, source: str | None = None) -> tuple[int, int, float, float, float]:
+    """Rows, how many of them are proved, and the seconds of processor time of modes, proof and check."""
+    times = [time.process_time()]
+    modes = natural_modes(scene)
+    rows = modes.every
+    times.append(time.process_time())
+    proof, _ = prove(modes, rows, source, lambda done: None)
+    times.append(time.process_time())
+    scene_file, table_file, proof_file = (folder / name for name in ("scene.toml", "table.json", "proof.json"))
+    if source:
+        scene_file.write_text(
+            (ROOT / f"modal/scene/shipped/{source}.toml").read_text(encoding="utf-8"), encoding="utf-8"
+        )
+    else:
+        dump(scene, scene_file)
+    table_file.write_text(tables.table(modes, rows, "json"), encoding="utf-8")
+    proof_file.write_text(proof, encoding="utf-8")
+    checker = [sys.executable, "-I", str(ROOT / "multipendula" / "check_proof.py")]
+    begin = time.perf_counter()
+    checked = subprocess.run(
+        [*checker, scene_file, table_file, proof_file], capture_output=True, text=True, check=False
+    )
+    proved = checked.stdout.count(": proved: ")
+    return len(rows), proved, times[1] - times[0], times[2] - times[1], time.perf_counter() - begin
+
+
+def main() -> int:
+    arguments = argparse.ArgumentParser(description=__doc__)
+    arguments.add_argument("--quick", action="store_true")
+    arguments.add_argument("--random", type=int, default=300)
+    options = arguments.parse_args()
+    lines = []
+    with TemporaryDirectory() as folder:
+        for name in example_names():
+            scene = load(name)
+            if not options.quick or len(natural_modes(scene)) <= QUICK_ROWS:
+                lines.append((name, *measure(scene, Path(folder), name)))
+        for kind, maker in RANDOM.items() if not options.quick else ():
+            count = options.random // len(RANDOM)
+            measured = [measure(maker(seed), Path(folder)) for seed in range(count)]
+            lines.append((f"{count} of {kind}", *map(sum, zip(*measured, strict=True))))
+    headings = ("scene", "rows", "proved", "modes (s)", "proof (s)", "check (s)")
+    print(tabulate(lines, headings, floatfmt=".2f"))
+    return 0 if all(line[1] == line[2] for line in lines) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
