@@ -31,6 +31,7 @@ from modal.identification.covariance import autocorrelation, covariance, influen
 from modal.identification.realization import modal_assurance
 from modal.types import Booleans, Complexes, Floats, Ints
 
+LAST_DIGITS, FIRST_DIGITS = 64 * np.finfo(float).eps, np.finfo(float).eps ** 0.25
 EVALUATIONS_MAX = 60
 """Cost: evaluations of a fit; what does not fit by then is given up."""
 TURNING_POINTS_MIN = 6
@@ -153,7 +154,7 @@ def one_mode(series: Sequence[Series], decays: Decays, faint: float = 0.0, *, re
     weights, beatless = _weights(series, decays), suspects(series, decays)
     distances = np.abs(decays.poles[:, None] / decays.poles - 1)
     for r, s in sorted(np.argwhere(_alike(series, decays)).tolist(), key=lambda pair: float(distances[*pair])):
-        merged_decays = _fit_model(series, _merge(series, decays, r, s), weights)
+        merged_decays = _fit_model(series, _merge(series, decays, r, s), weights, FIRST_DIGITS)
         largest = BEATLESS_RESIDUAL_RATIO if (r, s) in beatless and not resolved else RESIDUAL_RATIO
         if np.sqrt(np.mean((merged_decays.rms * weights) ** 2)) < largest:
             return _significant(series, merged_decays.model, faint)
@@ -197,7 +198,7 @@ def bent(series: Sequence[Series], decays: Decays, faint: float = 0.0) -> Decays
     weights, trials = _weights(series, decays), []
     for r in np.setdiff1d(np.arange(len(decays.poles)), decays.model.bent):
         model = replace(decays.model, bent=np.append(decays.model.bent, r), shifts=np.append(decays.model.shifts, 0j))
-        trial_decays = _fit_model(series, model, weights)
+        trial_decays = _fit_model(series, model, weights, FIRST_DIGITS)
         trials.append((float(np.sqrt(np.mean((trial_decays.rms * weights) ** 2))), trial_decays))
     smallest, best = min(trials, key=lambda trial: trial[0], default=(1.0, decays))
     return _significant(series, best.model, faint) if smallest * RESIDUAL_RATIO < 1 else None
@@ -251,10 +252,10 @@ def _significant(series: Sequence[Series], model: DecayModel, faint: float) -> D
     while True:
         if not len(model.poles):
             raise ComputationError("no oscillation stands out of the noise of these records")
-        decays = _fit_model(series, model, weights)
+        decays = _fit_model(series, model, weights, FIRST_DIGITS)
         for _ in range(2):
             weights = _weights(series, decays)
-            decays = _fit_model(series, decays.model, weights)
+            decays = _fit_model(series, decays.model, weights, FIRST_DIGITS)
         R = len(decays.poles)
         significance = np.max(np.abs(decays.amplitudes) / np.maximum(decays.amplitude_stds, 1e-300), axis=0)
         relative_std = np.sqrt(np.diag(decays.cov)[R:]) / np.abs(decays.poles)
@@ -262,7 +263,7 @@ def _significant(series: Sequence[Series], model: DecayModel, faint: float) -> D
         significance[(relative_std > FREQUENCY_STD_MAX) | (share.max(axis=0) < faint)] = 0.0
         worst = int(np.argmin(significance))
         if significance[worst] > AMPLITUDE_SIGNIFICANCE:
-            return decays
+            return _fit_model(series, decays.model, weights)
         model = _choose(decays.model, np.delete(np.arange(R), worst))
 
 
@@ -295,7 +296,7 @@ def _project(record: Series, model: DecayModel, k: int) -> tuple[Floats, Complex
     waves = np.exp(exponents - peaks)
     basis = np.hstack((waves.real, -waves.imag, np.ones((len(record.times), 1))))
     size = np.linalg.norm(basis, axis=0)
-    Q, triangle = np.linalg.qr(basis / size)
+    Q, triangle = _tall_qr(basis / size)
     right = Q.T @ record.values
     inverse = np.linalg.pinv(triangle, rcond=1e-14)
     linear = inverse @ right / size
@@ -308,8 +309,26 @@ def _project(record: Series, model: DecayModel, k: int) -> tuple[Floats, Complex
     return record.values - Q @ right, amplitudes, slopes, (variance[:R] + variance[R : 2 * R]) / 2 * np.exp(-2 * peaks)
 
 
-def _fit_model(series: Sequence[Series], model: DecayModel, weights: Floats) -> Decays:
-    """The model fitted from these poles on, with its covariance."""
+def _tall_qr(matrix: Floats, rows: int = 256) -> tuple[Floats, Floats]:
+    """Q and R of a matrix (K, n), of blocks of so many rows and of their triangles [Demmel2012].
+
+    LAPACK takes the rows at once, with threads that wait for each other at every column.
+    """
+    n = matrix.shape[1]
+    count = -(-len(matrix) // max(rows, 4 * n))
+    if count == 1:
+        return np.linalg.qr(matrix)
+    blocks = np.zeros((count * max(rows, 4 * n), n))
+    blocks[: len(matrix)] = matrix
+    Q, triangles = np.linalg.qr(blocks.reshape(count, -1, n))
+    inner_Q, R = _tall_qr(triangles.reshape(-1, n), rows)
+    return np.asarray((Q @ inner_Q.reshape(count, n, n)).reshape(-1, n)[: len(matrix)]), R
+
+
+def _fit_model(
+    series: Sequence[Series], model: DecayModel, weights: Floats, tolerance: float = LAST_DIGITS
+) -> Decays:
+    """The model fitted from these poles on, to a relative tolerance, with its covariance."""
     poles, R, B = model.poles, len(model.poles), len(model.bent)
     scale = _scale(model)
 
@@ -319,15 +338,15 @@ def _fit_model(series: Sequence[Series], model: DecayModel, weights: Floats) -> 
         return DecayModel(rates, model.bent, np.asarray(y[2 * R : 2 * R + B] + 1j * y[2 * R + B :]), model.squares)
 
     def project(x: Floats) -> tuple[Floats, Floats]:
-        """Residuals and their derivatives, both of one factorization."""
+        """Residuals and their derivatives, turned by one rotation to as many rows as there are numbers, and one."""
         if x.tobytes() not in latest:
             trial = model_of(x)
             parts = [(w, _project(record, trial, k)) for k, (w, record) in enumerate(weights_of_series)]
+            misses = np.concatenate([w * part[0] for w, part in parts])
+            slopes = np.vstack([-w * part[2] for w, part in parts]) * scale
+            turned = _tall_qr(np.column_stack((slopes, misses)))[1]
             latest.clear()
-            latest[x.tobytes()] = (
-                np.concatenate([w * part[0] for w, part in parts]),
-                np.vstack([-w * part[2] for w, part in parts]) * scale,
-            )
+            latest[x.tobytes()] = turned[:, -1], turned[:, :-1]
         return latest[x.tobytes()]
 
     latest: dict[bytes, tuple[Floats, Floats]] = {}
@@ -336,15 +355,14 @@ def _fit_model(series: Sequence[Series], model: DecayModel, weights: Floats) -> 
     start = np.concatenate((poles.real, poles.imag, model.shifts.real, model.shifts.imag)) / scale
     low, high = start - 0.5, start + 0.5
     high[:R] = np.minimum(high[:R], np.maximum(start[:R] + 1e-9, 3 / longest / scale[:R]))
-    last_digits = 64 * np.finfo(float).eps
     solution: Any = scipy.optimize.least_squares(
         lambda x: project(x)[0],
         start,
         lambda x: project(x)[1],
         bounds=(low, high),
-        ftol=last_digits,
-        xtol=last_digits,
-        gtol=last_digits,
+        ftol=tolerance,
+        xtol=tolerance,
+        gtol=tolerance,
         max_nfev=EVALUATIONS_MAX,
     )
     return _with_covariance(series, model_of(solution.x), weights)
