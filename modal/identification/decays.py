@@ -19,8 +19,9 @@ So poles of one shape are one mode with a β_r where that fits the record as wel
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -51,7 +52,7 @@ RESIDUAL_RATIO = 1.5
 BEATLESS_RESIDUAL_RATIO = 30.0
 """Tolerance: the same of one mode over two poles that never beat, of which the second takes what is not linear."""
 COMBINATION_AMPLITUDE = 0.1
-"""Physics: share of stronger amplitudes a that a combination of three has at most, a²/6 of cubic forces at 0.8 rad."""
+"""Physics: share of stronger amplitudes a that a combination of three has at most, a²/6 at 0.8 rad, if no angle is."""
 FOURTH_POWERS = 0.02
 """Physics: relative, what fourth powers of angles add to a change of frequency: θ²/192 of ω (1 − θ²/16 + θ⁴/3072)."""
 OTHER_MODES = 0.3
@@ -148,8 +149,8 @@ def fit_decays(series: Sequence[Series], poles: Complexes, faint: float = 0.0) -
 def one_mode(series: Sequence[Series], decays: Decays, faint: float = 0.0, *, resolved: bool = False) -> Decays | None:
     """Decays with one mode fewer: two poles of one shape are one whose frequency changes with amplitude.
 
-    None where no two poles are.  They are if the one mode fits the series as well; if they never beat, and no
-    `resolved` modes are asked for, also if it fits them somewhat worse.
+    None where no two poles are.  They are if the one mode fits the series as well; if
+    they never beat, and no `resolved` modes are asked for, also if it fits them somewhat worse.
     """
     weights, beatless = _weights(series, decays), suspects(series, decays)
     distances = np.abs(decays.poles[:, None] / decays.poles - 1)
@@ -161,30 +162,82 @@ def one_mode(series: Sequence[Series], decays: Decays, faint: float = 0.0, *, re
     return None
 
 
-def without_combination(series: Sequence[Series], decays: Decays, faint: float = 0.0) -> Decays | None:
-    """Decays without a weak pole that cubic forces make of stronger ones, λ_i + λ_j + λ̄_k; None where there is none."""
-    size = np.max(np.abs(decays.amplitudes), axis=0)
-    for r in np.argsort(size).tolist():
-        strong = decays.poles[size[r] < COMBINATION_AMPLITUDE * size]
-        sums = strong[:, None, None] + strong[:, None] + strong.conj()
-        # poles nearer than their damping rate never beat before they have died away
-        if np.any(np.abs(sums - decays.poles[r]) < np.abs(sums.real)):
-            return _significant(series, _choose(decays.model, np.delete(np.arange(len(size)), r)), faint)
-    return None
+@dataclass(frozen=True)
+class LargeSwings:
+    """What large swings make of modes: `repetitions`, poles that are a stronger one at another amplitude, {r: of}.
+
+    `tones` are poles at the places of sums Σ n_i ω_i of one or two stronger modes, {r: {i: n_i}}.
+    """
+
+    repetitions: dict[int, int]
+    tones: dict[int, dict[int, int]]
 
 
-def harmonics_among(decays: Decays) -> dict[int, tuple[int, int]]:
-    """Weak poles r with the place of the harmonic `order`, 2 or 3, of a stronger one i: {r: (i, order)}."""
-    R, size = len(decays.poles), np.max(np.abs(decays.amplitudes), axis=0)
-    std = np.sqrt(np.diag(decays.cov)[R:])
-    places: dict[int, tuple[int, int]] = {}
-    for r, i in np.argwhere(size[:, None] < COMBINATION_AMPLITUDE * size).tolist():
-        for order in (2, 3):
-            distance = abs(decays.poles[r].imag - order * decays.poles[i].imag)
-            # nearer than its damping rate it never beats with the harmonic before that has died away
-            if distance < order * abs(decays.poles[i].real) + std[r]:
-                places[r] = i, order
-    return places
+def large_swings(series: Sequence[Series], decays: Decays, angle: float) -> LargeSwings:
+    """Poles that are none of small swings, where the largest swing is an `angle` (rad), or 0 if no sensor is one.
+
+    Cubic forces change a frequency by a²/6 at most, and make tones of such a share; being odd in the angles, they and
+    their repetition have three and five terms.  One sensor tells one shape only from poles that never beat.  Once there
+    are as many modes as sensors, which are all that the links have, sums go with frequencies at other amplitudes.
+    """
+    sensors, strengths, rates = 1 + max(record.sensor for record in series), _strengths(series, decays), decays.poles.imag
+    share, orders = (angle**2 / 6, (3, 5)) if angle else (COMBINATION_AMPLITUDE, (2, 3))
+    is_alike = _alike(series, decays, np.inf)
+    if sensors == 1:
+        is_alike[:] = False
+        is_alike[tuple(np.array(suspects(series, decays, np.inf), dtype=np.int64).reshape(-1, 2).T)] = True
+    widths, spreads = np.abs(decays.poles.real), np.zeros(len(rates))
+    widths[decays.model.bent] += np.abs(decays.model.shifts.real)
+    modes, swings = list[int](), LargeSwings({}, {})
+    for r in np.argsort(-strengths).tolist():
+        reaches = widths + spreads if len(modes) >= sensors > 1 else widths
+        sums = _sums([i for i in modes if strengths[r] < share * strengths[i]], orders)
+        turns = next((sum_ for sum_ in sums if _is_tone(rates[r], rates, reaches, sum_)), None)
+        distances = np.abs(rates[r] - rates)
+        near = [s for s in modes if distances[s] < rates[s] * angle**2 / 6 + widths[r]]
+        leader = next((s for s in near if is_alike[min(r, s), max(r, s)]), None)
+        if leader is not None:
+            swings.repetitions[r] = leader
+            spreads[leader] = max(spreads[leader], distances[leader])
+        elif turns is not None:
+            swings.tones[r] = turns
+        else:
+            modes.append(r)
+    # one with a weaker mode in it dies away sooner than that mode
+    for r in modes[1:]:
+        sums = _sums([i for i in modes if i not in swings.tones and decays.poles[i].real > decays.poles[r].real], orders)
+        turns = next((sum_ for sum_ in sums if modes[0] in sum_ and _is_tone(rates[r], rates, widths, sum_)), None)
+        if turns is not None and strengths[r] < share * strengths[modes[0]]:
+            swings.tones[r] = turns
+    return swings
+
+
+def _is_tone(rate: float, rates: Floats, reaches: Floats, turns: dict[int, int]) -> bool:
+    off = abs(sum(n * rates[i] for i, n in turns.items())) - rate
+    return bool(abs(off) < sum(abs(n) * reaches[i] for i, n in turns.items()))
+
+
+def _sums(places: Sequence[int], orders: Sequence[int]) -> Iterator[dict[int, int]]:
+    """The multiples of one or two of these places whose sizes add up to these orders: {place: multiple}."""
+    for order in orders:
+        yield from ({i: order} for i in places)
+        for i, j in combinations(places, 2):
+            yield from ({i: n, j: sign * (order - n)} for n in range(1, order) for sign in (1, -1))
+
+
+def _strengths(series: Sequence[Series], decays: Decays) -> Floats:
+    """The root mean square of each mode (R,) over the record in which it is the largest: some begin large and cancel."""
+    ends = np.array([record.times[-1] for record in series])
+    squares = _accumulate(ends, -decays.poles.real)[0] / ends[:, None]
+    return np.asarray(np.max(np.abs(decays.amplitudes) * np.sqrt(squares), axis=0))
+
+
+def _sums(places: Sequence[int], orders: Sequence[int]) -> Iterator[dict[int, int]]:
+    """The multiples of one or two of these places whose sizes add up to these orders: {place: multiple}."""
+    for order in orders:
+        yield from ({i: order} for i in places)
+        for i, j in combinations(places, 2):
+            yield from ({i: n, j: sign * (order - n)} for n in range(1, order) for sign in (1, -1))
 
 
 def bent(series: Sequence[Series], decays: Decays, faint: float = 0.0) -> Decays | None:
@@ -204,22 +257,24 @@ def bent(series: Sequence[Series], decays: Decays, faint: float = 0.0) -> Decays
     return _significant(series, best.model, faint) if smallest * RESIDUAL_RATIO < 1 else None
 
 
-def suspects(series: Sequence[Series], decays: Decays) -> list[tuple[int, int]]:
+def suspects(
+    series: Sequence[Series], decays: Decays, distance: float = POLE_DISTANCE_MAX
+) -> list[tuple[int, int]]:
     """Pairs of poles of one shape that never beat: their phases part by less than a turn before one has died away."""
     longest = max(float(record.times[-1]) for record in series)
     lasting = np.minimum(longest, 3 / np.maximum(-decays.poles.real, 1e-300))  # until 5 % is left
     return [
         (r, s)
-        for r, s in np.argwhere(_alike(series, decays)).tolist()
+        for r, s in np.argwhere(_alike(series, decays, distance)).tolist()
         if abs(decays.poles[r].imag - decays.poles[s].imag) * min(lasting[r], lasting[s]) < 2 * np.pi
     ]
 
 
-def _alike(series: Sequence[Series], decays: Decays) -> Booleans:
-    """Pairs (R, R), above the diagonal, of near poles with one shape."""
+def _alike(series: Sequence[Series], decays: Decays, distance: float = POLE_DISTANCE_MAX) -> Booleans:
+    """Pairs (R, R), above the diagonal, of poles within a relative distance and with one shape."""
     sensors = 1 + max(record.sensor for record in series)
     shapes = np.stack([shape_of(decays, r, sensors) for r in range(len(decays.poles))], axis=1)
-    is_near = np.abs(decays.poles[:, None] / decays.poles - 1) < POLE_DISTANCE_MAX
+    is_near = np.abs(decays.poles[:, None] / decays.poles - 1) < distance
     return np.asarray(np.triu(is_near & (modal_assurance(shapes, shapes) > DECAY_MAC_MIN), 1))
 
 

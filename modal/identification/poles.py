@@ -21,15 +21,15 @@ from modal.identification.decays import (
     DECAY_MAC_MIN,
     FREQUENCY_STD_MAX,
     Decays,
+    LargeSwings,
     Series,
     bent,
     fit_decays,
-    harmonics_among,
+    large_swings,
     log_decrement,
     one_mode,
     shape_of,
     suspects,
-    without_combination,
 )
 from modal.identification.derivatives import polar
 from modal.identification.measured import turned
@@ -89,8 +89,7 @@ class IdentifiedMode(Displayed):
     None where one frequency fits the record.  `frequency_of` says whether the frequency is that of "small swings", or
     of the "large swings" of the record, whose change with amplitude exceeds its interval; None of what is no angle.
     `amplitude_dependence` is the change with amplitude over that of one link, where it is one mode's alone, with its
-    standard deviation; `harmonics` are the multiples of the frequency that the record has.  `harmonic_of` is the number
-    of the stronger mode (from 1) of which this one has the place of a harmonic, and the order of that.
+    standard deviation; `harmonics` are the multiples of the frequency that the record has.
     """
 
     pole: complex
@@ -102,7 +101,6 @@ class IdentifiedMode(Displayed):
     frequency_of: str | None = None
     amplitude_dependence: tuple[float, float] | None = None
     harmonics: tuple[Harmonic, ...] = ()
-    harmonic_of: tuple[int, int] | None = None
 
     def _summary(self) -> Summary:
         title = f"Identified mode: {self.frequency:.6g} Hz ± {self.frequency_std:.2g}, ζ = {self.damping_ratio:.4g}"
@@ -155,7 +153,6 @@ MODE_RECORD = (
     ReportColumn("frequency_of", "frequency_of"),
     ReportColumn("amplitude_dependence", "amplitude_dependence"),
     ReportColumn(lambda mode: records_of(HARMONIC, mode.harmonics), "harmonics"),
-    ReportColumn("harmonic_of", "harmonic_of"),
 )
 ORDER_POLE = (
     ReportColumn("order", "order"),
@@ -302,31 +299,47 @@ def _fit_free(
             is_present = np.isfinite(column)
             series.append(Series(c, s, times[is_present] - times[0], column[is_present]))
     faint = 0.0 if order else AMPLITUDE_MIN
-    decays = fit_decays(series, poles, faint)
+    decays, angle = fit_decays(series, poles, faint), _largest_angle(segments, names)
     if len(decays.poles) < len(poles):
         notes.append(f"{counted(len(poles) - len(decays.poles), 'pole', 'poles')} left out: faint or not significant")
     while better := one_mode(series, decays, faint, resolved=order is not None):
         decays = better
-    while not order and (better := without_combination(series, decays, faint)):
-        notes.append("a pole left out that is a combination of stronger ones, as swings that are not small make it")
-        decays = better
     while better := bent(series, decays, faint):
         decays = better
-    notes += [_bent_words(decays, r) for r in decays.model.bent.tolist()]
-    notes += [
-        f"modes {r + 1} and {s + 1} have one shape and never beat: perhaps one mode, whose frequency and damping "
-        "change with amplitude, as dry friction makes them"
-        for r, s in suspects(series, decays)
-    ]
-    modes = tuple(_of_decays(decays, r, segments, len(names)) for r in range(len(decays.poles)))
-    angle = _largest_angle(segments, names)
-    modes = tuple(replace(mode, frequency_of=_swings_of(mode, angle)) for mode in modes)
-    modes = _name_harmonics(modes, decays, notes)
+    modes = [_of_decays(decays, r, segments, len(names)) for r in range(len(decays.poles))]
+    modes = [replace(mode, frequency_of=_swings_of(mode, angle)) for mode in modes]
+    if order is None and not decays.white:
+        modes = _without_repetitions(modes, large_swings(series, decays, angle), notes)
+    notes += [_bent_words(mode, r) for r, mode in enumerate(modes, 1) if mode.frequency_shift is not None]
+    if len(modes) == len(decays.poles):
+        notes += [
+            f"modes {r + 1} and {s + 1} have one shape and never beat: perhaps one mode, whose frequency and damping "
+            "change with amplitude, as dry friction makes them"
+            for r, s in suspects(series, decays)
+        ]
     if not decays.white:
         notes.append("the residuals are correlated: standard deviations allow for it; large swings are not linear")
     if any(mode.frequency_of == LARGE_SWINGS for mode in modes):
         notes.append(_large_words(angle))
-    return modes
+    return tuple(modes)
+
+
+def _without_repetitions(modes: list[IdentifiedMode], swings: LargeSwings, notes: list[str]) -> list[IdentifiedMode]:
+    """The modes without what large swings make of them: their poles at other amplitudes, and combination tones.
+
+    Intervals take in the poles at other amplitudes; what is left out is said in notes.
+    """
+    listed_modes = [r for r in range(len(modes)) if r not in swings.repetitions and r not in swings.tones]
+    numbers = {r: number for number, r in enumerate(listed_modes, 1)}
+    frequencies = [mode.frequency for mode in modes]
+    for r, leader in swings.repetitions.items():
+        mode, distance = modes[leader], abs(frequencies[r] - frequencies[leader])
+        modes[leader] = replace(mode, frequency_std=max(mode.frequency_std, distance), frequency_of=LARGE_SWINGS)
+        notes.append(f"{frequencies[r]:.4g} Hz is mode {numbers[leader]} at other amplitudes, and in its interval")
+    for r, turns in swings.tones.items():
+        words = " ".join(f"{n:+d} f{numbers[i]}" for i, n in turns.items())
+        notes.append(f"{frequencies[r]:.4g} Hz is perhaps no mode: large swings make it, as {words}")
+    return [modes[r] for r in listed_modes]
 
 
 # ------------------------------------------------------------------------------------------------------- records
@@ -428,18 +441,6 @@ def _of_decays(decays: Decays, r: int, segments: Sequence[tuple[Floats, Floats]]
     return replace(_mode_of_pole(pole, cov, shape, noise_of_shape), frequency_shift=decays.shift(r))
 
 
-def _name_harmonics(modes: tuple[IdentifiedMode, ...], decays: Decays, notes: list[str]) -> tuple[IdentifiedMode, ...]:
-    """The modes, of which those are marked and told in notes that have the place of a stronger one's harmonic."""
-    marked = list(modes)
-    for r, (i, order) in harmonics_among(decays).items():
-        marked[r] = replace(modes[r], harmonic_of=(i + 1, order))
-        notes.append(
-            f"mode {r + 1} has the place of the {ORDINALS[order]} harmonic of mode {i + 1}, "
-            f"{modes[r].frequency / modes[i].frequency:.4g} times its frequency: swings that are not small have it"
-        )
-    return tuple(marked)
-
-
 def _largest_angle(segments: Sequence[tuple[Floats, Floats]], names: Sequence[str]) -> float:
     """The largest swing (rad) of the angles among the sensors, 0 where none is an angle."""
     angles = [
@@ -509,14 +510,13 @@ def _curve_words(curve: Backbone) -> list[str]:
     return notes
 
 
-def _bent_words(decays: Decays, r: int) -> str:
+def _bent_words(mode: IdentifiedMode, number: int) -> str:
     """What there is to say of a mode that linear poles take for several."""
-    small, shift = abs(decays.poles[r]) / (2 * pi), decays.shift(r)
-    assert shift is not None
+    assert mode.frequency_shift is not None
     return (
-        f"mode {r + 1} is one mode whose frequency changes with amplitude, from {small + shift:.6g} Hz at the largest "
-        "swing to that of small ones, which is given; two modes of one shape that do not beat within the record would "
-        "look the same"
+        f"mode {number} is one mode whose frequency changes with amplitude, from "
+        f"{mode.frequency + mode.frequency_shift:.6g} Hz at the largest swing to that of small ones, which is given; two "
+        "modes of one shape that do not beat within the record would look the same"
     )
 
 
