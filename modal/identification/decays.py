@@ -32,7 +32,6 @@ from modal.identification.covariance import autocorrelation, covariance, influen
 from modal.identification.realization import modal_assurance
 from modal.types import Booleans, Complexes, Floats, Ints
 
-LAST_DIGITS, FIRST_DIGITS = 64 * np.finfo(float).eps, np.finfo(float).eps ** 0.25
 EVALUATIONS_MAX = 60
 """Cost: evaluations of a fit; what does not fit by then is given up."""
 TURNING_POINTS_MIN = 6
@@ -155,7 +154,7 @@ def one_mode(series: Sequence[Series], decays: Decays, faint: float = 0.0, *, re
     weights, beatless = _weights(series, decays), suspects(series, decays)
     distances = np.abs(decays.poles[:, None] / decays.poles - 1)
     for r, s in sorted(np.argwhere(_alike(series, decays)).tolist(), key=lambda pair: float(distances[*pair])):
-        merged_decays = _fit_model(series, _merge(series, decays, r, s), weights, FIRST_DIGITS)
+        merged_decays = _fit_model(series, _merge(series, decays, r, s), weights, digits=0.25)
         largest = BEATLESS_RESIDUAL_RATIO if (r, s) in beatless and not resolved else RESIDUAL_RATIO
         if np.sqrt(np.mean((merged_decays.rms * weights) ** 2)) < largest:
             return _significant(series, merged_decays.model, faint)
@@ -180,7 +179,8 @@ def large_swings(series: Sequence[Series], decays: Decays, angle: float) -> Larg
     their repetition have three and five terms.  One sensor tells one shape only from poles that never beat.  Once there
     are as many modes as sensors, which are all that the links have, sums go with frequencies at other amplitudes.
     """
-    sensors, strengths, rates = 1 + max(record.sensor for record in series), _strengths(series, decays), decays.poles.imag
+    strengths, rates = _strengths(series, decays), decays.poles.imag
+    sensors = 1 + max(record.sensor for record in series)
     share, orders = (angle**2 / 6, (3, 5)) if angle else (COMBINATION_AMPLITUDE, (2, 3))
     is_alike = _alike(series, decays, np.inf)
     if sensors == 1:
@@ -203,11 +203,12 @@ def large_swings(series: Sequence[Series], decays: Decays, angle: float) -> Larg
             swings.tones[r] = turns
         else:
             modes.append(r)
-    # one with a weaker mode in it dies away sooner than that mode
-    for r in modes[1:]:
-        sums = _sums([i for i in modes if i not in swings.tones and decays.poles[i].real > decays.poles[r].real], orders)
-        turns = next((sum_ for sum_ in sums if modes[0] in sum_ and _is_tone(rates[r], rates, widths, sum_)), None)
-        if turns is not None and strengths[r] < share * strengths[modes[0]]:
+    # with a weaker mode in it, a tone dies away sooner than that mode
+    for r in [r for r in modes[1:] if strengths[r] < share * strengths[modes[0]]]:
+        slower = [i for i in modes if i not in swings.tones and decays.poles[i].real > decays.poles[r].real]
+        sums = (sum_ for sum_ in _sums(slower, orders) if modes[0] in sum_)
+        turns = next((sum_ for sum_ in sums if _is_tone(rates[r], rates, widths, sum_)), None)
+        if turns is not None:
             swings.tones[r] = turns
     return swings
 
@@ -226,18 +227,10 @@ def _sums(places: Sequence[int], orders: Sequence[int]) -> Iterator[dict[int, in
 
 
 def _strengths(series: Sequence[Series], decays: Decays) -> Floats:
-    """The root mean square of each mode (R,) over the record in which it is the largest: some begin large and cancel."""
+    """The root mean square of each mode (R,) where it is the largest: some begin large and cancel each other."""
     ends = np.array([record.times[-1] for record in series])
     squares = _accumulate(ends, -decays.poles.real)[0] / ends[:, None]
     return np.asarray(np.max(np.abs(decays.amplitudes) * np.sqrt(squares), axis=0))
-
-
-def _sums(places: Sequence[int], orders: Sequence[int]) -> Iterator[dict[int, int]]:
-    """The multiples of one or two of these places whose sizes add up to these orders: {place: multiple}."""
-    for order in orders:
-        yield from ({i: order} for i in places)
-        for i, j in combinations(places, 2):
-            yield from ({i: n, j: sign * (order - n)} for n in range(1, order) for sign in (1, -1))
 
 
 def bent(series: Sequence[Series], decays: Decays, faint: float = 0.0) -> Decays | None:
@@ -251,15 +244,13 @@ def bent(series: Sequence[Series], decays: Decays, faint: float = 0.0) -> Decays
     weights, trials = _weights(series, decays), []
     for r in np.setdiff1d(np.arange(len(decays.poles)), decays.model.bent):
         model = replace(decays.model, bent=np.append(decays.model.bent, r), shifts=np.append(decays.model.shifts, 0j))
-        trial_decays = _fit_model(series, model, weights, FIRST_DIGITS)
+        trial_decays = _fit_model(series, model, weights, digits=0.25)
         trials.append((float(np.sqrt(np.mean((trial_decays.rms * weights) ** 2))), trial_decays))
     smallest, best = min(trials, key=lambda trial: trial[0], default=(1.0, decays))
     return _significant(series, best.model, faint) if smallest * RESIDUAL_RATIO < 1 else None
 
 
-def suspects(
-    series: Sequence[Series], decays: Decays, distance: float = POLE_DISTANCE_MAX
-) -> list[tuple[int, int]]:
+def suspects(series: Sequence[Series], decays: Decays, distance: float = POLE_DISTANCE_MAX) -> list[tuple[int, int]]:
     """Pairs of poles of one shape that never beat: their phases part by less than a turn before one has died away."""
     longest = max(float(record.times[-1]) for record in series)
     lasting = np.minimum(longest, 3 / np.maximum(-decays.poles.real, 1e-300))  # until 5 % is left
@@ -307,10 +298,10 @@ def _significant(series: Sequence[Series], model: DecayModel, faint: float) -> D
     while True:
         if not len(model.poles):
             raise ComputationError("no oscillation stands out of the noise of these records")
-        decays = _fit_model(series, model, weights, FIRST_DIGITS)
+        decays = _fit_model(series, model, weights, digits=0.25)
         for _ in range(2):
             weights = _weights(series, decays)
-            decays = _fit_model(series, decays.model, weights, FIRST_DIGITS)
+            decays = _fit_model(series, decays.model, weights, digits=0.25)
         R = len(decays.poles)
         significance = np.max(np.abs(decays.amplitudes) / np.maximum(decays.amplitude_stds, 1e-300), axis=0)
         relative_std = np.sqrt(np.diag(decays.cov)[R:]) / np.abs(decays.poles)
@@ -351,7 +342,7 @@ def _project(record: Series, model: DecayModel, k: int) -> tuple[Floats, Complex
     waves = np.exp(exponents - peaks)
     basis = np.hstack((waves.real, -waves.imag, np.ones((len(record.times), 1))))
     size = np.linalg.norm(basis, axis=0)
-    Q, triangle = _tall_qr(basis / size)
+    Q, triangle = tall_qr(basis / size)
     right = Q.T @ record.values
     inverse = np.linalg.pinv(triangle, rcond=1e-14)
     linear = inverse @ right / size
@@ -364,7 +355,7 @@ def _project(record: Series, model: DecayModel, k: int) -> tuple[Floats, Complex
     return record.values - Q @ right, amplitudes, slopes, (variance[:R] + variance[R : 2 * R]) / 2 * np.exp(-2 * peaks)
 
 
-def _tall_qr(matrix: Floats, rows: int = 256) -> tuple[Floats, Floats]:
+def tall_qr(matrix: Floats, rows: int = 256) -> tuple[Floats, Floats]:
     """Q and R of a matrix (K, n), of blocks of so many rows and of their triangles [Demmel2012].
 
     LAPACK takes the rows at once, with threads that wait for each other at every column.
@@ -376,14 +367,12 @@ def _tall_qr(matrix: Floats, rows: int = 256) -> tuple[Floats, Floats]:
     blocks = np.zeros((count * max(rows, 4 * n), n))
     blocks[: len(matrix)] = matrix
     Q, triangles = np.linalg.qr(blocks.reshape(count, -1, n))
-    inner_Q, R = _tall_qr(triangles.reshape(-1, n), rows)
+    inner_Q, R = tall_qr(triangles.reshape(-1, n), rows)
     return np.asarray((Q @ inner_Q.reshape(count, n, n)).reshape(-1, n)[: len(matrix)]), R
 
 
-def _fit_model(
-    series: Sequence[Series], model: DecayModel, weights: Floats, tolerance: float = LAST_DIGITS
-) -> Decays:
-    """The model fitted from these poles on, to a relative tolerance, with its covariance."""
+def _fit_model(series: Sequence[Series], model: DecayModel, weights: Floats, *, digits: float = 1.0) -> Decays:
+    """The model fitted from these poles on, to a share of all digits, with its covariance."""
     poles, R, B = model.poles, len(model.poles), len(model.bent)
     scale = _scale(model)
 
@@ -399,7 +388,7 @@ def _fit_model(
             parts = [(w, _project(record, trial, k)) for k, (w, record) in enumerate(weights_of_series)]
             misses = np.concatenate([w * part[0] for w, part in parts])
             slopes = np.vstack([-w * part[2] for w, part in parts]) * scale
-            turned = _tall_qr(np.column_stack((slopes, misses)))[1]
+            turned = tall_qr(np.column_stack((slopes, misses)))[1]
             latest.clear()
             latest[x.tobytes()] = turned[:, -1], turned[:, :-1]
         return latest[x.tobytes()]
@@ -410,6 +399,7 @@ def _fit_model(
     start = np.concatenate((poles.real, poles.imag, model.shifts.real, model.shifts.imag)) / scale
     low, high = start - 0.5, start + 0.5
     high[:R] = np.minimum(high[:R], np.maximum(start[:R] + 1e-9, 3 / longest / scale[:R]))
+    tolerance = (64 * np.finfo(float).eps) ** digits
     solution: Any = scipy.optimize.least_squares(
         lambda x: project(x)[0],
         start,
@@ -468,12 +458,16 @@ def _squares(series: Sequence[Series], amplitudes: Complexes) -> Floats:
 
 @dataclass(frozen=True)
 class Decrement:
-    """A single pole by its turning points: λ (1/s) with standard deviations of its parts, and their number."""
+    """A single pole by its turning points: λ (1/s) with standard deviations of its parts, and their number.
+
+    `loss` is by how much each is smaller than the last, None where they shrink by a factor.
+    """
 
     pole: complex
     real_std: float
     imag_std: float
     peaks: int
+    loss: float | None
 
 
 def log_decrement(times: Floats, values: Floats) -> Decrement:
@@ -503,13 +497,17 @@ def log_decrement(times: Floats, values: Floats) -> Decrement:
         raise ComputationError(
             "turning points do not alternate: more than one mode swings, which needs the realization"
         )
-    ranges = np.abs(np.diff(heights))
-    slope, slope_std = _line((at[1:] + at[:-1]) / 2, np.log(ranges))
+    ranges, middles = np.abs(np.diff(heights)), (at[1:] + at[:-1]) / 2
+    slope, slope_std = _line(middles, np.log(ranges))
     half, half_std = _line(np.arange(len(at), dtype=float), at)
     if slope_std * np.ptp(at) > DECREMENT_STD_MAX or half_std * len(at) > DECREMENT_STD_MAX * half:
         raise ComputationError("turning points do not fall on one curve: more than one mode swings, or there is noise")
     imag = np.pi / half
-    return Decrement(complex(slope, imag), slope_std, imag * half_std / half, len(at))
+    straight = np.polynomial.Polynomial.fit(middles, ranges, 1)
+    curved = np.polynomial.Polynomial.fit(middles, np.log(ranges), 1)
+    misses = np.linalg.norm(ranges - straight(middles)), np.linalg.norm(ranges - np.exp(curved(middles)))
+    loss = -float(straight.convert().coef[1]) * half / 2 if misses[0] * RESIDUAL_RATIO < misses[1] else None
+    return Decrement(complex(slope, imag), slope_std, imag * half_std / half, len(at), loss)
 
 
 def _vertex(times: Floats, values: Floats, k: int, reach: int) -> tuple[float, float]:

@@ -21,6 +21,7 @@ from modal.identification.decays import (
     DECAY_MAC_MIN,
     FREQUENCY_STD_MAX,
     Decays,
+    Decrement,
     LargeSwings,
     Series,
     bent,
@@ -270,6 +271,8 @@ def identify(
     lines = _lines(even_values, step)
     if excitation == "random":
         return _random(even_values, step, names, order, lines, notes)
+    if len(names) == 1 and order is None and _is_dry(even_values, step):
+        return _by_decrement(segments, even_values, step, names, notes)
     stride = _stride(lines, step, even_values)
     realization = realize([values - values.mean(axis=0) for values in even_values], step, stride)
     chosen = min(order or min(realization.rank, ORDER_MAX), len(realization.singular))
@@ -335,9 +338,11 @@ def _without_repetitions(modes: list[IdentifiedMode], swings: LargeSwings, notes
     for r, leader in swings.repetitions.items():
         mode, distance = modes[leader], abs(frequencies[r] - frequencies[leader])
         modes[leader] = replace(mode, frequency_std=max(mode.frequency_std, distance), frequency_of=LARGE_SWINGS)
-        notes.append(f"{frequencies[r]:.4g} Hz is mode {numbers[leader]} at other amplitudes, and in its interval")
+        name = f"mode {numbers[leader]}" if leader in numbers else f"{frequencies[leader]:.4g} Hz"
+        notes.append(f"{frequencies[r]:.4g} Hz is {name} at other amplitudes, and in its interval")
     for r, turns in swings.tones.items():
-        words = " ".join(f"{n:+d} f{numbers[i]}" for i, n in turns.items())
+        names = {i: f"f{numbers[i]}" if i in numbers else f"{frequencies[i]:.4g} Hz" for i in turns}
+        words = " ".join(f"{n:+d} {names[i]}" for i, n in turns.items())
         notes.append(f"{frequencies[r]:.4g} Hz is perhaps no mode: large swings make it, as {words}")
     return [modes[r] for r in listed_modes]
 
@@ -515,8 +520,8 @@ def _bent_words(mode: IdentifiedMode, number: int) -> str:
     assert mode.frequency_shift is not None
     return (
         f"mode {number} is one mode whose frequency changes with amplitude, from "
-        f"{mode.frequency + mode.frequency_shift:.6g} Hz at the largest swing to that of small ones, which is given; two "
-        "modes of one shape that do not beat within the record would look the same"
+        f"{mode.frequency + mode.frequency_shift:.6g} Hz at the largest swing to that of small ones, which is given; "
+        "two modes of one shape that do not beat within the record would look the same"
     )
 
 
@@ -539,6 +544,20 @@ def _mode_of_pole(pole: complex, cov: Floats, shape: Complexes, shape_std: float
     )
 
 
+def _decrements(even_values: Sequence[Floats], step: float) -> list[Decrement]:
+    """Those of the sensor with the largest swing, of each segment."""
+    columns = [values[:, int(np.argmax(values.std(axis=0)))] for values in even_values]
+    return [log_decrement(step * np.arange(len(column), dtype=np.float64), column) for column in columns]
+
+
+def _is_dry(even_values: Sequence[Floats], step: float) -> bool:
+    """Whether turning points lose the same each time, in every segment: no sum of poles does."""
+    try:
+        return all(decrement.loss is not None for decrement in _decrements(even_values, step))
+    except ComputationError:
+        return False
+
+
 def _by_decrement(
     segments: Sequence[tuple[Floats, Floats]],
     even_values: Sequence[Floats],
@@ -548,10 +567,7 @@ def _by_decrement(
 ) -> Identified:
     """By the sensor with the largest swing; segments are averaged by their weights."""
     swings = [values - values.mean(axis=0) for values in even_values]
-    decrements = []
-    for values, swing in zip(even_values, swings, strict=True):
-        k = int(np.argmax(swing.std(axis=0)))
-        decrements.append(log_decrement(step * np.arange(len(values), dtype=np.float64), values[:, k]))
+    decrements = _decrements(even_values, step)
     stds = np.array([[decrement.real_std, decrement.imag_std] for decrement in decrements])
     weights = 1 / np.maximum(stds, 1e-300) ** 2
     parts = np.array([[decrement.pole.real, decrement.pole.imag] for decrement in decrements])
@@ -559,6 +575,12 @@ def _by_decrement(
     _, _, directions = np.linalg.svd(np.vstack(swings), full_matrices=False)
     shape, _ = _scale_to_largest(directions[0].astype(np.complex128))
     notes.append(f"{sum(decrement.peaks for decrement in decrements)} turning points of one mode")
+    losses = [decrement.loss for decrement in decrements if decrement.loss is not None]
+    if losses:
+        notes.append(
+            f"each is smaller than the last by {short(float(np.median(losses)))}, whatever its size, as dry friction "
+            "makes them: the damping ratio is that of the record's swings, and grows as they die away"
+        )
     mode = _mode_of_pole(complex(*mean), np.diag(1 / weights.sum(axis=0)), shape, None)
     curve = _curve(segments, names, int(np.argmax(np.max([swing.std(axis=0) for swing in swings], axis=0))))
     if curve is not None and curve.of_one_link:
