@@ -302,7 +302,8 @@ def _fit_free(
             is_present = np.isfinite(column)
             series.append(Series(c, s, times[is_present] - times[0], column[is_present]))
     faint = 0.0 if order else AMPLITUDE_MIN
-    decays, angle = fit_decays(series, poles, faint), _largest_angle(segments, names)
+    decays = fit_decays(series, poles, faint)
+    angle = _largest_angle(segments, names, float(abs(decays.poles[np.argmax(np.abs(decays.amplitudes).max(axis=0))])))
     if len(decays.poles) < len(poles):
         notes.append(f"{counted(len(poles) - len(decays.poles), 'pole', 'poles')} left out: faint or not significant")
     while better := one_mode(series, decays, faint, resolved=order is not None):
@@ -446,15 +447,16 @@ def _of_decays(decays: Decays, r: int, segments: Sequence[tuple[Floats, Floats]]
     return replace(_mode_of_pole(pole, cov, shape, noise_of_shape), frequency_shift=decays.shift(r))
 
 
-def _largest_angle(segments: Sequence[tuple[Floats, Floats]], names: Sequence[str]) -> float:
-    """The largest swing (rad) of the angles among the sensors, 0 where none is an angle."""
-    angles = [
-        float(np.nanmax(values[:, k]) - np.nanmin(values[:, k])) / 2
+def _largest_angle(segments: Sequence[tuple[Floats, Floats]], names: Sequence[str], rate: float) -> float:
+    """The largest swing (rad) of the angles and, at a `rate` (1/s), their rates among the sensors, 0 where none is."""
+    sizes = {name: 1.0 if _is_angle(name) else rate for name in names if name.startswith("theta")}
+    swings = [
+        float(np.nanmax(values[:, k]) - np.nanmin(values[:, k])) / (2 * sizes[name])
         for _, values in segments
         for k, name in enumerate(names)
-        if _is_angle(name)
+        if name in sizes
     ]
-    return max(angles, default=0.0)
+    return max(swings, default=0.0)
 
 
 def _is_angle(name: str) -> bool:
@@ -588,7 +590,7 @@ def _by_decrement(
         mode = _of_curve(curve, shape)
         notes += _curve_words(curve)
     else:
-        angle = _largest_angle(segments, names)
+        angle = _largest_angle(segments, names, abs(mode.pole))
         mode = replace(mode, frequency_of=_swings_of(mode, angle))
         notes += [_large_words(angle)] if mode.frequency_of == LARGE_SWINGS else []
     return Identified((mode,), tuple(names), "decrement", "free", 2, (), tuple(notes))

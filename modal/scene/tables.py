@@ -182,8 +182,9 @@ class DataTable(Displayed):
         return self.take(list(rows)) if conditions else self
 
     def seconds(self) -> tuple[str, float] | None:
-        """The column of the time and its unit in s, None where there is none or more than one."""
+        """The column of the time, elapsed rather than of day, and its unit in s; None where none or several are."""
         units = {column: factor for column in self.columns if (factor := time_unit(column))}
+        units = {column: factor for column, factor in units.items() if "elapsed" in column} or units
         return next(iter(units.items())) if len(units) == 1 else None
 
     def described(self) -> str:
@@ -215,7 +216,7 @@ class DataTable(Displayed):
 
 
 def _seconds_of_clock(cells: Sequence[str] | Floats) -> Floats | None:
-    """Seconds from the first of times such as 22:13:20.5 or 2023-11-14T22:13:20.5Z; None where one is not of this form."""
+    """Seconds from the first of times such as 22:13:20.5 or 2023-11-14T22:13:20.5Z; None of any other form."""
     texts = [str(cell).strip().removesuffix("Z").replace(" ", "T").replace(",", ".") for cell in cells]
     if not all(re.fullmatch(r"(\d{4}-\d\d-\d\dT)?\d\d:\d\d:\d\d(\.\d+)?", text) for text in texts):
         return None

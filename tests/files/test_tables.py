@@ -75,6 +75,13 @@ def test_arrays_files_of_arrays_and_matlab(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read_table(np.column_stack([TIMES, DEGREES])).numbers("2"), DEGREES)
 
 
+def test_of_two_clocks_the_elapsed_time_counts(tmp_path: Path) -> None:
+    rows = "".join(f"{17 * 10**17 + 10**7 * k},{TIMES[k]},{DEGREES[k]}\n" for k in range(4))
+    (tmp_path / "phone.csv").write_text(f"time,seconds_elapsed,z\n{rows}")
+    recording = read_recording(None, [tmp_path / "phone.csv"], columns={"z": "theta_1_1_deg"})
+    np.testing.assert_allclose(recording.segments[0].times, TIMES, rtol=0, atol=1e-15)
+
+
 def test_times_of_day_count_from_the_first(tmp_path: Path) -> None:
     stamps = [f"2024-02-29 23:59:59.{99 + k:03d}" for k in range(3)]
     for texts in (stamps, [stamp[11:].replace(".", ",") for stamp in stamps], [f"{stamp}Z" for stamp in stamps]):
@@ -123,7 +130,7 @@ def test_matlab_7_3(tmp_path: Path) -> None:
     np.testing.assert_array_equal(table.numbers("data_2"), DEGREES)
     np.testing.assert_allclose(read_recording(None, [path]).segments[0].values[:, 0], np.radians(DEGREES), rtol=1e-15)
     path.write_bytes(path.read_bytes()[:1000])
-    with pytest.raises(SceneError, match="is no MATLAB 7.3 file that can be read"):
+    with pytest.raises(SceneError, match=r"is no MATLAB 7\.3 file that can be read"):
         read_table(path)
 
 
