@@ -19,8 +19,9 @@ So poles of one shape are one mode with a β_r where that fits the record as wel
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -50,7 +51,7 @@ RESIDUAL_RATIO = 1.5
 BEATLESS_RESIDUAL_RATIO = 30.0
 """Tolerance: the same of one mode over two poles that never beat, of which the second takes what is not linear."""
 COMBINATION_AMPLITUDE = 0.1
-"""Physics: share of stronger amplitudes a that a combination of three has at most, a²/6 of cubic forces at 0.8 rad."""
+"""Physics: share of stronger amplitudes a that a combination of three has at most, a²/6 at 0.8 rad, if no angle is."""
 FOURTH_POWERS = 0.02
 """Physics: relative, what fourth powers of angles add to a change of frequency: θ²/192 of ω (1 − θ²/16 + θ⁴/3072)."""
 OTHER_MODES = 0.3
@@ -147,43 +148,89 @@ def fit_decays(series: Sequence[Series], poles: Complexes, faint: float = 0.0) -
 def one_mode(series: Sequence[Series], decays: Decays, faint: float = 0.0, *, resolved: bool = False) -> Decays | None:
     """Decays with one mode fewer: two poles of one shape are one whose frequency changes with amplitude.
 
-    None where no two poles are.  They are if the one mode fits the series as well; if they never beat, and no
-    `resolved` modes are asked for, also if it fits them somewhat worse.
+    None where no two poles are.  They are if the one mode fits the series as well; if
+    they never beat, and no `resolved` modes are asked for, also if it fits them somewhat worse.
     """
     weights, beatless = _weights(series, decays), suspects(series, decays)
     distances = np.abs(decays.poles[:, None] / decays.poles - 1)
     for r, s in sorted(np.argwhere(_alike(series, decays)).tolist(), key=lambda pair: float(distances[*pair])):
-        merged_decays = _fit_model(series, _merge(series, decays, r, s), weights)
+        merged_decays = _fit_model(series, _merge(series, decays, r, s), weights, digits=0.25)
         largest = BEATLESS_RESIDUAL_RATIO if (r, s) in beatless and not resolved else RESIDUAL_RATIO
         if np.sqrt(np.mean((merged_decays.rms * weights) ** 2)) < largest:
             return _significant(series, merged_decays.model, faint)
     return None
 
 
-def without_combination(series: Sequence[Series], decays: Decays, faint: float = 0.0) -> Decays | None:
-    """Decays without a weak pole that cubic forces make of stronger ones, λ_i + λ_j + λ̄_k; None where there is none."""
-    size = np.max(np.abs(decays.amplitudes), axis=0)
-    for r in np.argsort(size).tolist():
-        strong = decays.poles[size[r] < COMBINATION_AMPLITUDE * size]
-        sums = strong[:, None, None] + strong[:, None] + strong.conj()
-        # poles nearer than their damping rate never beat before they have died away
-        if np.any(np.abs(sums - decays.poles[r]) < np.abs(sums.real)):
-            return _significant(series, _choose(decays.model, np.delete(np.arange(len(size)), r)), faint)
-    return None
+@dataclass(frozen=True)
+class LargeSwings:
+    """What large swings make of modes: `repetitions`, poles that are a stronger one at another amplitude, {r: of}.
+
+    `tones` are poles at the places of sums Σ n_i ω_i of one or two stronger modes, {r: {i: n_i}}.
+    """
+
+    repetitions: dict[int, int]
+    tones: dict[int, dict[int, int]]
 
 
-def harmonics_among(decays: Decays) -> dict[int, tuple[int, int]]:
-    """Weak poles r with the place of the harmonic `order`, 2 or 3, of a stronger one i: {r: (i, order)}."""
-    R, size = len(decays.poles), np.max(np.abs(decays.amplitudes), axis=0)
-    std = np.sqrt(np.diag(decays.cov)[R:])
-    places: dict[int, tuple[int, int]] = {}
-    for r, i in np.argwhere(size[:, None] < COMBINATION_AMPLITUDE * size).tolist():
-        for order in (2, 3):
-            distance = abs(decays.poles[r].imag - order * decays.poles[i].imag)
-            # nearer than its damping rate it never beats with the harmonic before that has died away
-            if distance < order * abs(decays.poles[i].real) + std[r]:
-                places[r] = i, order
-    return places
+def large_swings(series: Sequence[Series], decays: Decays, angle: float) -> LargeSwings:
+    """Poles that are none of small swings, where the largest swing is an `angle` (rad), or 0 if no sensor is one.
+
+    Cubic forces change a frequency by a²/6 at most, and make tones of such a share; being odd in the angles, they and
+    their repetition have three and five terms.  One sensor tells one shape only from poles that never beat.  Once there
+    are as many modes as sensors, which are all that the links have, sums go with frequencies at other amplitudes.
+    """
+    strengths, rates = _strengths(series, decays), decays.poles.imag
+    sensors = 1 + max(record.sensor for record in series)
+    share, orders = (angle**2 / 6, (3, 5)) if angle else (COMBINATION_AMPLITUDE, (2, 3))
+    is_alike = _alike(series, decays, np.inf)
+    if sensors == 1:
+        is_alike[:] = False
+        is_alike[tuple(np.array(suspects(series, decays, np.inf), dtype=np.int64).reshape(-1, 2).T)] = True
+    widths, spreads = np.abs(decays.poles.real), np.zeros(len(rates))
+    widths[decays.model.bent] += np.abs(decays.model.shifts.real)
+    modes, swings = list[int](), LargeSwings({}, {})
+    for r in np.argsort(-strengths).tolist():
+        reaches = widths + spreads if len(modes) >= sensors > 1 else widths
+        sums = _sums([i for i in modes if strengths[r] < share * strengths[i]], orders)
+        turns = next((sum_ for sum_ in sums if _is_tone(rates[r], rates, reaches, sum_)), None)
+        distances = np.abs(rates[r] - rates)
+        near = [s for s in modes if distances[s] < rates[s] * angle**2 / 6 + widths[r]]
+        leader = next((s for s in near if is_alike[min(r, s), max(r, s)]), None)
+        if leader is not None:
+            swings.repetitions[r] = leader
+            spreads[leader] = max(spreads[leader], distances[leader])
+        elif turns is not None:
+            swings.tones[r] = turns
+        else:
+            modes.append(r)
+    # with a weaker mode in it, a tone dies away sooner than that mode
+    for r in [r for r in modes[1:] if strengths[r] < share * strengths[modes[0]]]:
+        slower = [i for i in modes if i not in swings.tones and decays.poles[i].real > decays.poles[r].real]
+        sums = (sum_ for sum_ in _sums(slower, orders) if modes[0] in sum_)
+        turns = next((sum_ for sum_ in sums if _is_tone(rates[r], rates, widths, sum_)), None)
+        if turns is not None:
+            swings.tones[r] = turns
+    return swings
+
+
+def _is_tone(rate: float, rates: Floats, reaches: Floats, turns: dict[int, int]) -> bool:
+    off = abs(sum(n * rates[i] for i, n in turns.items())) - rate
+    return bool(abs(off) < sum(abs(n) * reaches[i] for i, n in turns.items()))
+
+
+def _sums(places: Sequence[int], orders: Sequence[int]) -> Iterator[dict[int, int]]:
+    """The multiples of one or two of these places whose sizes add up to these orders: {place: multiple}."""
+    for order in orders:
+        yield from ({i: order} for i in places)
+        for i, j in combinations(places, 2):
+            yield from ({i: n, j: sign * (order - n)} for n in range(1, order) for sign in (1, -1))
+
+
+def _strengths(series: Sequence[Series], decays: Decays) -> Floats:
+    """The root mean square of each mode (R,) where it is the largest: some begin large and cancel each other."""
+    ends = np.array([record.times[-1] for record in series])
+    squares = _accumulate(ends, -decays.poles.real)[0] / ends[:, None]
+    return np.asarray(np.max(np.abs(decays.amplitudes) * np.sqrt(squares), axis=0))
 
 
 def bent(series: Sequence[Series], decays: Decays, faint: float = 0.0) -> Decays | None:
@@ -197,28 +244,28 @@ def bent(series: Sequence[Series], decays: Decays, faint: float = 0.0) -> Decays
     weights, trials = _weights(series, decays), []
     for r in np.setdiff1d(np.arange(len(decays.poles)), decays.model.bent):
         model = replace(decays.model, bent=np.append(decays.model.bent, r), shifts=np.append(decays.model.shifts, 0j))
-        trial_decays = _fit_model(series, model, weights)
+        trial_decays = _fit_model(series, model, weights, digits=0.25)
         trials.append((float(np.sqrt(np.mean((trial_decays.rms * weights) ** 2))), trial_decays))
     smallest, best = min(trials, key=lambda trial: trial[0], default=(1.0, decays))
     return _significant(series, best.model, faint) if smallest * RESIDUAL_RATIO < 1 else None
 
 
-def suspects(series: Sequence[Series], decays: Decays) -> list[tuple[int, int]]:
+def suspects(series: Sequence[Series], decays: Decays, distance: float = POLE_DISTANCE_MAX) -> list[tuple[int, int]]:
     """Pairs of poles of one shape that never beat: their phases part by less than a turn before one has died away."""
     longest = max(float(record.times[-1]) for record in series)
     lasting = np.minimum(longest, 3 / np.maximum(-decays.poles.real, 1e-300))  # until 5 % is left
     return [
         (r, s)
-        for r, s in np.argwhere(_alike(series, decays)).tolist()
+        for r, s in np.argwhere(_alike(series, decays, distance)).tolist()
         if abs(decays.poles[r].imag - decays.poles[s].imag) * min(lasting[r], lasting[s]) < 2 * np.pi
     ]
 
 
-def _alike(series: Sequence[Series], decays: Decays) -> Booleans:
-    """Pairs (R, R), above the diagonal, of near poles with one shape."""
+def _alike(series: Sequence[Series], decays: Decays, distance: float = POLE_DISTANCE_MAX) -> Booleans:
+    """Pairs (R, R), above the diagonal, of poles within a relative distance and with one shape."""
     sensors = 1 + max(record.sensor for record in series)
     shapes = np.stack([shape_of(decays, r, sensors) for r in range(len(decays.poles))], axis=1)
-    is_near = np.abs(decays.poles[:, None] / decays.poles - 1) < POLE_DISTANCE_MAX
+    is_near = np.abs(decays.poles[:, None] / decays.poles - 1) < distance
     return np.asarray(np.triu(is_near & (modal_assurance(shapes, shapes) > DECAY_MAC_MIN), 1))
 
 
@@ -251,10 +298,10 @@ def _significant(series: Sequence[Series], model: DecayModel, faint: float) -> D
     while True:
         if not len(model.poles):
             raise ComputationError("no oscillation stands out of the noise of these records")
-        decays = _fit_model(series, model, weights)
+        decays = _fit_model(series, model, weights, digits=0.25)
         for _ in range(2):
             weights = _weights(series, decays)
-            decays = _fit_model(series, decays.model, weights)
+            decays = _fit_model(series, decays.model, weights, digits=0.25)
         R = len(decays.poles)
         significance = np.max(np.abs(decays.amplitudes) / np.maximum(decays.amplitude_stds, 1e-300), axis=0)
         relative_std = np.sqrt(np.diag(decays.cov)[R:]) / np.abs(decays.poles)
@@ -262,7 +309,7 @@ def _significant(series: Sequence[Series], model: DecayModel, faint: float) -> D
         significance[(relative_std > FREQUENCY_STD_MAX) | (share.max(axis=0) < faint)] = 0.0
         worst = int(np.argmin(significance))
         if significance[worst] > AMPLITUDE_SIGNIFICANCE:
-            return decays
+            return _fit_model(series, decays.model, weights)
         model = _choose(decays.model, np.delete(np.arange(R), worst))
 
 
@@ -295,7 +342,7 @@ def _project(record: Series, model: DecayModel, k: int) -> tuple[Floats, Complex
     waves = np.exp(exponents - peaks)
     basis = np.hstack((waves.real, -waves.imag, np.ones((len(record.times), 1))))
     size = np.linalg.norm(basis, axis=0)
-    Q, triangle = np.linalg.qr(basis / size)
+    Q, triangle = tall_qr(basis / size)
     right = Q.T @ record.values
     inverse = np.linalg.pinv(triangle, rcond=1e-14)
     linear = inverse @ right / size
@@ -308,8 +355,24 @@ def _project(record: Series, model: DecayModel, k: int) -> tuple[Floats, Complex
     return record.values - Q @ right, amplitudes, slopes, (variance[:R] + variance[R : 2 * R]) / 2 * np.exp(-2 * peaks)
 
 
-def _fit_model(series: Sequence[Series], model: DecayModel, weights: Floats) -> Decays:
-    """The model fitted from these poles on, with its covariance."""
+def tall_qr(matrix: Floats, rows: int = 256) -> tuple[Floats, Floats]:
+    """Q and R of a matrix (K, n), of blocks of so many rows and of their triangles [Demmel2012].
+
+    LAPACK takes the rows at once, with threads that wait for each other at every column.
+    """
+    n = matrix.shape[1]
+    count = -(-len(matrix) // max(rows, 4 * n))
+    if count == 1:
+        return np.linalg.qr(matrix)
+    blocks = np.zeros((count * max(rows, 4 * n), n))
+    blocks[: len(matrix)] = matrix
+    Q, triangles = np.linalg.qr(blocks.reshape(count, -1, n))
+    inner_Q, R = tall_qr(triangles.reshape(-1, n), rows)
+    return np.asarray((Q @ inner_Q.reshape(count, n, n)).reshape(-1, n)[: len(matrix)]), R
+
+
+def _fit_model(series: Sequence[Series], model: DecayModel, weights: Floats, *, digits: float = 1.0) -> Decays:
+    """The model fitted from these poles on, to a share of all digits, with its covariance."""
     poles, R, B = model.poles, len(model.poles), len(model.bent)
     scale = _scale(model)
 
@@ -319,15 +382,15 @@ def _fit_model(series: Sequence[Series], model: DecayModel, weights: Floats) -> 
         return DecayModel(rates, model.bent, np.asarray(y[2 * R : 2 * R + B] + 1j * y[2 * R + B :]), model.squares)
 
     def project(x: Floats) -> tuple[Floats, Floats]:
-        """Residuals and their derivatives, both of one factorization."""
+        """Residuals and their derivatives, turned by one rotation to as many rows as there are numbers, and one."""
         if x.tobytes() not in latest:
             trial = model_of(x)
             parts = [(w, _project(record, trial, k)) for k, (w, record) in enumerate(weights_of_series)]
+            misses = np.concatenate([w * part[0] for w, part in parts])
+            slopes = np.vstack([-w * part[2] for w, part in parts]) * scale
+            turned = tall_qr(np.column_stack((slopes, misses)))[1]
             latest.clear()
-            latest[x.tobytes()] = (
-                np.concatenate([w * part[0] for w, part in parts]),
-                np.vstack([-w * part[2] for w, part in parts]) * scale,
-            )
+            latest[x.tobytes()] = turned[:, -1], turned[:, :-1]
         return latest[x.tobytes()]
 
     latest: dict[bytes, tuple[Floats, Floats]] = {}
@@ -336,15 +399,15 @@ def _fit_model(series: Sequence[Series], model: DecayModel, weights: Floats) -> 
     start = np.concatenate((poles.real, poles.imag, model.shifts.real, model.shifts.imag)) / scale
     low, high = start - 0.5, start + 0.5
     high[:R] = np.minimum(high[:R], np.maximum(start[:R] + 1e-9, 3 / longest / scale[:R]))
-    last_digits = 64 * np.finfo(float).eps
+    tolerance = (64 * np.finfo(float).eps) ** digits
     solution: Any = scipy.optimize.least_squares(
         lambda x: project(x)[0],
         start,
         lambda x: project(x)[1],
         bounds=(low, high),
-        ftol=last_digits,
-        xtol=last_digits,
-        gtol=last_digits,
+        ftol=tolerance,
+        xtol=tolerance,
+        gtol=tolerance,
         max_nfev=EVALUATIONS_MAX,
     )
     return _with_covariance(series, model_of(solution.x), weights)
@@ -395,12 +458,16 @@ def _squares(series: Sequence[Series], amplitudes: Complexes) -> Floats:
 
 @dataclass(frozen=True)
 class Decrement:
-    """A single pole by its turning points: λ (1/s) with standard deviations of its parts, and their number."""
+    """A single pole by its turning points: λ (1/s) with standard deviations of its parts, and their number.
+
+    `loss` is by how much each is smaller than the last, None where they shrink by a factor.
+    """
 
     pole: complex
     real_std: float
     imag_std: float
     peaks: int
+    loss: float | None
 
 
 def log_decrement(times: Floats, values: Floats) -> Decrement:
@@ -430,13 +497,17 @@ def log_decrement(times: Floats, values: Floats) -> Decrement:
         raise ComputationError(
             "turning points do not alternate: more than one mode swings, which needs the realization"
         )
-    ranges = np.abs(np.diff(heights))
-    slope, slope_std = _line((at[1:] + at[:-1]) / 2, np.log(ranges))
+    ranges, middles = np.abs(np.diff(heights)), (at[1:] + at[:-1]) / 2
+    slope, slope_std = _line(middles, np.log(ranges))
     half, half_std = _line(np.arange(len(at), dtype=float), at)
     if slope_std * np.ptp(at) > DECREMENT_STD_MAX or half_std * len(at) > DECREMENT_STD_MAX * half:
         raise ComputationError("turning points do not fall on one curve: more than one mode swings, or there is noise")
     imag = np.pi / half
-    return Decrement(complex(slope, imag), slope_std, imag * half_std / half, len(at))
+    straight = np.polynomial.Polynomial.fit(middles, ranges, 1)
+    curved = np.polynomial.Polynomial.fit(middles, np.log(ranges), 1)
+    misses = np.linalg.norm(ranges - straight(middles)), np.linalg.norm(ranges - np.exp(curved(middles)))
+    loss = -float(straight.convert().coef[1]) * half / 2 if misses[0] * RESIDUAL_RATIO < misses[1] else None
+    return Decrement(complex(slope, imag), slope_std, imag * half_std / half, len(at), loss)
 
 
 def _vertex(times: Floats, values: Floats, k: int, reach: int) -> tuple[float, float]:

@@ -21,15 +21,16 @@ from modal.identification.decays import (
     DECAY_MAC_MIN,
     FREQUENCY_STD_MAX,
     Decays,
+    Decrement,
+    LargeSwings,
     Series,
     bent,
     fit_decays,
-    harmonics_among,
+    large_swings,
     log_decrement,
     one_mode,
     shape_of,
     suspects,
-    without_combination,
 )
 from modal.identification.derivatives import polar
 from modal.identification.measured import turned
@@ -89,8 +90,7 @@ class IdentifiedMode(Displayed):
     None where one frequency fits the record.  `frequency_of` says whether the frequency is that of "small swings", or
     of the "large swings" of the record, whose change with amplitude exceeds its interval; None of what is no angle.
     `amplitude_dependence` is the change with amplitude over that of one link, where it is one mode's alone, with its
-    standard deviation; `harmonics` are the multiples of the frequency that the record has.  `harmonic_of` is the number
-    of the stronger mode (from 1) of which this one has the place of a harmonic, and the order of that.
+    standard deviation; `harmonics` are the multiples of the frequency that the record has.
     """
 
     pole: complex
@@ -102,7 +102,6 @@ class IdentifiedMode(Displayed):
     frequency_of: str | None = None
     amplitude_dependence: tuple[float, float] | None = None
     harmonics: tuple[Harmonic, ...] = ()
-    harmonic_of: tuple[int, int] | None = None
 
     def _summary(self) -> Summary:
         title = f"Identified mode: {self.frequency:.6g} Hz ± {self.frequency_std:.2g}, ζ = {self.damping_ratio:.4g}"
@@ -155,7 +154,6 @@ MODE_RECORD = (
     ReportColumn("frequency_of", "frequency_of"),
     ReportColumn("amplitude_dependence", "amplitude_dependence"),
     ReportColumn(lambda mode: records_of(HARMONIC, mode.harmonics), "harmonics"),
-    ReportColumn("harmonic_of", "harmonic_of"),
 )
 ORDER_POLE = (
     ReportColumn("order", "order"),
@@ -273,6 +271,8 @@ def identify(
     lines = _lines(even_values, step)
     if excitation == "random":
         return _random(even_values, step, names, order, lines, notes)
+    if len(names) == 1 and order is None and _is_dry(even_values, step):
+        return _by_decrement(segments, even_values, step, names, notes)
     stride = _stride(lines, step, even_values)
     realization = realize([values - values.mean(axis=0) for values in even_values], step, stride)
     chosen = min(order or min(realization.rank, ORDER_MAX), len(realization.singular))
@@ -303,30 +303,49 @@ def _fit_free(
             series.append(Series(c, s, times[is_present] - times[0], column[is_present]))
     faint = 0.0 if order else AMPLITUDE_MIN
     decays = fit_decays(series, poles, faint)
+    angle = _largest_angle(segments, names, float(abs(decays.poles[np.argmax(np.abs(decays.amplitudes).max(axis=0))])))
     if len(decays.poles) < len(poles):
         notes.append(f"{counted(len(poles) - len(decays.poles), 'pole', 'poles')} omitted: faint or not significant")
     while better := one_mode(series, decays, faint, resolved=order is not None):
         decays = better
-    while not order and (better := without_combination(series, decays, faint)):
-        notes.append("a pole omitted that is a combination of stronger ones, as swings that are not small produce")
-        decays = better
     while better := bent(series, decays, faint):
         decays = better
-    notes += [_bent_words(decays, r) for r in decays.model.bent.tolist()]
-    notes += [
-        f"modes {r + 1} and {s + 1} have one shape and never beat: perhaps one mode, whose frequency and damping "
-        "change with amplitude, as dry friction makes them"
-        for r, s in suspects(series, decays)
-    ]
-    modes = tuple(_of_decays(decays, r, segments, len(names)) for r in range(len(decays.poles)))
-    angle = _largest_angle(segments, names)
-    modes = tuple(replace(mode, frequency_of=_swings_of(mode, angle)) for mode in modes)
-    modes = _name_harmonics(modes, decays, notes)
+    modes = [_of_decays(decays, r, segments, len(names)) for r in range(len(decays.poles))]
+    modes = [replace(mode, frequency_of=_swings_of(mode, angle)) for mode in modes]
+    if order is None and not decays.white:
+        modes = _without_repetitions(modes, large_swings(series, decays, angle), notes)
+    notes += [_bent_words(mode, r) for r, mode in enumerate(modes, 1) if mode.frequency_shift is not None]
+    if len(modes) == len(decays.poles):
+        notes += [
+            f"modes {r + 1} and {s + 1} have one shape and never beat: perhaps one mode, whose frequency and damping "
+            "change with amplitude, as dry friction makes them"
+            for r, s in suspects(series, decays)
+        ]
     if not decays.white:
         notes.append("the residuals are correlated: standard deviations allow for it; large swings are not linear")
     if any(mode.frequency_of == LARGE_SWINGS for mode in modes):
         notes.append(_large_words(angle))
-    return modes
+    return tuple(modes)
+
+
+def _without_repetitions(modes: list[IdentifiedMode], swings: LargeSwings, notes: list[str]) -> list[IdentifiedMode]:
+    """The modes without what large swings make of them: their poles at other amplitudes, and combination tones.
+
+    Intervals take in the poles at other amplitudes; what is left out is said in notes.
+    """
+    listed_modes = [r for r in range(len(modes)) if r not in swings.repetitions and r not in swings.tones]
+    numbers = {r: number for number, r in enumerate(listed_modes, 1)}
+    frequencies = [mode.frequency for mode in modes]
+    for r, leader in swings.repetitions.items():
+        mode, distance = modes[leader], abs(frequencies[r] - frequencies[leader])
+        modes[leader] = replace(mode, frequency_std=max(mode.frequency_std, distance), frequency_of=LARGE_SWINGS)
+        name = f"mode {numbers[leader]}" if leader in numbers else f"{frequencies[leader]:.4g} Hz"
+        notes.append(f"{frequencies[r]:.4g} Hz is {name} at other amplitudes, and in its interval")
+    for r, turns in swings.tones.items():
+        names = {i: f"f{numbers[i]}" if i in numbers else f"{frequencies[i]:.4g} Hz" for i in turns}
+        words = " ".join(f"{n:+d} {names[i]}" for i, n in turns.items())
+        notes.append(f"{frequencies[r]:.4g} Hz is perhaps no mode: large swings make it, as {words}")
+    return [modes[r] for r in listed_modes]
 
 
 # ------------------------------------------------------------------------------------------------------- records
@@ -428,27 +447,16 @@ def _of_decays(decays: Decays, r: int, segments: Sequence[tuple[Floats, Floats]]
     return replace(_mode_of_pole(pole, cov, shape, noise_of_shape), frequency_shift=decays.shift(r))
 
 
-def _name_harmonics(modes: tuple[IdentifiedMode, ...], decays: Decays, notes: list[str]) -> tuple[IdentifiedMode, ...]:
-    """The modes, of which those are marked and told in notes that have the place of a stronger one's harmonic."""
-    marked = list(modes)
-    for r, (i, order) in harmonics_among(decays).items():
-        marked[r] = replace(modes[r], harmonic_of=(i + 1, order))
-        notes.append(
-            f"mode {r + 1} has the place of the {ORDINALS[order]} harmonic of mode {i + 1}, "
-            f"{modes[r].frequency / modes[i].frequency:.4g} times its frequency: swings that are not small have it"
-        )
-    return tuple(marked)
-
-
-def _largest_angle(segments: Sequence[tuple[Floats, Floats]], names: Sequence[str]) -> float:
-    """The largest swing (rad) of the angles among the sensors, 0 where none is an angle."""
-    angles = [
-        float(np.nanmax(values[:, k]) - np.nanmin(values[:, k])) / 2
+def _largest_angle(segments: Sequence[tuple[Floats, Floats]], names: Sequence[str], rate: float) -> float:
+    """The largest swing (rad) of the angles and, at a `rate` (1/s), their rates among the sensors, 0 where none is."""
+    sizes = {name: 1.0 if _is_angle(name) else rate for name in names if name.startswith("theta")}
+    swings = [
+        float(np.nanmax(values[:, k]) - np.nanmin(values[:, k])) / (2 * sizes[name])
         for _, values in segments
         for k, name in enumerate(names)
-        if _is_angle(name)
+        if name in sizes
     ]
-    return max(angles, default=0.0)
+    return max(swings, default=0.0)
 
 
 def _is_angle(name: str) -> bool:
@@ -509,14 +517,13 @@ def _curve_words(curve: Backbone) -> list[str]:
     return notes
 
 
-def _bent_words(decays: Decays, r: int) -> str:
+def _bent_words(mode: IdentifiedMode, number: int) -> str:
     """What there is to say of a mode that linear poles take for several."""
-    small, shift = abs(decays.poles[r]) / (2 * pi), decays.shift(r)
-    assert shift is not None
+    assert mode.frequency_shift is not None
     return (
-        f"mode {r + 1} is one mode whose frequency changes with amplitude, from {small + shift:.6g} Hz at the largest "
-        "swing to that of small ones, which is given; two modes of one shape that do not beat within the record would "
-        "look the same"
+        f"mode {number} is one mode whose frequency changes with amplitude, from "
+        f"{mode.frequency + mode.frequency_shift:.6g} Hz at the largest swing to that of small ones, which is given; "
+        "two modes of one shape that do not beat within the record would look the same"
     )
 
 
@@ -530,13 +537,28 @@ def _scale_to_largest(shape: Complexes) -> tuple[Complexes, float]:
 def _mode_of_pole(pole: complex, cov: Floats, shape: Complexes, shape_std: float | None) -> IdentifiedMode:
     """With the covariance (2, 2) of the real and imaginary parts of the pole."""
     omega, zeta = polar(pole, np.array([1.0, 1.0j]))
+    rounding = np.finfo(float).eps * abs(pole)
     return IdentifiedMode(
         pole,
-        sqrt(max(0.0, float(omega @ cov @ omega))) / (2 * pi),
+        sqrt(max(rounding**2, float(omega @ cov @ omega))) / (2 * pi),
         sqrt(max(0.0, float(zeta @ cov @ zeta))),
         shape,
         shape_std,
     )
+
+
+def _decrements(even_values: Sequence[Floats], step: float) -> list[Decrement]:
+    """Those of the sensor with the largest swing, of each segment."""
+    columns = [values[:, int(np.argmax(values.std(axis=0)))] for values in even_values]
+    return [log_decrement(step * np.arange(len(column), dtype=np.float64), column) for column in columns]
+
+
+def _is_dry(even_values: Sequence[Floats], step: float) -> bool:
+    """Whether turning points lose the same each time, in every segment: no sum of poles does."""
+    try:
+        return all(decrement.loss is not None for decrement in _decrements(even_values, step))
+    except ComputationError:
+        return False
 
 
 def _by_decrement(
@@ -548,10 +570,7 @@ def _by_decrement(
 ) -> Identified:
     """By the sensor with the largest swing; segments are averaged by their weights."""
     swings = [values - values.mean(axis=0) for values in even_values]
-    decrements = []
-    for values, swing in zip(even_values, swings, strict=True):
-        k = int(np.argmax(swing.std(axis=0)))
-        decrements.append(log_decrement(step * np.arange(len(values), dtype=np.float64), values[:, k]))
+    decrements = _decrements(even_values, step)
     stds = np.array([[decrement.real_std, decrement.imag_std] for decrement in decrements])
     weights = 1 / np.maximum(stds, 1e-300) ** 2
     parts = np.array([[decrement.pole.real, decrement.pole.imag] for decrement in decrements])
@@ -559,13 +578,19 @@ def _by_decrement(
     _, _, directions = np.linalg.svd(np.vstack(swings), full_matrices=False)
     shape, _ = _scale_to_largest(directions[0].astype(np.complex128))
     notes.append(f"{sum(decrement.peaks for decrement in decrements)} turning points of one mode")
+    losses = [decrement.loss for decrement in decrements if decrement.loss is not None]
+    if losses:
+        notes.append(
+            f"each is smaller than the last by {short(float(np.median(losses)))}, whatever its size, as dry friction "
+            "makes them: the damping ratio is that of the record's swings, and grows as they die away"
+        )
     mode = _mode_of_pole(complex(*mean), np.diag(1 / weights.sum(axis=0)), shape, None)
     curve = _curve(segments, names, int(np.argmax(np.max([swing.std(axis=0) for swing in swings], axis=0))))
     if curve is not None and curve.of_one_link:
         mode = _of_curve(curve, shape)
         notes += _curve_words(curve)
     else:
-        angle = _largest_angle(segments, names)
+        angle = _largest_angle(segments, names, abs(mode.pole))
         mode = replace(mode, frequency_of=_swings_of(mode, angle))
         notes += [_large_words(angle)] if mode.frequency_of == LARGE_SWINGS else []
     return Identified((mode,), tuple(names), "decrement", "free", 2, (), tuple(notes))

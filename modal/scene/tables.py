@@ -36,7 +36,7 @@ ROWS_MAX = 10_000_000
 ROWS_OF_SAMPLE = 200
 """Cost: rows at the end from which separators and the kinds of columns are found; a quarter of a millisecond."""
 SEPARATORS = {"\t": "tabs", ";": "semicolons", ",": "commas", " ": "spaces"}
-MISSING = frozenset({"", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--"})
+MISSING = frozenset({"", "nan", "na", "n/a", "#n/a", "<na>", "null", "none", "-", "--"})
 COMMENTS = ("#", "%", "//")
 NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)(e[+-]?\d+)?", re.IGNORECASE | re.ASCII)
 COMMA = re.compile(r"[+-]?\d*,\d+(e[+-]?\d+)?", re.IGNORECASE | re.ASCII)
@@ -124,6 +124,9 @@ class DataTable(Displayed):
             try:
                 values = np.array([self._number(str(cell)) for cell in cells], dtype=float)
             except ValueError:
+                clock = _seconds_of_clock(cells) if time_unit(column) == 1.0 else None
+                if clock is not None:
+                    return clock
                 row = next(k for k, cell in enumerate(cells) if not self._is_number(str(cell)))
                 raise SceneError([self._bad_cell(row, column)]) from None
         if len(infinite := np.flatnonzero(np.isinf(values))):
@@ -179,8 +182,9 @@ class DataTable(Displayed):
         return self.take(list(rows)) if conditions else self
 
     def seconds(self) -> tuple[str, float] | None:
-        """The column of the time and its unit in s, None where there is none or more than one."""
+        """The column of the time, elapsed rather than of day, and its unit in s; None where none or several are."""
         units = {column: factor for column in self.columns if (factor := time_unit(column))}
+        units = {column: factor for column, factor in units.items() if "elapsed" in column} or units
         return next(iter(units.items())) if len(units) == 1 else None
 
     def described(self) -> str:
@@ -209,6 +213,15 @@ class DataTable(Displayed):
         cells = self.cells[self.columns.index(column)]
         quotation = f" = {str(cells[row])!r:.60}" if self.has_quotes else ""
         return f"{self.name}: line {self.lines[row]}, {column}{quotation}: must be a finite number"
+
+
+def _seconds_of_clock(cells: Sequence[str] | Floats) -> Floats | None:
+    """Seconds from the first of times such as 22:13:20.5 or 2023-11-14T22:13:20.5Z; None of any other form."""
+    texts = [str(cell).strip().removesuffix("Z").replace(" ", "T").replace(",", ".") for cell in cells]
+    if not all(re.fullmatch(r"(\d{4}-\d\d-\d\dT)?\d\d:\d\d:\d\d(\.\d+)?", text) for text in texts):
+        return None
+    times = np.array([text if "T" in text else f"1970-01-01T{text}" for text in texts], dtype="datetime64[us]")
+    return np.asarray((times - times[0]) / np.timedelta64(1, "s"))
 
 
 def time_unit(column: str) -> float | None:
@@ -268,22 +281,44 @@ def _columns_of(data: Any) -> dict[str, Any]:
     """The columns of a mapping, a data frame or a structured array."""
     if isinstance(data, np.ndarray) and data.dtype.names:
         return {str(field): data[field] for field in data.dtype.names}
+    if isinstance(data, np.ndarray) and data.ndim == 2:
+        return {str(k): column for k, column in enumerate(data.T, 1)}
     if isinstance(data, Mapping) or hasattr(data, "columns"):
+        index = getattr(data, "index", None)
+        label = getattr(index, "name", None)
         keys = data.columns if hasattr(data, "columns") else data
-        return {str(key): data[key] for key in keys}
+        return ({str(label): index} if label else {}) | {str(key): data[key] for key in keys}
     raise SceneError(
         [f"data: must be a file, a mapping of columns, a data frame or a structured array, not {type(data).__name__}"]
     )
 
 
-def _of_columns(columns: Mapping[str, Any], name: str, has_quotes: bool) -> DataTable:
-    arrays = dict[str, np.ndarray]()
+def _arrays_of(columns: Mapping[str, Any]) -> Iterator[tuple[str, np.ndarray]]:
+    """The columns by their headings, of structures and of matrices, too; times of day are in s from the first."""
     for heading, values in columns.items():
+        if isinstance(values, Mapping):
+            yield from _arrays_of(values)
+            continue
         array = np.asarray(values)
+        if array.dtype.kind in "mM" and array.ndim == 1 and len(array):
+            array = (array - (array[0] if array.dtype.kind == "M" else 0)) / np.timedelta64(1, "s")
+        array = array.astype(float if array.dtype.kind in "iufb" else str)
         # MATLAB has no arrays with one axis: a row and a column are columns, and single numbers are none.
         if array.ndim and array.size == max(array.shape):
-            array = array.reshape(-1)
-            arrays[heading] = array.astype(float if array.dtype.kind in "iufb" else str)
+            yield heading, array.reshape(-1)
+        elif array.ndim == 2:
+            rows = array.T if len(array) >= array.shape[1] else array
+            yield from ((f"{heading}_{k}", row) for k, row in enumerate(rows, 1))
+
+
+def _of_columns(columns: Mapping[str, Any], name: str, has_quotes: bool) -> DataTable:
+    arrays = dict[str, np.ndarray]()
+    for heading, array in _arrays_of(columns):
+        if heading in arrays:
+            raise SceneError(
+                [f"{name}: has two arrays {heading}" if has_quotes else f"{name}: has two arrays of one name"]
+            )
+        arrays[heading] = array
     if not arrays:
         raise SceneError([f"{name}: has no columns, which are arrays with one axis"])
     lengths = Counter(len(values) for values in arrays.values())
@@ -315,7 +350,11 @@ def _binary_columns(content: bytes) -> dict[str, Any] | None:
             import pyarrow.parquet
         except ImportError:
             raise SceneError(["is a Parquet file, which needs pyarrow: pip install pyarrow"]) from None
-        return dict(pyarrow.parquet.read_table(BytesIO(content)).to_pydict())
+        try:
+            table = pyarrow.parquet.read_table(BytesIO(content))
+        except (ValueError, OSError) as error:
+            raise SceneError([f"is no Parquet file that can be read: {error}"]) from None
+        return {heading: column.to_numpy() for heading, column in zip(table.column_names, table.columns, strict=True)}
     if content.startswith(b"PK\x03\x04") and b".npy" in content[:200] and b"header.npy" not in content[:200]:
         return _archived_columns(content)
     return None
@@ -343,15 +382,27 @@ def _matlab_columns(content: bytes) -> dict[str, Any]:
             raise SceneError(
                 ["is a MATLAB 7.3 file, which needs h5py: pip install h5py, or save -v7 in MATLAB"]
             ) from None
-        with h5py.File(BytesIO(content)) as file:
-            return {key: np.ravel(file[key][()]) for key in file if getattr(file[key], "dtype", None) is not None}
+        try:
+            with h5py.File(BytesIO(content)) as file:
+                return _columns_of_group(file)
+        except OSError as error:
+            raise SceneError([f"is no MATLAB 7.3 file that can be read: {error}"]) from None
     import scipy
 
     try:
-        variables = scipy.io.loadmat(BytesIO(content), squeeze_me=True)
+        variables = scipy.io.loadmat(BytesIO(content), simplify_cells=True)
     except (ValueError, TypeError, NotImplementedError, EOFError, OSError) as error:
         raise SceneError([f"is no MATLAB file that can be read: {error}"]) from None
     return {key: values for key, values in variables.items() if not key.startswith("__")}
+
+
+def _columns_of_group(group: Any) -> dict[str, Any]:
+    """The numbers of a group of HDF5, and of structures in it; MATLAB writes columns as rows, and text as numbers."""
+    is_group = {key: hasattr(group[key], "keys") for key in group if not key.startswith("#")}
+    datasets = [key for key in is_group if not is_group[key] and group[key].dtype.kind in "iufb"]
+    numbers = [key for key in datasets if group[key].attrs.get("MATLAB_class") != b"char"]
+    columns = {key: np.squeeze(group[key][()]).T for key in numbers}
+    return columns | {key: _columns_of_group(group[key]) for key in is_group if is_group[key]}
 
 
 # --------------------------------------------------------------------------------------------------- text

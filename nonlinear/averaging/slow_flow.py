@@ -32,8 +32,6 @@ HASTE_MAX = 1.5
 """Tolerance: change of the pace that keeps the step: errors grow with its fourth power, to the fivefold."""
 STOPPED_AMPLITUDE_RATIO = 0.01
 """Physics: fall of amplitudes within an interval that dry friction alone causes: it stops them there."""
-STEP_ANGLE_MAX = 20.0
-"""Tolerance: an amplitude (rad) beyond which the steps were too long: no motion that is averaged comes near."""
 CALM_ENERGY_RATIO = 1e-3
 """Tolerance: of the energy, what may change rows in half of the time of a settled motion; a tenth of what locks."""
 LONE_ENERGY_RATIO = 3e-4
@@ -216,7 +214,7 @@ def _part(
         further.z = z
         if np.abs(before - np.abs(z)).max() > STEADY_CHANGE_MAX * before.max():
             turning = further.turning if coarse else equations.turning(z)
-            further.pace = _pace(equations, z, turning) if equations.largest(z) < STEP_ANGLE_MAX else 2 * state.pace
+            further.pace = 2 * state.pace if runs_away(equations, z) else _pace(equations, z, turning)
         if further.pace <= HASTE_MAX * state.pace:
             state, amplitudes = further, [*amplitudes, z]
         elif duration / PART_TIMES * further.pace <= SLOW_STEPS_MAX:

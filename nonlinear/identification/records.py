@@ -30,7 +30,7 @@ from modal.errors import SceneError, spelling_hint
 from modal.report import Displayed, counted, listed
 from modal.scene import Scene
 from modal.scene.contents import MEASURED_MAX, MEASURED_MIN, SIZES_READ
-from modal.scene.tables import DataTable, in_si, read_table
+from modal.scene.tables import DataTable, in_si, read_table, time_unit
 from modal.structure import structure_of
 from modal.types import Floats
 from nonlinear.identification.points import ACCELERATIONS, AXES, unreadable
@@ -493,7 +493,7 @@ def _header_problems(table: DataTable, where: Mapping[str, str], carriers: Carri
         f"column {heading}: is missing{spelling_hint(heading, columns)}" for heading in where if heading not in columns
     )
     for column in columns:
-        if column not in where and not _is_known(column, carriers) and LIKE_ONE.match(column):
+        if column not in where and not _is_known(column, carriers) and not time_unit(column) and LIKE_ONE.match(column):
             yield f"column {column}: must be {COLUMNS}, with P and L from 1"
     sensors = [column for column in columns if _is_sensor(column, carriers)]
     if not sensors:

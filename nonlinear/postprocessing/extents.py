@@ -24,8 +24,6 @@ CUBIC_PLACES = 8
 """Tolerance: places on each cubic, between which a parabola passes them by an eighth of their second differences."""
 STRETCH_LOOKS = 64
 """Cost: looks in a stretch that is integrated anew, and again beside its extreme (benchmarks/engines.py)."""
-EXTREME_TOLERANCE = 1e-9
-"""Tolerance: to which a stretch is integrated anew, and its extreme found: a third of the digits told are below it."""
 STRETCHES_MAX = 24
 """Cost: stretches integrated anew for an extreme: a steady motion comes as near to it in every period."""
 PLACES_MAX = 2_000_000
@@ -33,7 +31,7 @@ PLACES_MAX = 2_000_000
 EXTENT_TURN_MAX = 1.5
 """Tolerance: rad from one sample to the next, from which on cubics do not tell where extremes are."""
 Quantity = Callable[[Motion], Floats]
-WAY = Choice("minimal", "DOP853", compiled=False, reason="", tolerance=EXTREME_TOLERANCE)
+WAY = Choice("minimal", "DOP853", compiled=False, reason="")
 
 
 class Extent(NamedTuple):
@@ -149,7 +147,7 @@ def _turning(
         values = side * quantity(anew.motion)[:, column]
         best = int(np.argmax(values))
         furthest, low, high = max(furthest, float(values[best])), max(best - 1, 0), min(best + 1, STRETCH_LOOKS - 1)
-        if furthest - min(values[low], values[high]) < EXTREME_TOLERANCE:
+        if furthest - min(values[low], values[high]) < WAY.tolerance:
             break
         start, end, state = looks[low], looks[high], anew.motion[low]
     return furthest

@@ -35,8 +35,6 @@ LEAST_PERIODS = 4.0
 """Limit: periods of a line in a signal."""
 PEAK_TO_NOISE_MIN = 30.0
 """Tolerance: of a line over the median of the spectrum, above what noise has anywhere."""
-LINE_SETTLED = 1e-13
-"""Tolerance: relative change of a frequency that is rounding, and amplitude of a line over the strongest likewise."""
 GAUSS_NEWTON_STEPS = 60
 """Limit: steps to a frequency, beyond which it does not converge."""
 
@@ -99,6 +97,11 @@ class _Signal:
         matrix = np.hstack((np.ones((len(self.s), 1)), *columns)) * root
         return np.split(np.linalg.lstsq(matrix, self.f * root[:, 0], rcond=None)[0], sizes[:-1])
 
+    @property
+    def rounding(self) -> float:
+        """Of a sum of all samples, relative."""
+        return len(self.s) * float_info.epsilon
+
     def waves_at(self, x: Floats) -> _Waves:
         """Lines at x (K,) with the best-fitting amplitudes and phases."""
         angle = np.outer(self.s, x)
@@ -120,7 +123,7 @@ class _Signal:
         c, d = np.cos(angle), np.sin(angle)
         mean, a, b, shift = self.coefficients(c, d, self.s[:, None] * (c * waves.b - d * waves.a) / size)
         move = np.clip(shift / size, -pi / 4, pi / 4)
-        unclear = LINE_SETTLED * waves.x + 4 * float_info.epsilon * np.abs(self.f).max() / size
+        unclear = self.rounding * waves.x + 4 * float_info.epsilon * np.abs(self.f).max() / size
         return _Waves(float(mean[0]), waves.x + move, a, b), bool(np.all(np.abs(move) <= unclear))
 
     def noise(self, waves: _Waves) -> Floats:
@@ -200,7 +203,7 @@ def _add_lines(signal: _Signal, waves: _Waves, count: int) -> _Waves:
         is_separate = np.abs(x[:, None] - waves.x).min(1) >= pi * (ORDER + 1)
         size = np.where(is_separate & (x >= LEAST_PERIODS * pi), size, 0.0)
         at, strongest = int(np.argmax(size)), waves.amplitude.max()
-        if size[at] < max(PEAK_TO_NOISE_MIN * float(np.median(size)), LINE_SETTLED * strongest):
+        if size[at] < max(PEAK_TO_NOISE_MIN * float(np.median(size)), signal.rounding * strongest):
             break
         try:
             extension = signal.fit(np.append(waves.x, x[at]))

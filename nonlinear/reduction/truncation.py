@@ -55,8 +55,6 @@ from nonlinear.reduction.excitation import BLOCK, SAMPLES_PER_PERIOD, ExcitedSha
 from nonlinear.reduction.truncated import Truncated
 from nonlinear.system import State, System, initial_state, system_of, validate_state
 
-ENERGY_NEGLIGIBLE = 1e-8
-"""Tolerance: of the start's energy, what an automatic choice may neglect: 1e-4 of its angles."""
 EXCITATION_LEFT = 0.1
 """Tolerance: of the sum of the excited angles, what the second run may leave out."""
 RESONANCE_WIDTH = 0.1
@@ -148,8 +146,11 @@ class Survey(Displayed):
         return int(self.modes.multiplicity[:modes].sum())
 
     def automatic(self) -> int:
-        """Number of lowest modes that contain the start, and four: a twentieth of the error, a quarter more calls."""
-        count = int(np.argmax(self.outside <= ENERGY_NEGLIGIBLE))
+        """Number of lowest modes that contain the start, with half of its energy's digits, and four.
+
+        These four are a twentieth of the error, for a quarter more calls.
+        """
+        count = int(np.argmax(self.outside <= np.sqrt(np.finfo(float).eps)))
         return min(self.kept[max(count, 1) - 1].mode + 4, len(self.modes))
 
     def excitation(self, run: Trajectory, chosen: Ints, look_times: Floats) -> tuple[Ints, ExcitedShapes]:

@@ -68,6 +68,70 @@ def test_arrays_files_of_arrays_and_matlab(tmp_path: Path) -> None:
         read_table({"time_s": TIMES, "x": [1.0]})
     with pytest.raises(SceneError, match="must be a file, a mapping of columns, a data frame"):
         read_table(3)
+    scipy.io.savemat(tmp_path / "run.mat", {"run": columns, "rate": 100.0})
+    scipy.io.savemat(tmp_path / "matrix.mat", {"data": np.column_stack([TIMES, DEGREES])})
+    np.testing.assert_array_equal(read_table(tmp_path / "run.mat").numbers("theta_1_1_deg"), DEGREES)
+    np.testing.assert_array_equal(read_table(tmp_path / "matrix.mat").numbers("data_2"), DEGREES)
+    np.testing.assert_array_equal(read_table(np.column_stack([TIMES, DEGREES])).numbers("2"), DEGREES)
+
+
+def test_of_two_clocks_the_elapsed_time_counts(tmp_path: Path) -> None:
+    rows = "".join(f"{17 * 10**17 + 10**7 * k},{TIMES[k]},{DEGREES[k]}\n" for k in range(4))
+    (tmp_path / "phone.csv").write_text(f"time,seconds_elapsed,z\n{rows}")
+    recording = read_recording(None, [tmp_path / "phone.csv"], columns={"z": "theta_1_1_deg"})
+    np.testing.assert_allclose(recording.segments[0].times, TIMES, rtol=0, atol=1e-15)
+
+
+def test_times_of_day_count_from_the_first(tmp_path: Path) -> None:
+    stamps = [f"2024-02-29 23:59:59.{99 + k:03d}" for k in range(3)]
+    for texts in (stamps, [stamp[11:].replace(".", ",") for stamp in stamps], [f"{stamp}Z" for stamp in stamps]):
+        (tmp_path / "log.csv").write_text("time;theta_deg\n" + "".join(f"{text};{k}\n" for k, text in enumerate(texts)))
+        np.testing.assert_allclose(read_table(tmp_path / "log.csv").numbers("time"), [0, 0.001, 0.002], atol=1e-12)
+    np.testing.assert_allclose(
+        read_table({"time": np.array(stamps, "datetime64[us]")}).numbers("time"), [0, 0.001, 0.002]
+    )
+    (tmp_path / "log.csv").write_text("time;theta_deg\n10:00;1\n10:01;2\n")
+    with pytest.raises(SceneError, match="line 2, time = '10:00': must be a finite number"):
+        read_table(tmp_path / "log.csv").numbers("time")
+
+
+def test_data_frames_and_parquet(tmp_path: Path) -> None:
+    pandas = pytest.importorskip("pandas", reason="pip install pandas pyarrow tries data frames and Parquet")
+    pytest.importorskip("pyarrow", reason="pip install pandas pyarrow tries data frames and Parquet")
+    frame = pandas.DataFrame({"time (s)": TIMES, "angle [deg]": [*DEGREES[:3], None]})
+    frame.to_parquet(tmp_path / "run.parquet")
+    frame.set_index("time (s)").to_parquet(tmp_path / "index.parquet")
+    whole = frame.convert_dtypes()
+    for source in (frame, frame.set_index("time (s)"), whole, tmp_path / "run.parquet", tmp_path / "index.parquet"):
+        table = read_table(source)
+        np.testing.assert_array_equal(table.numbers("time_s"), TIMES)
+        np.testing.assert_array_equal(table.numbers("angle_deg"), [*DEGREES[:3], np.nan])
+    stamps = pandas.to_datetime(np.array(TIMES) + 1.7e9, unit="s").round("ms")
+    pandas.DataFrame({"time": stamps}).to_parquet(tmp_path / "run.parquet")
+    np.testing.assert_allclose(read_table(tmp_path / "run.parquet").numbers("time"), TIMES, atol=1e-12)
+    (tmp_path / "run.parquet").write_bytes((tmp_path / "run.parquet").read_bytes()[:300])
+    with pytest.raises(SceneError, match="is no Parquet file that can be read"):
+        read_table(tmp_path / "run.parquet")
+
+
+def test_matlab_7_3(tmp_path: Path) -> None:
+    """As MATLAB writes it: HDF5 behind 512 bytes, columns as rows, text as numbers, structures as groups."""
+    h5py = pytest.importorskip("h5py", reason="pip install h5py tries MATLAB 7.3")
+    path, heading = tmp_path / "run.mat", b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\x00\x02IM"
+    with h5py.File(path, "w", userblock_size=512) as file:
+        file["run/time_s"], file["run/theta_1_1_deg"] = np.array([TIMES]), np.array([DEGREES])
+        file["data"], file["rate"] = np.array([TIMES, DEGREES]), np.array([[100.0]])
+        file["comment"] = np.array([[ord(letter)] for letter in "a swing"], dtype=np.uint16)
+        file["comment"].attrs["MATLAB_class"] = np.bytes_("char")
+    with path.open("r+b") as stream:
+        stream.write(heading)
+    table = read_table(path)
+    assert set(table.columns) == {"time_s", "theta_1_1_deg", "data_1", "data_2"}
+    np.testing.assert_array_equal(table.numbers("data_2"), DEGREES)
+    np.testing.assert_allclose(read_recording(None, [path]).segments[0].values[:, 0], np.radians(DEGREES), rtol=1e-15)
+    path.write_bytes(path.read_bytes()[:1000])
+    with pytest.raises(SceneError, match=r"is no MATLAB 7\.3 file that can be read"):
+        read_table(path)
 
 
 def test_optional_readers_are_named(tmp_path: Path) -> None:

@@ -97,6 +97,10 @@ def test_a_change_that_the_record_does_not_show_is_said_to_be_of_its_swing() -> 
         assert mode.frequency_of == "large swings"
         assert 0 < FREQUENCY - mode.frequency < FREQUENCY * np.radians(5.0) ** 2 / 16
         assert any("of up to 5°" in note for note in identified.notes)
+    times, values = noisy(17.0, 0.0005, 0, 1e-2)
+    (mode,) = identify([(times, OMEGA * values[:, None])], ("theta_dot_1_1",)).modes
+    assert mode.frequency_of == "large swings"
+    assert 0 < FREQUENCY - mode.frequency < FREQUENCY * np.radians(17.5) ** 2 / 16
 
 
 def test_intervals_hold_over_seeds() -> None:

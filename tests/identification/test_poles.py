@@ -12,7 +12,7 @@ from scipy.linalg import expm, solve_continuous_lyapunov
 from modal import load
 from modal.errors import ComputationError, SceneError
 from modal.identification import identify, poles_table
-from modal.identification.decays import log_decrement
+from modal.identification.decays import log_decrement, tall_qr
 from modal.identification.realization import realize
 from modal.modes import natural_modes
 from modal.scene import Cart, Scene
@@ -175,6 +175,40 @@ def test_the_change_of_a_single_pendulums_frequency_is_a_sixteenth_of_its_square
     assert mode.frequency == pytest.approx(natural_modes(scene)[0].omega / (2 * np.pi), rel=3e-6)
     assert mode.frequency_shift is not None
     assert mode.frequency_shift / mode.frequency == pytest.approx(-(np.radians(3.0) ** 2) / 16, rel=0.02)
+
+
+@pytest.mark.parametrize("start", [(60.0, 70.0), (30.0, 35.0)])
+def test_large_swings_of_two_links_are_two_modes_and_their_tones(start: tuple[float, float]) -> None:
+    scene, run = swing(2, start, 30.0, 0.05)
+    identified = identify([(run.times, run.motion.links)], NAMES[:2])
+    slow, fast = (mode.omega / (2 * np.pi) for mode in natural_modes(scene))
+    assert len(identified.modes) == 2
+    for mode, frequency in zip(identified.modes, (slow, fast), strict=True):
+        assert mode.frequency_of == "large swings" or abs(mode.frequency - frequency) < 2 * mode.frequency_std
+        assert mode.frequency == pytest.approx(frequency, rel=np.radians(max(start)) ** 2 / 16)
+    assert any("perhaps no mode: large swings make it, as +3 f1" in note for note in identified.notes)
+
+
+def test_dry_friction_is_one_mode_whose_turning_points_lose_the_same() -> None:
+    """In each half swing about ±f the turning point is nearer by 2 f, and its frequency stays (Coulomb 1785)."""
+    omega, friction, times, start = 8.0, 0.003, 0.01 * np.arange(900), 0.0661
+    half = np.minimum(times * omega / np.pi, 10).astype(int)  # at rest within ±f after ten of them and the next
+    turns = np.minimum(omega * times - np.pi * half, np.pi)
+    values = (-1.0) ** half * ((start - 2 * friction * half - friction) * np.cos(turns) + friction)
+    (mode,) = (identified := identify([(times, values[:, None])], NAMES[:1])).modes
+    assert mode.frequency == pytest.approx(omega / (2 * np.pi), rel=5e-3)
+    assert log_decrement(times, values).loss == pytest.approx(2 * friction, rel=0.02)
+    assert any("as dry friction makes them" in note for note in identified.notes)
+    viscous = 0.06 * np.exp(-0.1 * times) * np.cos(omega * times)
+    assert log_decrement(times, viscous).loss is None
+
+
+def test_tall_matrices_are_factored_by_blocks() -> None:
+    matrix = np.random.default_rng(2).standard_normal((1003, 7))
+    Q, R = tall_qr(matrix, 100)
+    assert np.allclose(Q @ R, matrix, rtol=0, atol=1e-13)
+    assert np.allclose(Q.T @ Q, np.eye(7), rtol=0, atol=1e-14)
+    assert np.allclose(np.abs(R), np.abs(np.linalg.qr(matrix)[1]), rtol=0, atol=1e-13)
 
 
 def test_close_modes_stay_two() -> None:

@@ -218,6 +218,22 @@ def test_a_length_and_a_damper_are_within_their_error_bars(sensors: list[str]) -
     assert fitted.stds[0] < 3e-3
 
 
+@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("relative", [True, False])
+def test_two_links_on_a_cart_by_marks_or_by_the_angle_between_them(relative: bool, seed: int) -> None:
+    rng, t = np.random.default_rng(seed), np.arange(0.0, 3.0, 0.02)
+    motion = oracle([0.02, *rng.uniform(0.3, 0.7, 2), 0.1, *rng.normal(0, 0.7, 2)], 3.1)
+    upper, lower = motion.angle(t, 1), motion.angle(t, 2)
+    columns = {"x_1_1_m": motion.point(t, 1, LENGTHS[0])[0], "x_1_2_m": motion.point(t, 2, LENGTHS[1])[0]}
+    if relative:
+        columns = {"theta_1_1_rad": upper, "theta_1_2_relative_rad": lower - upper}
+    record = {name: v + rng.normal(0, 0.01) + rng.normal(0, 2e-3, len(t)) for name, v in columns.items()}
+    recording = read_recording(scene_of(2), [{"time_s": t, **record}])
+    fitted = fit(scene_of(2, 1.05), recording, ["pendulum[0].links[*].length", "pendulum[0].links[*].damping"])
+    assert fitted.fits
+    assert np.abs((fitted.values - [*LENGTHS[:2], *DAMPERS[:2]]) / fitted.stds).max() < 3.3
+
+
 def test_a_scale_and_the_delay_of_a_sensor_are_found() -> None:
     data = one_link(4)
     t = data["time_s"]

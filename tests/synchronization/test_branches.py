@@ -34,7 +34,7 @@ from nonlinear.synchronization import (
     follow_branches,
     phases_of,
 )
-from nonlinear.synchronization.continuation import RESOLUTION, Walk
+from nonlinear.synchronization.continuation import Walk
 from nonlinear.synchronization.patterns import own_amplitudes
 from nonlinear.system import State
 
@@ -134,7 +134,7 @@ def test_critical_detuning_of_weak_coupling_is_adlers() -> None:
     slower = sqrt(GRAVITY) * np.radians(ANGLE) ** 2 / (2 * GENTLE)
     expected = length_of(2 * abs(kappa.real + slower * kappa.imag))
     ends = [critical(named(branches, words), "disappears") - 1 for words in ("in phase", "antiphase")]
-    assert ends[0] == pytest.approx(ends[1], abs=2 * RESOLUTION * 2e-4)
+    assert ends[0] == pytest.approx(ends[1], abs=2e-4 * 2e-4)
     assert ends[0] == pytest.approx(expected, rel=0.03)
     assert not named(branches, "antiphase").intervals
     assert named(branches, "in phase").words == "in phase → 88° apart"
