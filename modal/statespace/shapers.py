@@ -12,8 +12,8 @@ With T_d = 2π/(ω√(1−ζ²)) and K = exp(−ζπ/√(1−ζ²))
     UM     amplitudes (1, −1, 1)                         at 0, ≈ T_d/6, ≈ T_d/3
 
 where v is the tolerance of an undamped mode, and for a damped one what makes the highest hump of V the tolerance.
-They are multiplied to add up to 1; for several modes the shaper is the convolution of one for each.  After the last of the impulses A_i at t_i, the residual
-vibration of a mode, relative to a single impulse of the same sum at the start, is
+They are multiplied to add up to 1; for several modes the shaper is the convolution of one for each.  After the last of
+the impulses A_i at t_i, the residual vibration of a mode, relative to a single impulse of the same sum at the start, is
 
     V(ω, ζ) = e^{−ζωt_n} |Σ A_i e^{s t_i}|,     s = ζω + iω√(1−ζ²).
 
@@ -21,8 +21,8 @@ A controller that samples every h can only act at multiples of h.  There the imp
 = −1, becomes two at the multiples around it, with Σ a e^{s t} = −1 as before: the sampled command of a ZV or ZVD shaper
 leaves nothing in the mode.  Those of UM are shared likewise between neighbouring samples.
 
-([Singer1990]; robustness as the range of V ≤ 5 %, and EI: [Singhose1994]; humps: [Singhose1997b]; MZV, whose V is 0
-at ω and of order (ω − ω₀)² nowhere, shorter than ZVD: [Butyugin2020]; UM: [Singhose1997]; on a grid: [Murphy1992].)
+([Singer1990]; robustness as the range of V ≤ 5 %, and EI: [Singhose1994]; humps: [Singhose1997a]; MZV,
+between ZV and ZVD in length and in robustness: [Butyugin2020]; UM: [Singhose1997]; on a grid: [Murphy1992].)
 
 The relevant frequencies depend on the drive: if the trolley follows an acceleration or a velocity whatever hangs from
 it, the load swings as on a fixed support.  A trolley driven by a force moves with its load, at the free frequencies,
@@ -119,9 +119,9 @@ def shaper(
 ) -> Shaper:
     """The shaper of one mode, for several the convolution of one each, on the grid of a `step` (s) if that is not 0.
 
-    `tolerance` is what a shaper with humps (ei, ei2, ei3) may leave about ω.  Raises ValueError for another kind, for no modes, for a
-    negative step and a tolerance outside of 0 to 1, ComputationError for a mode that does not oscillate and for too
-    long a step.
+    `tolerance` is what a shaper with humps (ei, ei2, ei3) may leave about ω.  Raises ValueError for another kind, for
+    no modes, for a negative step and a tolerance outside of 0 to 1, ComputationError for a mode that does not oscillate
+    and for too long a step.
     """
     if kind not in get_args(Kind) or not swings:
         words = ", ".join(f'"{name}"' for name in get_args(Kind))
@@ -379,13 +379,14 @@ def _tolerant(
     swing: DampedSwing, half: Train, step: float, tolerance: float, weights_of: Callable[[float], tuple[float, ...]]
 ) -> Shaper:
     """Weights of the v that makes the highest hump of V between its zeros `tolerance`."""
-    v, omega = tolerance, swing.omega * np.linspace(0.5, 1.5, SAMPLES_OF_CURVE)
+    v, omega = tolerance, swing.omega * np.linspace(0.3, 1.7, SAMPLES_OF_CURVE)
     for _ in range(NEWTON_ROUNDS):
-        shaper = _sum_of_powers(weights_of(v), half, step)
+        weights = weights_of(v)
+        shaper = _sum_of_powers(weights, half, step)
         residuals = residual_vibration(shaper, omega, swing.zeta)
         humps = 1 + np.flatnonzero((residuals[1:-1] >= residuals[:-2]) & (residuals[1:-1] > residuals[2:]))
-        if not humps.size:
-            raise ComputationError("a mode so strongly damped has no EI shaper")
+        if len(humps) < len(weights) - 2:
+            raise ComputationError("a mode so strongly damped has no EI shaper with so many humps")
         at = humps[residuals[humps].argmax()]
         previous, peak, following = residuals[at - 1 : at + 2]
         v *= tolerance / (peak + (following - previous) ** 2 / (8 * (2 * peak - following - previous)))
