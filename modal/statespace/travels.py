@@ -49,7 +49,7 @@ class ShapedTravel(Drawable, Displayed):
     `command` (2, T) is the place of a cart whose motion is prescribed (m) or a force in `unit`; `moved` (2, T) the
     coordinate that it moves, in m or rad; `angles` (2, T, L) those of the links (rad); `residual` (2,) the largest
     angle (rad) to which the swings of all frequencies add up when command and hoist are over, from `over` (2,) in s on.
-    `ways` are the two as laws of time (m); a force is `push` @ (x, x', x'') of them.
+    `ways` are the two as laws of time (m); a force on the `coordinate` is `push` @ (x, x', x'').
     """
 
     scene: Scene
@@ -64,6 +64,7 @@ class ShapedTravel(Drawable, Displayed):
     unit: str
     ways: tuple[LengthLaw, LengthLaw]
     push: Floats
+    coordinate: int
     figure = "modal.plotting.travels:travel_figure"
 
     @property
@@ -187,6 +188,7 @@ def shaped_travel(
         unit,
         ways,
         parts,
+        coordinate,
     )
 
 

@@ -1,0 +1,185 @@
+"""The shortest input shaper that leaves little over a whole range of a number of the scene: specified insensitivity.
+
+In: modes (ω_j, ζ_j) at many values of the number.  Out: impulses A_i ≥ 0 at t_i, Σ A_i = 1, with the least duration t_n
+such that the residual vibration of none exceeds the tolerance v,
+
+    e^{−ζ_j ω_j t_n} |Σ A_i e^{s_j t_i}| ≤ v,     s_j = ζ_j ω_j + iω_j √(1−ζ_j²)        ([Singhose1996]).
+
+With times on a grid these are convex: a linear program, with a tangent plane of a cone wherever what its solution
+leaves is too much ([Kelley1960]).  The duration is bisected.  Then the grid is refined beside the impulses, again and
+again, unless a controller's samples are the grid.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import scipy
+
+from modal.errors import ComputationError, SceneError
+from modal.scene import Scene
+from modal.scene.doors import checked
+from modal.scene.parameters import parse_vary, vary
+from modal.statespace.shapers import (
+    TOLERANCE_OF_RESIDUAL,
+    DampedSwing,
+    Drive,
+    Shaper,
+    Train,
+    robustness,
+    swings_of,
+)
+from modal.types import EPS, NEWTON_ROUNDS, Complexes, Floats, Ints
+
+
+@checked
+def shaper_over(
+    scene: Scene,
+    span: str,
+    count: int = 1,
+    drive: Drive = "cart_acceleration",
+    *,
+    step: float = 0.0,
+    tolerance: float = TOLERANCE_OF_RESIDUAL,
+    samples: int = 65,
+) -> tuple[Shaper, float]:
+    """The shortest shaper for a `span` such as "pendulum[0].links[0].length=8:14", and the most that it leaves there.
+
+    Of none of the `count` slowest modes that the `drive` excites more than `tolerance` is left, of the swing after one
+    impulse, at so many `samples` of the span, and between them: where more is left at a point between two samples, that
+    point becomes one.  With a `step` (s) impulses come at its multiples.  Raises SceneError for another span,
+    ComputationError where a mode does not oscillate and where no shaper is short enough.
+
+    >>> from modal import load
+    >>> shaper, most = shaper_over(load("crane-hook"), "pendulum[0].links[0].length=11:13", samples=9)
+    >>> len(shaper.times), round(shaper.duration, 2), most <= 0.05
+    (3, 7.54, True)
+    """
+    path, sign, ends = span.partition("=")
+    if not sign or ends.count(":") != 1:
+        raise SceneError([f"span {span}: must be PLACE=FROM:TO, such as pendulum[0].links[0].length=8:14"])
+    variation = parse_vary(scene, [f"{path}={ends}:{2 * samples - 1}"])[0][0]
+    scenes = [vary(scene, {path: value}) for value in variation.values]
+    swings = [swings_of(each, drive)[:count] for each in scenes[::2]]
+    if any(len(each) < count for each in swings):
+        raise ComputationError(f"count {count}: at some points of {span} this drive excites fewer modes")
+    for _ in range(NEWTON_ROUNDS):
+        shaper = shortest([swing for each in swings for swing in each], tolerance, step)
+        left = robustness(shaper, scenes, variation.values, drive, count).residual.max(1) / 100
+        excess = np.flatnonzero(left > tolerance)
+        if not excess.size:
+            return shaper, float(left.max())
+        swings += [swings_of(scenes[k], drive)[:count] for k in excess.tolist()]
+    raise ComputationError(
+        f"span {span}: between its samples a shaper leaves up to {left.max():.3g}: take more samples"
+    )
+
+
+def shortest(swings: Sequence[DampedSwing], tolerance: float, step: float = 0.0) -> Shaper:
+    """The shortest shaper of positive impulses that leaves at most `tolerance` of each of these modes.
+
+    Raises ComputationError for a mode that does not oscillate, and where ten periods of the slowest are too short.
+    """
+    program = _Program(swings, tolerance * (1 - EPS ** (1 / 3)))
+    grid, longest = step or program.fastest / 32, 10 * program.slowest
+    last = max(1, int(program.slowest / 4 / grid))
+    while (amplitudes := program.solve(grid * np.arange(last + 1))) is None:
+        last *= 2
+        if last * grid > longest:
+            raise ComputationError(f"no shaper of at most {longest:.3g} s leaves so little over all of this range")
+    ticks, amplitudes = program.shorten(grid, np.arange(last + 1), amplitudes)
+    is_active = amplitudes > EPS**0.5
+    times, amplitudes = grid * ticks[is_active], amplitudes[is_active]
+    if not step:
+        times, amplitudes = program.polish(*program.polish(times, amplitudes))
+    return Shaper(times, amplitudes / amplitudes.sum(), step)
+
+
+class _Program:
+    """Linear programs for amplitudes at given times, with the tangent planes found so far."""
+
+    def __init__(self, swings: Sequence[DampedSwing], tolerance: float) -> None:
+        omega, zeta = np.array(swings).T
+        if not (np.all(omega > 0) and np.all((zeta >= 0) & (zeta < 1))):
+            raise ComputationError("a mode does not oscillate at all points of the range: a shaper cannot suppress it")
+        self.exponents = (zeta + 1j * np.sqrt((1 - zeta) * (1 + zeta))) * omega
+        self.slowest, self.fastest = (2 * np.pi / end for end in (omega.min(), omega.max()))
+        self.tolerance, self.planes = tolerance, list[tuple[int, complex]]()
+
+    def solve(self, times: Floats) -> Floats | None:
+        """Amplitudes at these times (N,), of which each mode retains no more than the tolerance; None if there are none."""
+        s = self.exponents[:, None]
+        turns = np.exp(s * times - s.real * times[-1])
+        n = len(times)
+        for _ in range(2 * NEWTON_ROUNDS):
+            rows = [np.append((np.conj(way) * turns[mode]).real, -1.0) for mode, way in self.planes]
+            planes = {"A_ub": np.array(rows), "b_ub": np.zeros(len(rows))} if rows else {}
+            total = np.append(np.ones(n), 0.0)[None]
+            solution = scipy.optimize.linprog(np.eye(n + 1)[n], **planes, A_eq=total, b_eq=[1.0])
+            if solution.x is None or solution.x[n] > self.tolerance:
+                return None
+            amplitudes = solution.x[:n] / solution.x[:n].sum()
+            left = turns @ amplitudes
+            worst = np.argsort(np.abs(left))[:-9:-1]
+            if np.abs(left[worst[0]]) <= self.tolerance:
+                return np.asarray(amplitudes)
+            self.planes += [(int(k), left[k] / abs(left[k])) for k in worst if abs(left[k]) > self.tolerance]
+        return None
+
+    def shorten(self, grid: float, ticks: Ints, amplitudes: Floats) -> tuple[Ints, Floats]:
+        """The fewest of these ascending multiples of a `grid` (s) for which there still are amplitudes, by bisection."""
+        least, most = 0, len(ticks)
+        while most - least > 1:
+            middle = (least + most) // 2
+            solution = self.solve(grid * ticks[:middle])
+            if solution is None:
+                least = middle
+            else:
+                most, amplitudes = middle, solution
+        return ticks[:most], amplitudes
+
+    def polish(self, times: Floats, amplitudes: Floats) -> Train:
+        """A local minimum of the duration near these impulses (n,), of which those that meet there are joined.
+
+        The variables are the times but the first, which stays 0, then the amplitudes.
+        """
+        n, s = len(times), self.exponents[:, None]
+
+        def left(x: Floats) -> tuple[Complexes, Complexes]:
+            t = np.append(0.0, x[: n - 1])
+            turns = np.exp(s * t - s.real * t[-1])
+            return turns, turns @ x[n - 1 :]
+
+        def room(x: Floats) -> Floats:
+            return np.asarray(1 - np.abs(left(x)[1] / self.tolerance) ** 2)
+
+        def slopes(x: Floats) -> Floats:
+            turns, remainder = left(x)
+            by_time = (s * turns * x[n - 1 :])[:, 1:]
+            by_time[:, -1] -= s[:, 0].real * remainder
+            by = np.hstack((by_time, turns)) / self.tolerance**2
+            return np.asarray(-2 * (np.conj(remainder)[:, None] * by).real)
+
+        total = np.append(np.zeros(n - 1), np.ones(n))
+        solution = scipy.optimize.minimize(
+            lambda x: x[n - 2] / times[-1],
+            np.append(times[1:], amplitudes),
+            jac=lambda x: np.eye(2 * n - 1)[n - 2] / times[-1],
+            bounds=[(0.0, times[-1])] * (n - 1) + [(0.0, 1.0)] * n,
+            constraints=(
+                {"type": "ineq", "fun": room, "jac": slopes},
+                {"type": "eq", "fun": lambda x: total @ x - 1, "jac": lambda x: total},
+            ),
+            method="SLSQP",
+            options={"maxiter": 300, "ftol": 1e-12},
+        )
+        if room(solution.x).min() < -(EPS ** (1 / 3)):
+            return times, amplitudes
+        order = np.argsort(np.append(0.0, solution.x[: n - 1]))
+        times, amplitudes = np.append(0.0, solution.x[: n - 1])[order], solution.x[n - 1 :][order]
+        is_active = amplitudes > EPS**0.5
+        times, amplitudes = times[is_active], amplitudes[is_active]
+        group = np.cumsum(np.diff(times, prepend=0.0) > EPS ** (1 / 3) * self.fastest)
+        sums = np.bincount(group, amplitudes)
+        return np.bincount(group, amplitudes * times) / sums, sums
