@@ -108,7 +108,7 @@ class _Program:
         self.tolerance, self.planes = tolerance, list[tuple[int, complex]]()
 
     def solve(self, times: Floats) -> Floats | None:
-        """Amplitudes at these times (N,), of which each mode retains no more than the tolerance; None if there are none."""
+        """Amplitudes at these times (N,) of which no mode retains more than the tolerance; None if there are none."""
         s = self.exponents[:, None]
         turns = np.exp(s * times - s.real * times[-1])
         n = len(times)
@@ -128,7 +128,7 @@ class _Program:
         return None
 
     def shorten(self, grid: float, ticks: Ints, amplitudes: Floats) -> tuple[Ints, Floats]:
-        """The fewest of these ascending multiples of a `grid` (s) for which there still are amplitudes, by bisection."""
+        """The fewest of these ascending multiples of a `grid` (s) for which there are amplitudes, by bisection."""
         least, most = 0, len(ticks)
         while most - least > 1:
             middle = (least + most) // 2

@@ -208,9 +208,9 @@ def _sampled(way: LengthLaw, step: float, ramp: float = 5e-7) -> tuple[Floats, .
         count = round((knots[-1] - knots[0] + 2 * delay) / step)
         places, side = knots[0] - delay + step * np.arange(count + 1), EPS**0.5 * step
         bend = (way(places - side)[2] + way(places + side)[2]) / 2
-        return places + delay, *way(places)[:2], bend
-    spacing = 10.0 ** np.floor(np.log10((knots[-1] - knots[0]) / 100))
-    even = spacing * np.arange(np.ceil(knots[0] / spacing), knots[-1] / spacing)
+        return np.round(places + delay, 12), *way(places)[:2], bend
+    decimals = 2 - int(np.floor(np.log10(knots[-1] - knots[0])))
+    even = np.round(10.0**-decimals * np.arange(*np.ceil(knots[[0, -1]] * 10.0**decimals)), decimals)
     times = np.union1d(np.concatenate((knots, knots[is_jump] + 2 * delay)), even)
     times = times[np.append(True, np.diff(times) > NOISE_OF_TERMS * np.abs(times).max())]
     return times, *way(times - delay)

@@ -35,6 +35,7 @@ from multipendula.commands.shared import (
     remark,
     say,
 )
+from multipendula.commands.travels import LIMITS, limits_of
 from multipendula.completion import extensions, words
 
 if TYPE_CHECKING:
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
     from modal.statespace.gains import Gains
     from modal.statespace.sampling import VaryingModel
     from modal.statespace.shapers import Shaper
+    from modal.statespace.travels import ShapedTravel
 
 SIGNALS_MAX = 6
 """Format: signals of a model that are named."""
@@ -232,20 +234,20 @@ def _gains(options: argparse.Namespace) -> Gains:
 
 
 def shaper(options: argparse.Namespace) -> Shaper:
-    """Print an input shaper that suppresses residual swing in the slowest modes of a crane."""
+    """Print an input shaper that suppresses residual swing in the slowest modes of a crane, or its shaped travel."""
     from modal.report import csv_rows, folded
     from modal.scene import load
-    from modal.statespace import shaper_for, swing_words, usual_drive
+    from modal.statespace import swing_words, usual_drive
 
     picture_in_place(options)
+    limits = limits_of(options)
     if options.travel is None:
-        refuse(options, "needs --travel METRES", "--picture", "--over")
+        refuse(options, "needs --travel METRES", "--picture")
     scene = noted(load(options.scene), "a shaper")
     drive = options.drive or usual_drive(scene)
     estimate = estimate_of(scene, options.covariance)
-    step, tolerance = options.discrete or 0.0, options.residual / 100
-    shaped_command = shaper_for(scene, options.count, options.kind, drive, step=step, tolerance=tolerance)
-    remarks = list(swing_words(scene, options.count, drive))
+    shaped_command, promise = _shaper(scene, drive, options)
+    remarks = [*swing_words(scene, options.count, drive), *promise]
     if estimate is not None:
         from modal.identification import shaped_modes
 
@@ -254,18 +256,52 @@ def shaper(options: argparse.Namespace) -> Shaper:
     if scene.is_hoisted:
         from modal.statespace.hoisting import residual_words
 
-        remarks += residual_words(scene, options.count, options.kind, drive, shaped_command)
+        remarks += residual_words(scene, options.count, options.kind or "zv", drive, shaped_command)
+    columns: dict[str, Sequence[float]] = {
+        "time_s": shaped_command.times.tolist(),
+        "amplitude": shaped_command.amplitudes.tolist(),
+    }
     if options.travel is not None:
         from modal.statespace.travels import shaped_travel
 
-        travel = shaped_travel(scene, shaped_command, options.travel, options.over, drive)
-        remarks += list(travel.words())
+        travel = shaped_travel(scene, shaped_command, options.travel, options.over, drive, limits)
+        remarks += list(travel.words(_in_full(travel)))
         draw_in(options, options.picture, "modal.plotting", "draw_travel", travel)
-    impulses = zip(shaped_command.times.tolist(), shaped_command.amplitudes.tolist(), strict=True)
+        if (options.output or "").lower().endswith(".csv"):
+            profile = travel.columns(step=options.discrete or 0.0)
+            columns = {name: values.tolist() for name, values in profile.items()}
+            say("".join(f"{words}\n" for words in remarks))
     with output(options.output) as write:
         write("".join(folded(f"# {words}", mark="# ") + "\n" for words in remarks))
-        write(csv_rows([("time_s", "amplitude"), *impulses]))
+        write(csv_rows([tuple(columns), *zip(*columns.values(), strict=True)]))
     return shaped_command
+
+
+def _shaper(scene: Scene, drive: str, options: argparse.Namespace) -> tuple[Shaper, list[str]]:
+    """The shaper, and what it promises over a range."""
+    from modal.statespace import shaper_for
+
+    step, tolerance = options.discrete or 0.0, options.residual / 100
+    if not options.range:
+        return shaper_for(scene, options.count, options.kind or "zv", drive, step=step, tolerance=tolerance), []
+    from modal.statespace.insensitive import shaper_over
+
+    refuse(options, "cannot be combined with --range, for which the shortest shaper is found", "--kind")
+    made, most = shaper_over(scene, options.range, options.count, drive, step=step, tolerance=tolerance)
+    promise = f"over {options.range} it leaves at most {100 * most:.4g} % of the swing of one impulse"
+    return made, [f"{promise}; {made.duration:.4g} s long, the shortest of positive impulses that does"]
+
+
+def _in_full(travel: ShapedTravel) -> Sequence[float]:
+    """The swing after a travel in the full equations; none, and a note, where these are not integrated."""
+    from modal.errors import MultipendulaError
+    from nonlinear.verification import swing_after
+
+    try:
+        return swing_after(travel).tolist()
+    except MultipendulaError as error:
+        remark(f"the swing in the full equations is not known: {error}")
+        return ()
 
 
 def scene_of(options: argparse.Namespace, capability: str) -> Scene:
@@ -380,38 +416,46 @@ COMMANDS = (
         name="shaper",
         topic="control",
         run=shaper,
-        main=("--kind", "--count", "--travel", "--discrete", "--output"),
+        main=("--kind", "--count", "--travel", "--max-acceleration", "--output"),
         takes=(
             SCENE,
             "--covariance: adds what the shaped command leaves over the band of the fitted numbers",
-            option(
-                "--kind (default zv); zvd and ei tolerate more error in the frequencies, um is the shortest, with "
-                "impulses of both signs",
-                default="zv",
-            ),
-            "--discrete: impulses come at its multiples",
-            "--residual, by ei (default 5)",
+            "--kind (default zv); mzv, zvd, zvdd and zvddd tolerate more and more error in the frequencies, ei, ei2 and "
+            "ei3 by humps still more; um is the shortest, with impulses of both signs",
+            "--range, such as pendulum[0].links[0].length=8:14, in place of --kind",
+            "--discrete: impulses come at its multiples, and the samples of a travel",
+            "--residual, by ei, ei2, ei3 and over a --range (default 5)",
             option("--count (default 1)", default=1),
             option(
                 "--drive: cart_acceleration (default), cart_velocity or cart_force; of a structure the force on one of "
                 "its coordinates (default the first), such as ship_sway_force",
                 completion=words(("cart_acceleration", "cart_velocity", "cart_force"), ""),
             ),
-            "--travel: tells the swing that is left with and without the shaper",
+            "--travel, smoothly, or the CSV file of a travel: tells the swing left with and without the shaper; a CSV "
+            "file has the shaped travel in place of the impulses",
             "--over (default that of the hoist)",
+            *LIMITS,
             *text_file(drawn=True),
             *picture_file(),
         ),
         details=(
             "Impulses to convolve a command with, so that the load hangs still at the end of a move (Singer & Seering "
-            "1990). "
-            "The "
-            "output lists their times and their amplitudes, which sum to one."
+            "1990). The output lists their times and their amplitudes, which sum to one. With --travel and a CSV file "
+            "it is the travel: time, place, speed and acceleration of the trolley, which the motion of a support "
+            "in a scene and hoist --travel take, or the force that moves it."
         ),
         examples=(
             ("shaper crane-hook", "for the slowest mode"),
             ("shaper crane-hook --kind zvd --count 2", "for both modes, tolerant of errors in cable length"),
             ("shaper crane-hook --kind ei --discrete 0.02", "for a controller that samples at 50 Hz"),
+            (
+                "shaper crane-hook --kind zvd --travel 20 --max-speed 1.5 --max-acceleration 0.4 -o profile.csv",
+                "a trapezoid of the speed, shaped, as samples",
+            ),
+            (
+                "shaper crane-hook --range 'pendulum[0].links[0].length=8:14'",
+                "for every length of the rope between 8 and 14 m",
+            ),
             ("shaper crane-hook --travel 20 -o before_after.png", "a picture of the swing with and without the shaper"),
         ),
     ),

@@ -33,7 +33,7 @@ def swing_after(travel: ShapedTravel) -> Floats:
 
 
 def _swing(travel: ShapedTravel, row: int, over: float, last: float) -> float:
-    scene, way, begin = travel.scene.in_plane.timeless, travel.ways[row], float(travel.times[0])
+    scene, way, begin = travel.scene.in_plane.still.unforced, travel.ways[row], float(travel.times[0])
     load = None
     if travel.unit == "m":
         columns = travel.columns(row)
