@@ -206,10 +206,30 @@ def drives_of(scene: Scene) -> tuple[str, ...]:
 
 
 def usual_drive(scene: Scene) -> Drive:
-    """The drive where none is named: of one cart its acceleration, of a structure the force on its first coordinate."""
+    """The drive where none is named: the acceleration of a cart that rolls freely, else the force on a coordinate.
+
+    Of a structure that is the first.
+
+    >>> from modal import load
+    >>> usual_drive(load("crane-hook")), usual_drive(load("huygens")), usual_drive(load("tower"))
+    ('cart_acceleration', 'cart_force', 'floor1_force')
+    """
     require_type("scene", scene, "Scene")
     drives = drives_of(scene)
-    return HELD[0] if HELD[0] in drives or not drives else drives[0]
+    is_free = HELD[0] in drives and not (scene.cart and scene.cart.stiffness)
+    return HELD[0] if is_free or not drives else drives[0]
+
+
+def usual_inputs(scene: Scene) -> tuple[str, ...]:
+    """The inputs of a model where none are named: `usual_drive` of one cart, otherwise those of `state_space`.
+
+    Those of a structure are the forces on all coordinates, of which the first is `usual_drive`.
+
+    >>> from modal import load
+    >>> usual_inputs(load("crane-hook")), usual_inputs(load("tower"))
+    (('cart_acceleration',), ())
+    """
+    return (usual_drive(scene),) if scene.cart is not None else ()
 
 
 def _excited_modes(modes: Modes, coordinate: int) -> Booleans:

@@ -61,9 +61,9 @@ INPUTS = (
 )
 SIGNALS = (
     option(
-        "--input: cart_force (default on a cart), cart_acceleration or cart_velocity; coordinate_forces (default on a "
-        "structure) or one of them, such as floor2_force; joint_torques (default on a fixed support), link_forces; "
-        "support_displacement, support_velocity or support_acceleration; force:POINT, lift:POINT or torque:POINT, with "
+        "--input: cart_acceleration (default on a cart), cart_force (default on one that a spring holds) or "
+        "cart_velocity; coordinate_forces (default on a structure) or one of them, such as floor2_force; joint_torques "
+        "(default on a fixed support), link_forces; support_displacement, support_velocity or support_acceleration; force:POINT, lift:POINT or torque:POINT, with "
         "a POINT such as pendulum[0].links[1]@0.5 or ship@0.2,0.1; force[0], the scene's first force",
         completion=words(INPUTS),
     ),
@@ -144,7 +144,7 @@ def _varying(scene: Scene, options: argparse.Namespace) -> VaryingModel:
     from modal.statespace.sampling import varying_model
 
     refuse(options, "needs constant lengths, and this scene has a hoist", "--discrete", "--minimal", "--dominant")
-    return varying_model(scene, None, listed(options.input), listed(options.signals))
+    return varying_model(scene, None, inputs_of(scene, options), listed(options.signals))
 
 
 def response(options: argparse.Namespace) -> Gains | None:
@@ -247,7 +247,8 @@ def shaper(options: argparse.Namespace) -> Shaper:
     drive = options.drive or usual_drive(scene)
     estimate = estimate_of(scene, options.covariance)
     shaped_command, promise = _shaper(scene, drive, options)
-    remarks = [*swing_words(scene, options.count, drive), *promise]
+    assumption, *modes = swing_words(scene, options.count, drive)
+    remarks = [assumption if drive in assumption else f"{drive}: {assumption}", *modes, *promise]
     if estimate is not None:
         from modal.identification import shaped_modes
 
@@ -326,7 +327,7 @@ def model_of(scene: Scene, options: argparse.Namespace) -> StateSpace:
     """The model with the inputs and outputs, and the reduction, given by the options."""
     from modal.statespace import state_space
 
-    inputs, outputs = listed(options.input), listed(options.signals)
+    inputs, outputs = inputs_of(scene, options), listed(options.signals)
     count = getattr(options, "dominant", None)
     if not getattr(options, "minimal", False) and count is None:
         return state_space(scene, inputs, outputs)
@@ -336,6 +337,13 @@ def model_of(scene: Scene, options: argparse.Namespace) -> StateSpace:
     if count is None:
         return minimal(scene, inputs, outputs)
     return truncate(natural_modes(scene), state_space(scene, inputs, outputs), count)
+
+
+def inputs_of(scene: Scene, options: argparse.Namespace) -> tuple[str, ...]:
+    """The inputs that the options name, or what a shaper of the scene is for."""
+    from modal.statespace import usual_inputs
+
+    return listed(options.input) or usual_inputs(scene)
 
 
 COMMANDS = (
@@ -364,11 +372,11 @@ COMMANDS = (
         examples=(
             ("export crane-hook -o crane.mat", "for MATLAB and Octave"),
             (
-                "export crane-hook --input cart_acceleration -o crane.py",
-                "for python-control, with prescribed cart motion",
+                "export crane-hook --input cart_force -o crane.py",
+                "for python-control, with a trolley that is pushed and recoils",
             ),
             (
-                "export crane-hook --discrete 0.01 --input cart_acceleration --signals angles -o crane.h",
+                "export crane-hook --discrete 0.01 --signals angles -o crane.h",
                 "for a controller that samples at 100 Hz",
             ),
             ("export paper-cart-3 --minimal -o small.json", "the controllable part: 6 states of 14"),
@@ -404,7 +412,10 @@ COMMANDS = (
                 "response crane-hook --of theta_1_2 -o bode.png",
                 "the Bode plot of one output; without --of, of every one",
             ),
-            ("response crane-two-loads --gains", "how well a force on the trolley reaches each mode"),
+            (
+                "response crane-two-loads --input cart_force --gains",
+                "how well a force on the trolley reaches each mode",
+            ),
             (
                 "response crane-hook --input 'force:pendulum[0].links[1]' --at 0.1,0.3",
                 "to wind on the load: a force at a point",
@@ -427,7 +438,8 @@ COMMANDS = (
             "--residual, by ei, ei2, ei3 and over a --range (default 5)",
             option("--count (default 1)", default=1),
             option(
-                "--drive: cart_acceleration (default), cart_velocity or cart_force; of a structure the force on one of "
+                "--drive: cart_acceleration (default), cart_velocity or cart_force (default of a cart held by a spring), "
+                "whose default export and response have too; of a structure the force on one of "
                 "its coordinates (default the first), such as ship_sway_force",
                 completion=words(("cart_acceleration", "cart_velocity", "cart_force"), ""),
             ),
@@ -456,7 +468,6 @@ COMMANDS = (
                 "shaper crane-hook --range 'pendulum[0].links[0].length=8:14'",
                 "for every length of the rope between 8 and 14 m",
             ),
-            ("shaper crane-hook --travel 20 -o before_after.png", "a picture of the swing with and without the shaper"),
         ),
     ),
 )
