@@ -209,10 +209,7 @@ FLAGS: dict[str, Flag] = {
     ),
     "--record": Flag("CSV", "file of a motion along the rail", completion=files((".csv",))),
     "--relative-error": Flag(
-        "SHARE",
-        "largest relative error of a frequency",
-        number("from 1e-16 to 0.1", 0.1, 1e-16),
-        "computed",
+        "SHARE", "largest relative error of a frequency", number("from 1e-16 to 0.1", 0.1, 1e-16), "computed"
     ),
     "--report": Flag("FILE", "file for the full report", group="written", kinds=("json",)),
     "--residual": Flag(
@@ -265,10 +262,7 @@ FLAGS: dict[str, Flag] = {
     "--theme": Flag("", "colours of the figure", group="written", choices=("light", "dark"), default="light"),
     "--to": Flag("FORMAT", "what a model is exported to", group="written", keyword="format"),
     "--tolerance": Flag(
-        "TOL",
-        "relative error of a step of the integrator",
-        number("from 1e-15 to 0.01", 0.01, 1e-15),
-        "numerics",
+        "TOL", "relative error of a step of the integrator", number("from 1e-15 to 0.01", 0.01, 1e-15), "numerics"
     ),
     "--travel": Flag("METRES", "how far the cart travels", way, names=("distance",)),
     "--uncertain": Flag(

@@ -140,6 +140,9 @@ def way(text: str) -> float | str:
     return text if text.lower().endswith(".csv") else number("metres above 0, or a CSV file")(text)
 
 
+way.of = "metres"  # type: ignore[attr-defined]
+
+
 def engine(text: str) -> str:
     """The name of an engine; ArgumentTypeError for one that older versions had."""
     from nonlinear.ensembles.question import RETIRED, WITHOUT_SERIES

@@ -223,8 +223,8 @@ def _modes(scene: Scene) -> tuple[Floats, Floats, Ints]:
     return modes.omega[swinging.row], np.asarray(swinging.shapes), swinging.row
 
 
-class Limits(NamedTuple):
-    """Limits of a travel: its acceleration (m/s²), its speed (m/s) and its jerk (m/s³).
+class TravelLimits(NamedTuple):
+    """TravelLimits of a travel: its acceleration (m/s²), its speed (m/s) and its jerk (m/s³).
 
     With a `step` (s) every phase of it lasts a multiple of that.
     """
@@ -249,7 +249,7 @@ class Travel:
 
     @classmethod
     def along(
-        cls, scene: Scene, distance: float | str, duration: float | None = None, limits: Limits | None = None
+        cls, scene: Scene, distance: float | str, duration: float | None = None, limits: TravelLimits | None = None
     ) -> Travel:
         """From the begin of the first hoist of a scene on, by default until the end of the last; else as `planned`.
 
@@ -261,13 +261,15 @@ class Travel:
         return cls.planned(distance, begin, duration or end - begin, limits)
 
     @classmethod
-    def planned(cls, distance: float | str, begin: float, duration: float, limits: Limits | None = None) -> Travel:
+    def planned(
+        cls, distance: float | str, begin: float, duration: float, limits: TravelLimits | None = None
+    ) -> Travel:
         """From `begin` (s) on over a `duration` (s), within `limits` in the shortest time, or that of a CSV file.
 
         The file has the accelerations of a cart at rest before and afterwards, which straight lines join, and its times
         are those of the travel.  Raises SceneError for a file that is no such record.
 
-        >>> Travel.planned(20.0, 0.0, 30.0, Limits(acceleration=0.4, speed=1.5)).duration
+        >>> Travel.planned(20.0, 0.0, 30.0, TravelLimits(acceleration=0.4, speed=1.5)).duration
         17.083333333333332
         """
         if isinstance(distance, str):

@@ -84,7 +84,7 @@ def shortest(swings: Sequence[DampedSwing], tolerance: float, step: float = 0.0)
     program = _Program(swings, tolerance * (1 - EPS ** (1 / 3)))
     grid, longest = step or program.fastest / 32, 10 * program.slowest
     last = max(1, int(program.slowest / 4 / grid))
-    while (amplitudes := program.solve(grid * np.arange(last + 1))) is None:
+    while (amplitudes := program.solve(grid * np.arange(last + 1.0))) is None:
         last *= 2
         if last * grid > longest:
             raise ComputationError(f"no shaper of at most {longest:.3g} s leaves so little over all of this range")
@@ -132,7 +132,7 @@ class _Program:
         least, most = 0, len(ticks)
         while most - least > 1:
             middle = (least + most) // 2
-            solution = self.solve(grid * ticks[:middle])
+            solution = self.solve(np.asarray(grid * ticks[:middle]))
             if solution is None:
                 least = middle
             else:
@@ -182,4 +182,4 @@ class _Program:
         times, amplitudes = times[is_active], amplitudes[is_active]
         group = np.cumsum(np.diff(times, prepend=0.0) > EPS ** (1 / 3) * self.fastest)
         sums = np.bincount(group, amplitudes)
-        return np.bincount(group, amplitudes * times) / sums, sums
+        return np.bincount(group, amplitudes * times) / sums, np.asarray(sums, dtype=np.float64)

@@ -29,7 +29,7 @@ from modal.scene import Scene, refusals
 from modal.scene.doors import checked, checked_number
 from modal.scene.length_laws import LengthLaw
 from modal.scene.motion import FORCES, RECORDED
-from modal.statespace.hoisting import SAMPLES_OF_HISTORY, Limits, Travel, is_held, largest_swing, motion_history
+from modal.statespace.hoisting import SAMPLES_OF_HISTORY, Travel, TravelLimits, is_held, largest_swing, motion_history
 from modal.statespace.shapers import UNSHAPED, Drive, Shaper, drives_of, swings_of
 from modal.structure import structure_of
 from modal.types import EPS, NOISE_OF_SUM, NOISE_OF_TERMS, Floats
@@ -116,7 +116,7 @@ def shaped_travel(
     distance: float | str,
     duration: float | None = None,
     drive: Drive = "cart_acceleration",
-    limits: Limits | None = None,
+    limits: TravelLimits | None = None,
 ) -> ShapedTravel:
     """The travel by `distance` (m) over `duration` (s), as it is and shaped, from the begin of the hoist or 0 s on.
 

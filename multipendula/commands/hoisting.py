@@ -13,7 +13,7 @@ from multipendula.options import integer
 
 if TYPE_CHECKING:
     from modal.scene import Scene
-    from modal.statespace.hoisting import Along, Limits, Residual
+    from modal.statespace.hoisting import Along, Residual, TravelLimits
 
 BESIDE = "--drive cart_acceleration lists the modes beside a cart whose motion is prescribed"
 DRIVES = ("cart_force", "cart_acceleration")
@@ -39,7 +39,7 @@ def hoist(options: argparse.Namespace) -> Along | None:
     return None if left else along
 
 
-def _left(scene: Scene, options: argparse.Namespace, limits: Limits | None) -> tuple[Residual, ...]:
+def _left(scene: Scene, options: argparse.Namespace, limits: TravelLimits | None) -> tuple[Residual, ...]:
     from modal.statespace.hoisting import Travel, travel_residuals
 
     travel = Travel.along(scene, options.travel, options.over, limits)

@@ -63,8 +63,9 @@ SIGNALS = (
     option(
         "--input: cart_acceleration (default on a cart), cart_force (default on one that a spring holds) or "
         "cart_velocity; coordinate_forces (default on a structure) or one of them, such as floor2_force; joint_torques "
-        "(default on a fixed support), link_forces; support_displacement, support_velocity or support_acceleration; force:POINT, lift:POINT or torque:POINT, with "
-        "a POINT such as pendulum[0].links[1]@0.5 or ship@0.2,0.1; force[0], the scene's first force",
+        "(default on a fixed support), link_forces; support_displacement, support_velocity or support_acceleration; "
+        "force:POINT, lift:POINT or torque:POINT, with a POINT such as pendulum[0].links[1]@0.5 or ship@0.2,0.1; "
+        "force[0], the scene's first force",
         completion=words(INPUTS),
     ),
     option(
@@ -299,7 +300,7 @@ def _in_full(travel: ShapedTravel) -> Sequence[float]:
     from nonlinear.verification import swing_after
 
     try:
-        return swing_after(travel).tolist()
+        return list(swing_after(travel))
     except MultipendulaError as error:
         remark(f"the swing in the full equations is not known: {error}")
         return ()
@@ -431,16 +432,16 @@ COMMANDS = (
         takes=(
             SCENE,
             "--covariance: adds what the shaped command leaves over the band of the fitted numbers",
-            "--kind (default zv); mzv, zvd, zvdd and zvddd tolerate more and more error in the frequencies, ei, ei2 and "
+            "--kind (default zv); mzv, zvd, zvdd, zvddd tolerate more and more error in the frequencies, ei, ei2 and "
             "ei3 by humps still more; um is the shortest, with impulses of both signs",
             "--range, such as pendulum[0].links[0].length=8:14, in place of --kind",
             "--discrete: impulses come at its multiples, and the samples of a travel",
             "--residual, by ei, ei2, ei3 and over a --range (default 5)",
             option("--count (default 1)", default=1),
             option(
-                "--drive: cart_acceleration (default), cart_velocity or cart_force (default of a cart held by a spring), "
-                "whose default export and response have too; of a structure the force on one of "
-                "its coordinates (default the first), such as ship_sway_force",
+                "--drive: cart_acceleration (default), cart_velocity or cart_force (default of a cart that a spring "
+                "holds); of a structure the force on one of its coordinates (default the first), such as "
+                "ship_sway_force; export and response have the same default",
                 completion=words(("cart_acceleration", "cart_velocity", "cart_force"), ""),
             ),
             "--travel, smoothly, or the CSV file of a travel: tells the swing left with and without the shaper; a CSV "

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from multipendula.command import refuse
 
 if TYPE_CHECKING:
-    from modal.statespace.hoisting import Limits
+    from modal.statespace.hoisting import TravelLimits
 
 LIMITS = (
     "--max-acceleration: the travel takes the shortest time",
@@ -18,11 +18,11 @@ LIMITS = (
 """The options that limit a travel."""
 
 
-def limits_of(options: argparse.Namespace) -> Limits | None:
+def limits_of(options: argparse.Namespace) -> TravelLimits | None:
     """The limits within which the cart travels, None where there are none; SceneError for options that do not fit."""
     from math import inf
 
-    from modal.statespace.hoisting import Limits
+    from modal.statespace.hoisting import TravelLimits
 
     limits = "--max-speed", "--max-acceleration", "--max-jerk"
     if options.travel is None:
@@ -34,4 +34,4 @@ def limits_of(options: argparse.Namespace) -> Limits | None:
         return None
     refuse(options, "cannot be combined with --max-acceleration, at which a travel takes the shortest time", "--over")
     step = getattr(options, "discrete", None) or 0.0
-    return Limits(options.max_acceleration, options.max_speed or inf, options.max_jerk or inf, step)
+    return TravelLimits(options.max_acceleration, options.max_speed or inf, options.max_jerk or inf, step)
