@@ -133,7 +133,7 @@ def limited_law(
     ramp = distance / (2 * rise + constant + cruise) / (rise + constant)
     slope = ramp / rise if rise else 0.0
     knots = begin + np.array([*accumulate((0.0, rise, constant, rise, cruise, rise, constant, rise))])
-    has_length = np.diff(knots) > 0
+    has_length = np.diff(knots) > NOISE_OF_TERMS * (knots[-1] - begin)
     bends = np.array([0.0, ramp, ramp, 0.0, 0.0, -ramp, -ramp])[has_length]
     return integrated_law(
         np.append(knots[:-1][has_length], knots[-1]), bends, slope * np.array([1, 0, -1, 0, -1, 0, 1])[has_length]

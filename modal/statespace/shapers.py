@@ -211,7 +211,7 @@ def usual_drive(scene: Scene) -> Drive:
     Of a structure that is the first.
 
     >>> from modal import load
-    >>> usual_drive(load("crane-hook")), usual_drive(load("huygens")), usual_drive(load("tower"))
+    >>> usual_drive(load("crane-hook")), usual_drive(load("clocks-double")), usual_drive(load("tower"))
     ('cart_acceleration', 'cart_force', 'floor1_force')
     """
     require_type("scene", scene, "Scene")
