@@ -56,7 +56,7 @@ def shaper_over(
     >>> from modal import load
     >>> shaper, most = shaper_over(load("crane-hook"), "pendulum[0].links[0].length=11:13", samples=9)
     >>> len(shaper.times), round(shaper.duration, 2), most <= 0.05
-    (3, 7.54, True)
+    (3, 4.32, True)
     """
     path, sign, ends = span.partition("=")
     if not sign or ends.count(":") != 1:
