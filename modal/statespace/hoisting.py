@@ -278,6 +278,14 @@ class Travel:
             return cls(distance, begin, duration)
         else:
             way = limited_law(distance, begin, limits.speed, limits.acceleration, limits.jerk, limits.step)
+            phases = np.diff(way.knots)
+            if phases.min() < EPS**0.5 * phases.sum():
+                raise SceneError(
+                    [
+                        f"distance {distance:g}: in these limits phases of {phases.min():.2g} and {phases.max():.2g} s "
+                        "follow each other, too different for double precision"
+                    ]
+                )
         first, last = way.breaks[0], way.breaks[-1]
         return cls(way.end, first, last - first, way)
 

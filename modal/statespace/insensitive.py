@@ -95,15 +95,27 @@ def shortest(swings: Sequence[DampedSwing], tolerance: float, step: float = 0.0,
     amplitudes = None
     while amplitudes is None:
         if last * grid > longest:
-            raise ComputationError(f"no shaper of at most {longest:.3g} s leaves so little over all of this range")
+            raise ComputationError(
+                f"no shaper of at most {longest:.3g} s, {longest / grid:.0f} places {grid:.3g} s apart, leaves so "
+                "little over all of this range"
+            )
         amplitudes = program.solve(grid * np.arange(last + 1.0))
         last *= 2 if amplitudes is None else 1
     ticks, amplitudes = program.shorten(grid, np.arange(last + 1), amplitudes)
     is_active = amplitudes > EPS**0.5
     times, amplitudes = grid * ticks[is_active], amplitudes[is_active]
     if not step:
-        times, amplitudes = program.polish(*program.polish(times, amplitudes))
+        joined = _joined(times, amplitudes, 2.5 * grid)
+        train = program.polish(*joined) or program.polish(times, amplitudes) or (times, amplitudes)
+        times, amplitudes = (program.polish(*train) or train) if len(train[0]) > len(joined[0]) else train
     return Shaper(times, amplitudes / amplitudes.sum(), step)
+
+
+def _joined(times: Floats, amplitudes: Floats, gap: float) -> Train:
+    """One impulse in place of those (n,) that follow each other within a `gap` (s), at their centre."""
+    group = np.cumsum(np.diff(times, prepend=0.0) > gap)
+    sums = np.bincount(group, amplitudes)
+    return np.bincount(group, amplitudes * times) / sums, np.asarray(sums, dtype=np.float64)
 
 
 class _Program:
@@ -149,8 +161,8 @@ class _Program:
                 most, amplitudes = middle, solution
         return ticks[:most], amplitudes
 
-    def polish(self, times: Floats, amplitudes: Floats) -> Train:
-        """A local minimum of the duration near these impulses (n,), of which those that meet there are joined.
+    def polish(self, times: Floats, amplitudes: Floats) -> Train | None:
+        """A local minimum of the duration near these impulses (n,), those that meet there joined; None where none is.
 
         The variables are the times but the first, which stays 0, then the amplitudes.
         """
@@ -182,14 +194,11 @@ class _Program:
                 {"type": "eq", "fun": lambda x: total @ x - 1, "jac": lambda x: total},
             ),
             method="SLSQP",
-            options={"maxiter": 300, "ftol": 1e-12},
+            options={"maxiter": 150, "ftol": 1e-12},
         )
         if room(solution.x).min() < -(EPS ** (1 / 3)):
-            return times, amplitudes
+            return None
         order = np.argsort(np.append(0.0, solution.x[: n - 1]))
         times, amplitudes = np.append(0.0, solution.x[: n - 1])[order], solution.x[n - 1 :][order]
         is_active = amplitudes > EPS**0.5
-        times, amplitudes = times[is_active], amplitudes[is_active]
-        group = np.cumsum(np.diff(times, prepend=0.0) > EPS ** (1 / 3) * self.fastest)
-        sums = np.bincount(group, amplitudes)
-        return np.bincount(group, amplitudes * times) / sums, np.asarray(sums, dtype=np.float64)
+        return _joined(times[is_active], amplitudes[is_active], EPS ** (1 / 3) * self.fastest)

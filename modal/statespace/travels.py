@@ -146,7 +146,13 @@ def shaped_travel(
         brisk = np.sqrt(10 / np.sqrt(3) * distance / (ACCELERATION_OF_TRAVEL * scene.gravity))
         length = max(2 * np.pi / slowest, float(brisk))
     travel = Travel.planned(distance, breaks[0], length, limits)
-    checked_number("duration", travel.duration, 1 / LARGEST_TRAVEL, LARGEST_TRAVEL)
+    if not 1 / LARGEST_TRAVEL <= travel.duration <= LARGEST_TRAVEL:
+        raise SceneError(
+            [
+                f"distance {distance}: takes {travel.duration:.4g} s: must be from {1 / LARGEST_TRAVEL:g} to "
+                f"{LARGEST_TRAVEL:g} s"
+            ]
+        )
     ways = travel.shaped(UNSHAPED), travel.shaped(shaper.train)
     ends = np.array([way.knots[-1] for way in ways])
     over = np.maximum(ends, breaks[-1])
@@ -203,7 +209,8 @@ def _sampled(way: LengthLaw, step: float, ramp: float = 5e-7) -> tuple[Floats, .
     ends = (pieces[:, 2:] * powers * (powers - 1) * np.diff(knots)[:, None] ** (powers - 2)).sum(1)
     jumps = np.append(2 * pieces[:, 2], 0.0) - np.append(0.0, ends)
     is_jump = np.abs(jumps) > NOISE_OF_SUM * np.abs(ends).max(initial=np.abs(pieces[:, 2]).max())
-    delay = (step or ramp * float(np.diff(knots).min())) * bool(is_jump.any())
+    shortest = max(ramp * float(np.diff(knots).min()), NOISE_OF_SUM * float(np.abs(knots).max()))
+    delay = (step or shortest) * bool(is_jump.any())
     if step:
         count = round((knots[-1] - knots[0] + 2 * delay) / step)
         places, side = knots[0] - delay + step * np.arange(count + 1), EPS**0.5 * step

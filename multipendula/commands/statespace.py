@@ -290,8 +290,8 @@ def _shaper(scene: Scene, drive: str, options: argparse.Namespace) -> tuple[Shap
 
     refuse(options, "cannot be combined with --range, for which the shortest shaper is found", "--kind")
     made, most = shaper_over(scene, options.range, options.count, drive, step=step, tolerance=tolerance)
-    promise = f"over {options.range} it leaves at most {100 * most:.4g} % of the swing of one impulse"
-    return made, [f"{promise}; {made.duration:.4g} s long, the shortest of positive impulses that does"]
+    promise = f"{options.range}: at most {100 * most:.4g} % of the swing is left"
+    return made, [f"{promise} by the shortest positive impulses, {made.duration:.4g} s long"]
 
 
 def _in_full(travel: ShapedTravel) -> Sequence[float]:
