@@ -67,7 +67,8 @@ def shaper_over(
     if any(len(each) < count for each in swings):
         raise ComputationError(f"count {count}: at some points of {span} this drive excites fewer modes")
     curve = scipy.interpolate.make_interp_spline(variation.values[::2], np.array(swings), k=3)
-    omega, zeta = np.moveaxis(curve(np.linspace(*variation.values[:: len(scenes) - 1], 16 * samples)), -1, 0)
+    between = np.linspace(variation.values[0], variation.values[-1], 16 * samples)
+    omega, zeta = np.moveaxis(curve(between), -1, 0)
     modes = [swing for each in swings for swing in each]
     for _ in range(NEWTON_ROUNDS):
         shaper = shortest(modes, tolerance, step)
