@@ -32,9 +32,9 @@ from multipendula.options import (
     engine,
     frequencies,
     integer,
-    joules,
     number,
     share,
+    way,
 )
 
 STREAM = ", - for standard output"
@@ -124,7 +124,7 @@ FLAGS: dict[str, Flag] = {
     "--drive": Flag("NAME", "what moves the cart"),
     "--duration": Flag("SECONDS", "simulated time", SECONDS, "motion"),
     "--energies": Flag("", "add where the energy of each mode is, in percent", group="written"),
-    "--energy": Flag("JOULES", "energy above equilibrium", joules),
+    "--energy": Flag("JOULES", "energy above equilibrium", number("joules", least=-sys.float_info.max)),
     "--engine": Flag(
         "", "what integrates the members of the ensemble", engine, "numerics", choices=ENGINES, default="auto"
     ),
@@ -166,6 +166,11 @@ FLAGS: dict[str, Flag] = {
     "--loci": Flag("", "follow every frequency along one --vary by its mode shape"),
     "--loss": Flag("", "cost of a residual", group="computed", choices=LOSSES, default="linear"),
     "--max": Flag("QUANTITY=VALUE", "largest value that a quantity may have", action=Repeated, keyword="limits"),
+    "--max-acceleration": Flag(
+        "M/S²", "largest acceleration of a travel", number("m/s² above 0"), names=("acceleration",)
+    ),
+    "--max-jerk": Flag("M/S³", "largest jerk of a travel", number("m/s³ above 0"), names=("jerk",)),
+    "--max-speed": Flag("M/S", "largest speed of a travel", number("m/s above 0"), names=("speed",)),
     "--maximize": Flag("QUANTITY", "quantity to make large", action=Repeated, completion=words(QUANTITIES, "")),
     "--measure": Flag("NAME[:N]", "what is measured of every point", action=Repeated),
     "--members": Flag("N", "number of members of the ensemble"),
@@ -201,12 +206,12 @@ FLAGS: dict[str, Flag] = {
         group="written",
         short="-q",
     ),
+    "--range": Flag(
+        "PLACE=FROM:TO", "a number of the scene over whose range a shaper holds", completion=places, keyword="span"
+    ),
     "--record": Flag("CSV", "file of a motion along the rail", completion=files((".csv",))),
     "--relative-error": Flag(
-        "SHARE",
-        "largest relative error of a frequency",
-        number("from 1e-16 to 0.1", 0.1, 1e-16),
-        "computed",
+        "SHARE", "largest relative error of a frequency", number("from 1e-16 to 0.1", 0.1, 1e-16), "computed"
     ),
     "--report": Flag("FILE", "file for the full report", group="written", kinds=("json",)),
     "--residual": Flag(
@@ -259,12 +264,9 @@ FLAGS: dict[str, Flag] = {
     "--theme": Flag("", "colours of the figure", group="written", choices=("light", "dark"), default="light"),
     "--to": Flag("FORMAT", "what a model is exported to", group="written", keyword="format"),
     "--tolerance": Flag(
-        "TOL",
-        "relative error of a step of the integrator",
-        number("from 1e-15 to 0.01", 0.01, 1e-15),
-        "numerics",
+        "TOL", "relative error of a step of the integrator", number("from 1e-15 to 0.01", 0.01, 1e-15), "numerics"
     ),
-    "--travel": Flag("METRES", "how far the cart travels, smoothly", number("metres above 0"), names=("distance",)),
+    "--travel": Flag("METRES", "how far the cart travels", way, names=("distance",)),
     "--uncertain": Flag(
         "PLACE=WIDTH", "a number of the scene that is uncertain, and how much", action=Repeated, completion=places
     ),

@@ -14,7 +14,7 @@ RUNS = ("npz", "csv")
 REPORTS = ("text", "markdown", "csv", "json")
 TEXTS = {"text": "txt", "markdown": "md", "latex": "tex", "csv": "csv", "html": "html", "json": "json"}
 """The ending of a file for each format of text."""
-SHAPERS = ("zv", "zvd", "ei", "um")
+SHAPERS = ("zv", "zvd", "zvdd", "zvddd", "mzv", "ei", "ei2", "ei3", "um")
 STARTS = ("scene", "mode:", "orbit:", "orbit", "angles:")
 METHODS = ("auto", "DOP853", "RK45", "RK23", "Radau", "BDF", "LSODA", "taylor")
 FORMS = ("auto", "minimal", "maximal", "hamiltonian", "spatial")
@@ -135,15 +135,12 @@ def band(text: str) -> tuple[float, float]:
     return ends
 
 
-def joules(text: str) -> float:
-    """A converter for an energy, also one below that of rest."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = float("nan")
-    if not abs(value) < float("inf"):
-        raise argparse.ArgumentTypeError(f"{text}: must be a number of joules")
-    return value
+def way(text: str) -> float | str:
+    """A converter for a distance in metres, or the name of a CSV file of a travel."""
+    return text if text.lower().endswith(".csv") else number("metres above 0, or a CSV file")(text)
+
+
+way.of = "metres"  # type: ignore[attr-defined]
 
 
 def engine(text: str) -> str:

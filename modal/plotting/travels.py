@@ -72,21 +72,23 @@ def draw_travel(travel: ShapedTravel, stream: IO[bytes], form: str = "png") -> N
 
 
 def travel_figure(travel: ShapedTravel) -> Figure:
-    """The command as it is and shaped, under a force what it moves too, and the angles (°) of the links for each.
+    """The place of a cart as it is and shaped, or a force and what it moves, and the angles (°) of the links for each.
 
+    Of a travel in several pieces, as within limits, the speed too.
     Dotted lines bound the residual swing from the time on at which the command is over.
     """
-    is_forced = travel.unit != "m"
-    panels = 4 if is_forced else 3
-    figure = sheet_of_rows(panels)
-    axes = figure.subplots(panels, 1, sharex=True)
-    axes[-1].sharey(axes[-2])
-    titles = ("Force", "Moved coordinate") if is_forced else ("Cart, as prescribed",)
     force = f"torque ({travel.unit})" if travel.unit == "N m" else f"force ({travel.unit})"
     place = "angle (°)" if travel.unit == "N m" else "position (m)"
     motion = np.degrees(travel.moved) if travel.unit == "N m" else travel.moved
-    values = ((travel.command, force), (motion, place)) if is_forced else ((travel.command, place),)
-    for axis, (rows, label), title in zip(axes, values, titles, strict=False):
+    panels = [(travel.command, force, "Force"), (motion, place, "Moved coordinate")]
+    if travel.unit == "m":
+        speeds = np.array([way(travel.times)[1] for way in travel.ways])
+        panels = [(travel.command, place, "Cart, as prescribed"), (speeds, "speed (m/s)", "")]
+        panels = panels[: 1 + (len(travel.ways[0].knots) > 2)]
+    figure = sheet_of_rows(len(panels) + 2)
+    axes = figure.subplots(len(panels) + 2, 1, sharex=True)
+    axes[-1].sharey(axes[-2])
+    for axis, (rows, label, title) in zip(axes, panels, strict=False):
         _command(axis, travel, rows)
         set_frame(axis, "", label, title)
         legend(axis)

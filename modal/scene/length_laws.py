@@ -5,7 +5,8 @@
     a record      the cubic spline through its points with speed 0 at both ends; where that would leave the range of
                   its samples, cubics that do not
 
-Before a law begins and after its end the length is constant.
+Before a law begins and after its end the length is constant.  A way is such a law, too: that of a travel within limits
+of its speed, its acceleration and its jerk, and the sum of several that begin one after the other.
 
 A spline through a step, a corner or a hole overshoots without limit.  Where it leaves the range of the four samples
 around an interval, there a record is joined without it, the splines on either side are made anew, and so on until
@@ -17,12 +18,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from itertools import accumulate
+from math import ceil, comb, inf, sqrt
 from typing import Any
 
 import numpy as np
 
 from modal.report import Displayed
-from modal.types import Booleans, Floats
+from modal.types import NOISE_OF_SUM, NOISE_OF_TERMS, Booleans, Floats
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -103,6 +106,74 @@ def profile_law(length: float, to: float, begin: float, span: float, share: floa
     falling = [to - speed * ramp / 2, speed, -speed / (2 * ramp)]
     segments = [0, 1, 2] if span > 2 * ramp else [0, 2]
     return LengthLaw(knots[[*segments, 3]], np.array([rising, cruising, falling])[segments])
+
+
+def limited_law(
+    distance: float, begin: float, speed: float, acceleration: float, jerk: float = inf, step: float = 0.0
+) -> LengthLaw:
+    """The shortest way of a `distance` (m), at rest before `begin` (s) and afterwards, within limits (SI).
+
+    The acceleration rises at the limit of the jerk, is constant, and falls, the speed is constant, and all of it is
+    mirrored; a phase for which the way is too short is left out.  Without a limit of the jerk that is a trapezoid of
+    the speed.  With a `step` (s) every phase lasts a multiple of it, so much longer, at lower peaks.
+
+    >>> limited_law(6.0, 0.0, 2.0, 1.0).knots.tolist(), limited_law(1.0, 0.0, 2.0, 1.0).knots.tolist()
+    ([0.0, 2.0, 3.0, 5.0], [0.0, 1.0, 2.0])
+    """
+    full = acceleration / jerk
+    peak = min(speed, 2 * distance / (full + sqrt(full**2 + 4 * distance / acceleration)))
+    if peak >= acceleration * full:
+        rise, constant = full, peak / acceleration - full
+    else:
+        peak = min(speed, (distance**2 * jerk / 4) ** (1 / 3))
+        rise, constant = sqrt(peak / jerk), 0.0
+    cruise = max(distance / peak - 2 * rise - constant, 0.0)
+    if step:
+        rise, constant, cruise = (step * ceil(phase / step * (1 - NOISE_OF_SUM)) for phase in (rise, constant, cruise))
+    ramp = distance / (2 * rise + constant + cruise) / (rise + constant)
+    slope = ramp / rise if rise else 0.0
+    knots = begin + np.array([*accumulate((0.0, rise, constant, rise, cruise, rise, constant, rise))])
+    has_length = np.diff(knots) > NOISE_OF_TERMS * (knots[-1] - begin)
+    bends = np.array([0.0, ramp, ramp, 0.0, 0.0, -ramp, -ramp])[has_length]
+    return integrated_law(
+        np.append(knots[:-1][has_length], knots[-1]), bends, slope * np.array([1, 0, -1, 0, -1, 0, 1])[has_length]
+    )
+
+
+def integrated_law(knots: Floats, acceleration: Floats, jerk: Floats) -> LengthLaw:
+    """The way from rest of an `acceleration` (m/s²) at the begin of each of K pieces, with a constant `jerk` in each.
+
+    >>> integrated_law(np.array([0.0, 2.0]), np.array([3.0]), np.array([0.0])).end
+    6.0
+    """
+    h = np.diff(knots)
+    speed = np.concatenate(([0.0], np.cumsum(h * (acceleration + h * jerk / 2))[:-1]))
+    way = np.concatenate(([0.0], np.cumsum(h * (speed + h * (acceleration / 2 + h * jerk / 6)))[:-1]))
+    return LengthLaw(knots, np.stack((way, speed, acceleration / 2, jerk / 6), axis=1))
+
+
+def superposed(law: LengthLaw, delays: Floats, amplitudes: Floats) -> LengthLaw:
+    """Σ A_i l(t − t_i), whose knots are those of all parts.
+
+    >>> superposed(limited_law(6.0, 0.0, 2.0, 1.0), np.array([0.0, 9.0]), np.array([0.5, 0.5])).end
+    6.0
+    """
+    knots = np.unique(np.add.outer(delays, law.knots))
+    knots = knots[np.append(True, np.diff(knots) > NOISE_OF_TERMS * np.abs(knots).max())]
+    middles = (knots[1:] + knots[:-1]) / 2
+    pieces, degree = law.coefficients, law.coefficients.shape[1]
+    coefficients = np.zeros((len(middles), degree))
+    for delay, amplitude in zip(delays.tolist(), amplitudes.tolist(), strict=True):
+        before, after = middles - delay < law.knots[0], middles - delay >= law.knots[-1]
+        coefficients[:, 0] += amplitude * (before * pieces[0, 0] + after * law.end)
+        within = ~(before | after)
+        piece = np.searchsorted(law.knots, middles[within] - delay, side="right") - 1
+        shift = knots[:-1][within] - delay - law.knots[piece]
+        for k in range(degree):
+            for power in range(k + 1):
+                terms = amplitude * comb(k, power) * pieces[piece, k] * shift ** (k - power)
+                coefficients[within, power] += terms
+    return LengthLaw(knots, coefficients)
 
 
 @lru_cache(maxsize=64)

@@ -1,6 +1,7 @@
 """Records of motions, forces and lengths, and power spectral densities (PSDs), in CSV files by names of columns.
 
     time_s, and one of displacement_m, velocity_m_per_s, acceleration_m_per_s2    (also displacement, velocity, …)
+    time_s, acceleration_m_per_s2, and one or both of the others: straight lines join it, and the others are checked
     time_s, and one of force_n, moment_nm    of a force
     time_s, length_m    of a hoist
     frequency_hz, and one of psd (of the acceleration), acceleration_psd, velocity_psd, displacement_psd
@@ -16,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
+from itertools import pairwise
 from math import isfinite
 from os import PathLike, fspath
 from pathlib import Path
@@ -26,6 +28,7 @@ import numpy as np
 from modal.errors import SceneError, spelling_hint
 from modal.scene.contents import MEASURED_MAX, MEASURED_MIN, SIZES_READ
 from modal.scene.hoist import RECORD
+from modal.scene.length_laws import integrated_law
 from modal.scene.motion import FORCES, RECORDED, Quantity, spectrum_problems
 from modal.scene.supports import ARRAYS, read_matrices
 from modal.scene.tables import DataTable, in_si, read_table, time_unit
@@ -67,6 +70,9 @@ def read_record(
 ) -> dict[str, Any]:
     """The fields `time_s` and one quantity of a `RecordMotion`, of a `RecordForce` where it `acts`.
 
+    Of a motion that is recorded several times over it is the acceleration, joined by straight lines; its velocity and
+    its displacement must be what these give from rest, up to what the acceleration may do between two samples.
+
     `columns` says what columns with other headings hold, such as {"t": "time_ms", "left": "moment_nm"}.  SceneError,
     with its name, for any other file; what stands there is quoted in it where it `has_quotes`.
     """
@@ -75,10 +81,39 @@ def read_record(
     time = next((name for name in TIMES if name in numbers), None)
     words = {key: (key,) for key in FORCES} if acts else {key: (key, word) for key, word in RECORDED.items()}
     quantities = {key: name for key, names in words.items() for name in names if name in numbers}
-    if time is None or len(quantities) != 1:
+    highest = list(RECORDED)[-1]
+    if time is None or not quantities or (len(quantities) > 1 and highest not in quantities):
         raise table.lacks("time_s and one of " + ", ".join(words))
-    key, name = next(iter(quantities.items()))
-    return {"time_s": numbers[time], key: numbers[name]}
+    if len(quantities) == 1:
+        key, name = next(iter(quantities.items()))
+        return {"time_s": numbers[time], key: numbers[name]}
+    times, acceleration = numbers[time], numbers[quantities.pop(highest)]
+    if all(earlier < later for earlier, later in pairwise(times)):
+        recorded = {key: np.array(numbers[name]) for key, name in quantities.items()}
+        _refuse_contradictions(table, np.array(times), np.array(acceleration), recorded)
+    return {"time_s": times, highest: acceleration, "interpolation": "linear"}
+
+
+def _refuse_contradictions(table: Table, times: Floats, acceleration: Floats, recorded: Mapping[str, Floats]) -> None:
+    """SceneError for a displacement or a velocity that this acceleration, joined by straight lines, has not from rest.
+
+    Between two samples it may be anywhere between them, and numbers are written to three digits at least.
+    """
+    h, change = np.diff(times), np.abs(np.diff(acceleration))
+    way = integrated_law(np.append(times, times[-1] + 1.0), acceleration, np.append(np.diff(acceleration) / h, 0.0))
+    speed_error = np.concatenate(([0.0], np.cumsum(change * h / 2)))
+    way_error = np.concatenate(([0.0], np.cumsum(speed_error[:-1] * h + change * h**2 / 2)))
+    integrals = dict(zip(RECORDED, zip(way(times), (way_error, speed_error), strict=False), strict=False))
+    problems = []
+    for key, values in recorded.items():
+        expected, error = integrals[key]
+        excess = np.abs(values - expected) - error - 1e-3 * np.abs(values).max()
+        worst = int(excess.argmax())
+        if excess[worst] > 0:
+            at = f": {values[worst]:.6g} at {times[worst]:.6g} s, not {expected[worst]:.6g}" * table.has_quotes
+            problems.append(f"{table.name}: {key} is not what acceleration_m_per_s2 gives from rest{at}")
+    if problems:
+        raise SceneError(problems)
 
 
 def read_lengths(
@@ -251,7 +286,7 @@ class _Files(NamedTuple):
             prefix = f"{self.folder / path}: "
             self.problems.extend(f"{place}: {problem.removeprefix(prefix)}" for problem in error.problems)
             return part
-        return {key: value for key, value in part.items() if key not in (name, "columns")} | numbers
+        return numbers | {key: value for key, value in part.items() if key not in (name, "columns")}
 
 
 def _matrices(path: Path, *, has_quotes: bool, columns: Mapping[str, str]) -> dict[str, Any]:

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
         swing_words,
         swings_of,
         usual_drive,
+        usual_inputs,
     )
     from modal.statespace.signals import Signal
 
@@ -61,6 +62,7 @@ __all__ = [
     "unreached",
     "unseen",
     "usual_drive",
+    "usual_inputs",
 ]
 
 if not TYPE_CHECKING:

@@ -18,9 +18,9 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from math import degrees
+from math import degrees, inf
 from operator import itemgetter
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
@@ -30,11 +30,13 @@ from modal.errors import ComputationError, SceneError
 from modal.modes import natural_modes, number_labels, table_numbers
 from modal.report import Form, ReportColumn, ReportTable, Result, short
 from modal.scene import Fixed, Pendulum, Scene
+from modal.scene.length_laws import LengthLaw, integrated_law, limited_law, profile_law, superposed
+from modal.scene.records import read_record
 from modal.statespace.model import refuse_no_inertia, without_carrier
 from modal.statespace.reduction import heavier, joined_pendula
 from modal.statespace.sampling import hoisting_times
 from modal.statespace.shapers import UNSHAPED, Drive, Kind, Shaper, Train, drives_of, shaper_for
-from modal.types import Floats, Ints
+from modal.types import EPS, NOISE_OF_SUM, Floats, Ints
 
 SAMPLES_OF_HISTORY = 600
 """Format: times of the history of a travel, and at which the size of a command is looked up."""
@@ -221,40 +223,102 @@ def _modes(scene: Scene) -> tuple[Floats, Floats, Ints]:
     return modes.omega[swinging.row], np.asarray(swinging.shapes), swinging.row
 
 
+class TravelLimits(NamedTuple):
+    """TravelLimits of a travel: its acceleration (m/s²), its speed (m/s) and its jerk (m/s³).
+
+    With a `step` (s) every phase of it lasts a multiple of that.
+    """
+
+    acceleration: float
+    speed: float = inf
+    jerk: float = inf
+    step: float = 0.0
+
+
 @dataclass(frozen=True, eq=False)
 class Travel:
-    """A travel of the cart by `distance` (m) from `begin` (s) on over `duration` (s): x = d (10 s³ − 15 s⁴ + 6 s⁵)."""
+    """A travel of the cart by `distance` (m) from `begin` (s) on over `duration` (s), along a `way` from rest to rest.
+
+    Without one it is x = d (10 s³ − 15 s⁴ + 6 s⁵), s from 0 to 1.
+    """
 
     distance: float
     begin: float
     duration: float
+    way: LengthLaw | None = None
 
     @classmethod
-    def along(cls, scene: Scene, distance: float, duration: float | None = None) -> Travel:
-        """From the begin of the first hoist of a scene on, by default until the end of the last.
+    def along(
+        cls, scene: Scene, distance: float | str, duration: float | None = None, limits: TravelLimits | None = None
+    ) -> Travel:
+        """From the begin of the first hoist of a scene on, by default until the end of the last; else as `planned`.
 
         >>> from modal import load
         >>> Travel.along(load("hoisting-crane"), 10.0).duration
         8.0
         """
         begin, end = hoisting_times(scene, 2).tolist()
-        return cls(distance, begin, duration or end - begin)
+        return cls.planned(distance, begin, duration or end - begin, limits)
+
+    @classmethod
+    def planned(
+        cls, distance: float | str, begin: float, duration: float, limits: TravelLimits | None = None
+    ) -> Travel:
+        """From `begin` (s) on over a `duration` (s), within `limits` in the shortest time, or that of a CSV file.
+
+        The file has the accelerations of a cart at rest before and afterwards, which straight lines join, and its times
+        are those of the travel.  Raises SceneError for a file that is no such record.
+
+        >>> round(Travel.planned(20.0, 0.0, 30.0, TravelLimits(acceleration=0.4, speed=1.5)).duration, 9)
+        17.083333333
+        """
+        if isinstance(distance, str):
+            way = _recorded_way(distance)
+        elif limits is None:
+            return cls(distance, begin, duration)
+        else:
+            way = limited_law(distance, begin, limits.speed, limits.acceleration, limits.jerk, limits.step)
+            phases = np.diff(way.knots)
+            if phases.min() < EPS**0.5 * phases.sum():
+                raise SceneError(
+                    [
+                        f"distance {distance:g}: in these limits phases of {phases.min():.2g} and {phases.max():.2g} s "
+                        "follow each other, too different for double precision"
+                    ]
+                )
+        first, last = way.breaks[0], way.breaks[-1]
+        return cls(way.end, first, last - first, way)
+
+    @property
+    def course(self) -> LengthLaw:
+        """The way (m) as a function of time."""
+        return self.way or profile_law(0.0, self.distance, self.begin, self.duration, None)
 
     def motion(self, times: Floats) -> Floats:
         """X (m), x' (m/s) and x'' (m/s²) at these times (T,), (3, T)."""
-        s, T = np.clip((times - self.begin) / self.duration, 0.0, 1.0), self.duration
-        x = s**3 * (10 - 15 * s + 6 * s**2)
-        return self.distance * np.array([x, 30 * (s * (1 - s)) ** 2 / T, 60 * s * (1 - s) * (1 - 2 * s) / T**2])
+        return np.array(self.course(times))
 
-    def shaped(self, train: Train, times: Floats) -> Floats:
-        """The sum of such motions (3, T), delayed by the times of a train of impulses, in their amplitudes."""
-        return np.asarray(
-            sum(a * self.motion(times - at) for at, a in zip(*map(np.ndarray.tolist, train), strict=True))
-        )
+    def shaped(self, train: Train) -> LengthLaw:
+        """The sum of such ways, delayed by the times of a train of impulses, in their amplitudes."""
+        return superposed(self.course, *train)
 
-    def stops(self, train: Train) -> list[float]:
-        """The times at which the third derivative of `shaped` jumps."""
-        return [self.begin + delay + at for at in train[0].tolist() for delay in (0.0, self.duration)]
+
+def _recorded_way(path: str) -> LengthLaw:
+    """The way of a record of accelerations, which begins and ends at rest."""
+    record = read_record(path)
+    if "acceleration_m_per_s2" not in record:
+        raise SceneError([f"{path}: needs the column acceleration_m_per_s2, that of the cart in a travel"])
+    times, values = np.array(record["time_s"]), np.array(record["acceleration_m_per_s2"])
+    if len(times) < 2 or np.any(np.diff(times) <= 0):
+        raise SceneError([f"{path}: time_s must be strictly ascending, with at least 2 samples"])
+    steps = np.diff(values) * np.diff(times) / 2
+    speeds = np.concatenate(([0.0], np.cumsum(values[:-1] * np.diff(times) + steps)))
+    if abs(speeds[-1]) > max(EPS**0.5 * np.abs(speeds).max(), NOISE_OF_SUM):
+        raise SceneError([f"{path}: ends at {speeds[-1]:.4g} m/s: a travel ends at rest"])
+    slopes = np.diff(values) / np.diff(times)
+    bends = np.abs(np.diff(slopes)) * np.minimum(np.diff(times)[:-1], np.diff(times)[1:])
+    is_kink = np.concatenate(([True], bends > NOISE_OF_SUM * np.abs(values).max(), [True]))
+    return integrated_law(times[is_kink], values[:-1][is_kink[:-1]], slopes[is_kink[:-1]])
 
 
 @dataclass(frozen=True)
@@ -334,11 +398,12 @@ def _through(link: object) -> Floats:
 
 def _residual_angle(scene: Scene, travel: Travel, train: Train) -> float:
     """The largest angle (rad) that a shaped travel of the cart leaves of a state of rest."""
-    stops, hoisting = travel.stops(train), hoisting_of(scene)
-    pushes = travel.shaped(train, np.linspace(min(stops), max(stops), SAMPLES_OF_HISTORY))[2]
-    times = np.unique([*stops, *(time for time in (hoisting.breaks if hoisting else ()) if time > min(stops))])
+    way, hoisting = travel.shaped(train), hoisting_of(scene)
+    stops = way.breaks
+    pushes = way(np.linspace(stops[0], stops[-1], SAMPLES_OF_HISTORY))[2]
+    times = np.unique([*stops, *(time for time in (hoisting.breaks if hoisting else ()) if time > stops[0])])
     size = float(np.abs(pushes).max()) / scene.gravity
-    states = motion_history(scene, lambda at: travel.shaped(train, at)[2], times, stops, coordinate=None, size=size)
+    states = motion_history(scene, lambda at: way(at)[2], times, stops, coordinate=None, size=size)
     return largest_swing(scene.at(float(times[-1])), states[-1], is_prescribed=True)
 
 
@@ -426,7 +491,7 @@ def motion_history(
 ) -> Floats:
     """(q, q') (T, 2n) at ascending times (T,) from `start` at the first on, the `stops` of the command among them.
 
-    Between its stops the `command` is a quintic: the force on the `coordinate`, or (None) the acceleration of a
+    Between its stops the `command` is at most a quintic: the force on the `coordinate`, or (None) the acceleration of a
     cart whose motion is prescribed.  `size` is that of the motion.
     """
     matrices_at, hoisting = matrices_along(scene), hoisting_of(scene)
@@ -450,8 +515,9 @@ def motion_history(
             raise ComputationError(f"the hoist takes {swings:.3g} swings: at most {MOST_SWINGS:g} are followed")
 
         def slope(time: float, state: Floats, last: float = float(np.nextafter(end, begin))) -> Floats:
-            A, B = equations_of_push(matrices_at(min(time, last)), coordinate)
-            return np.concatenate((state[n:], A @ state + B * command(np.array([time]))[0]))
+            within = min(time, last)
+            A, B = equations_of_push(matrices_at(within), coordinate)
+            return np.concatenate((state[n:], A @ state + B * command(np.array([within]))[0]))
 
         solution = scipy.integrate.solve_ivp(
             slope,

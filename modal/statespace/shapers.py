@@ -4,11 +4,16 @@ With T_d = 2π/(ω√(1−ζ²)) and K = exp(−ζπ/√(1−ζ²))
 
     ZV     amplitudes (1, K)/(1+K)                       at 0, T_d/2
     ZVD    amplitudes (1, 2K, K²)/(1+K)²                 at 0, T_d/2, T_d   (insensitive to ω to first order)
+    ZVDD   amplitudes (1, 3K, 3K², K³)/(1+K)³            at 0, T_d/2, …     (to second order, ZVDDD to third)
+    MZV    amplitudes ∝ (1, √2 K^¾, K^{3/2})             at 0, 3T_d/8, 3T_d/4
     EI     amplitudes ∝ (1+v, 2(1−v)K, (1+v)K²)          at 0, T_d/2, T_d   (V ≤ a tolerance about ω)
+    EI2    amplitudes (a, (½−a)K, (½−a)K², aK³)          a = (3x² + 2x + 3v²)/(16x),  x³ = v² (1 + √(1−v²))
+    EI3    amplitudes (a, bK, (1−2a−2b)K², bK³, aK⁴)     a = (1 + 3v + √(8v(1+v)))/16,  b = (1−v)/4
     UM     amplitudes (1, −1, 1)                         at 0, ≈ T_d/6, ≈ T_d/3
 
-and for several modes the convolution of one shaper for each.  After the last of the impulses A_i at t_i, the residual
-vibration of a mode, relative to a single impulse of the same sum at the start, is
+where v is the tolerance of an undamped mode, and for a damped one what makes the highest hump of V the tolerance.
+They are multiplied to add up to 1; for several modes the shaper is the convolution of one for each.  After the last of
+the impulses A_i at t_i, the residual vibration of a mode, relative to a single impulse of the same sum at the start, is
 
     V(ω, ζ) = e^{−ζωt_n} |Σ A_i e^{s t_i}|,     s = ζω + iω√(1−ζ²).
 
@@ -16,8 +21,8 @@ A controller that samples every h can only act at multiples of h.  There the imp
 = −1, becomes two at the multiples around it, with Σ a e^{s t} = −1 as before: the sampled command of a ZV or ZVD shaper
 leaves nothing in the mode.  Those of UM are shared likewise between neighbouring samples.
 
-([Singer1990]; robustness as the range of V ≤ 5 %, and EI: [Singhose1994]; UM: [Singhose1997];
-on a grid: [Murphy1992].)
+([Singer1990]; robustness as the range of V ≤ 5 %, and EI: [Singhose1994]; humps: [Singhose1997a]; MZV,
+between ZV and ZVD in length and in robustness: [Butyugin2020]; UM: [Singhose1997]; on a grid: [Murphy1992].)
 
 The relevant frequencies depend on the drive: if the trolley follows an acceleration or a velocity whatever hangs from
 it, the load swings as on a fixed support.  A trolley driven by a force moves with its load, at the free frequencies,
@@ -51,7 +56,7 @@ TOLERANCE_OF_RESIDUAL = 0.05
 """Limit: residual vibration up to which a shaper counts as working, the default of `tolerance`."""
 SAMPLES_OF_CURVE = 2001
 """Tolerance: frequencies among which the hump of an EI shaper, or the edge of a range, is found, then refined."""
-Kind = Literal["zv", "zvd", "ei", "um"]
+Kind = Literal["zv", "zvd", "zvdd", "zvddd", "mzv", "ei", "ei2", "ei3", "um"]
 Train = tuple[Floats, Floats]
 """Times (n,) in s and amplitudes (n,) of impulses."""
 UNSHAPED: Train = np.zeros(1), np.ones(1)
@@ -114,9 +119,9 @@ def shaper(
 ) -> Shaper:
     """The shaper of one mode, for several the convolution of one each, on the grid of a `step` (s) if that is not 0.
 
-    `tolerance` is what an EI shaper may leave about ω.  Raises ValueError for another kind, for no modes, for a
-    negative step and a tolerance outside of 0 to 1, ComputationError for a mode that does not oscillate and for too
-    long a step.
+    `tolerance` is what a shaper with humps (ei, ei2, ei3) may leave about ω.  Raises ValueError for another kind, for
+    no modes, for a negative step and a tolerance outside of 0 to 1, ComputationError for a mode that does not oscillate
+    and for too long a step.
     """
     if kind not in get_args(Kind) or not swings:
         words = ", ".join(f'"{name}"' for name in get_args(Kind))
@@ -201,10 +206,30 @@ def drives_of(scene: Scene) -> tuple[str, ...]:
 
 
 def usual_drive(scene: Scene) -> Drive:
-    """The drive where none is named: of one cart its acceleration, of a structure the force on its first coordinate."""
+    """The drive where none is named: the acceleration of a cart that rolls freely, else the force on a coordinate.
+
+    Of a structure that is the first.
+
+    >>> from modal import load
+    >>> usual_drive(load("crane-hook")), usual_drive(load("clocks-double")), usual_drive(load("tower"))
+    ('cart_acceleration', 'cart_force', 'floor1_force')
+    """
     require_type("scene", scene, "Scene")
     drives = drives_of(scene)
-    return HELD[0] if HELD[0] in drives or not drives else drives[0]
+    is_free = HELD[0] in drives and not (scene.cart and scene.cart.stiffness)
+    return HELD[0] if is_free or not drives else drives[0]
+
+
+def usual_inputs(scene: Scene) -> tuple[str, ...]:
+    """The inputs of a model where none are named: `usual_drive` of one cart, otherwise those of `state_space`.
+
+    Those of a structure are the forces on all coordinates, of which the first is `usual_drive`.
+
+    >>> from modal import load
+    >>> usual_inputs(load("crane-hook")), usual_inputs(load("tower"))
+    (('cart_acceleration',), ())
+    """
+    return (usual_drive(scene),) if scene.cart is not None else ()
 
 
 def _excited_modes(modes: Modes, coordinate: int) -> Booleans:
@@ -331,10 +356,12 @@ def _single(swing: DampedSwing, kind: Kind, step: float, tolerance: float) -> Sh
         raise ComputationError(f"step {step:g}: is longer than half the period of a mode, {pi / s.imag:g} s")
     if kind == "um":
         return Shaper(*_unity_magnitude(s, step), step)
-    half = _half_period(s, step)
-    if kind == "ei":
-        return _tolerant(swing, half, step, tolerance)
-    return _sum_of_powers((1.0, 1.0) if kind == "zv" else (1.0, 2.0, 1.0), half, step)
+    if kind == "mzv":
+        return _sum_of_powers((1.0, sqrt(2.0), 1.0), _turn(s, 0.75 * pi, step), step)
+    half = _turn(s, pi, step)
+    if kind in HUMPED:
+        return _tolerant(swing, half, step, tolerance, HUMPED[kind])
+    return _sum_of_powers(BINOMIAL[kind], half, step)
 
 
 def _sum_of_powers(weights: Sequence[float], half: Train, step: float) -> Shaper:
@@ -348,28 +375,51 @@ def _sum_of_powers(weights: Sequence[float], half: Train, step: float) -> Shaper
     return Shaper(times, amplitudes / amplitudes.sum(), step)
 
 
-def _tolerant(swing: DampedSwing, half: Train, step: float, tolerance: float) -> Shaper:
-    """Weights (1 + v, 2(1 − v), 1 + v) with the v that makes the hump of V between its two zeros `tolerance`."""
-    v, omega = tolerance, swing.omega * np.linspace(0.5, 1.5, SAMPLES_OF_CURVE)
+def _one_hump(v: float) -> tuple[float, ...]:
+    return 1 + v, 2 * (1 - v), 1 + v
+
+
+def _two_humps(v: float) -> tuple[float, ...]:
+    x = (v**2 * (1 + sqrt(1 - v**2))) ** (1 / 3)
+    outer = (3 * x**2 + 2 * x + 3 * v**2) / (16 * x)
+    return outer, 0.5 - outer, 0.5 - outer, outer
+
+
+def _three_humps(v: float) -> tuple[float, ...]:
+    outer, inner = (1 + 3 * v + sqrt(8 * v * (1 + v))) / 16, (1 - v) / 4
+    return outer, inner, 1 - 2 * (outer + inner), inner, outer
+
+
+BINOMIAL = {"zv": (1.0, 1.0), "zvd": (1.0, 2.0, 1.0), "zvdd": (1.0, 3.0, 3.0, 1.0), "zvddd": (1.0, 4.0, 6.0, 4.0, 1.0)}
+HUMPED = {"ei": _one_hump, "ei2": _two_humps, "ei3": _three_humps}
+"""The weights of impulses half a period apart, by what an undamped mode may retain."""
+
+
+def _tolerant(
+    swing: DampedSwing, half: Train, step: float, tolerance: float, weights_of: Callable[[float], tuple[float, ...]]
+) -> Shaper:
+    """Weights of the v that makes the highest hump of V between its zeros `tolerance`."""
+    v, omega = tolerance, swing.omega * np.linspace(0.3, 1.7, SAMPLES_OF_CURVE)
     for _ in range(NEWTON_ROUNDS):
-        shaper = _sum_of_powers((1 + v, 2 * (1 - v), 1 + v), half, step)
+        weights = weights_of(v)
+        shaper = _sum_of_powers(weights, half, step)
         residuals = residual_vibration(shaper, omega, swing.zeta)
         humps = 1 + np.flatnonzero((residuals[1:-1] >= residuals[:-2]) & (residuals[1:-1] > residuals[2:]))
-        if not humps.size:
-            raise ComputationError("a mode so strongly damped has no EI shaper")
-        at = humps[np.abs(omega[humps] - swing.omega).argmin()]
+        if len(humps) < len(weights) - 2:
+            raise ComputationError("a mode so strongly damped has no EI shaper with so many humps")
+        at = humps[residuals[humps].argmax()]
         previous, peak, following = residuals[at - 1 : at + 2]
         v *= tolerance / (peak + (following - previous) ** 2 / (8 * (2 * peak - following - previous)))
     return shaper
 
 
-def _half_period(s: complex, step: float) -> Train:
-    """Impulses with Σ a e^{st} = −1: one of K half a period later, or two at the samples around."""
-    half = pi / s.imag
-    if not step or abs(half / step - round(half / step)) < np.sqrt(EPS):
-        return np.array([half]), np.array([exp(-s.real * half)])
-    times = step * (floor(half / step) + np.arange(2.0))
-    return times, _real_weights(np.exp(s * times), -1.0)
+def _turn(s: complex, angle: float, step: float) -> Train:
+    """Impulses with Σ a e^{st} = e^{i angle}: one as much later, or two at the samples around."""
+    delay = angle / s.imag
+    if not step or abs(delay / step - round(delay / step)) < np.sqrt(EPS):
+        return np.array([delay]), np.array([exp(-s.real * delay)])
+    times = step * (floor(delay / step) + np.arange(2.0))
+    return times, _real_weights(np.exp(s * times), np.exp(1j * angle))
 
 
 def _unity_magnitude(s: complex, step: float) -> Train:

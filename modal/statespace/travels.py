@@ -6,13 +6,18 @@ of a structure, is what moves the coordinate so far along the shape φ in which 
     F = m x'' + c x' + k x,     m = φᵀMφ,  c = φᵀDφ,  k = φᵀKφ,
 
 so that the force on a free cart is that on all masses, and on a ship at its moorings ends in their pull at d.  A shaped
-command is Σ A_i u(t − t_i).  Between its corners a command is a quintic polynomial (`modal.statespace.hoisting`).
+command is Σ A_i u(t − t_i).  Between its corners a command is a polynomial (`modal.statespace.hoisting`).
+
+Within limits of speed, acceleration and jerk the travel takes the shortest time; a shaped one keeps to the limits of an
+unshaped one where no impulse is negative.  As a record it is sampled so that straight lines between the accelerations
+are the travel itself: where the acceleration jumps they take two samples more, 2δ apart, and all of it is δ late.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from math import degrees
 
 import numpy as np
 import scipy
@@ -22,10 +27,12 @@ from modal.errors import SceneError
 from modal.report import Displayed, Drawable, Summary, tabulated
 from modal.scene import Scene, refusals
 from modal.scene.doors import checked, checked_number
-from modal.statespace.hoisting import SAMPLES_OF_HISTORY, Travel, is_held, largest_swing, motion_history
-from modal.statespace.shapers import UNSHAPED, Drive, Shaper, Train, drives_of, swings_of
+from modal.scene.length_laws import LengthLaw
+from modal.scene.motion import FORCES, RECORDED
+from modal.statespace.hoisting import SAMPLES_OF_HISTORY, Travel, TravelLimits, is_held, largest_swing, motion_history
+from modal.statespace.shapers import UNSHAPED, Drive, Shaper, drives_of, swings_of
 from modal.structure import structure_of
-from modal.types import Floats
+from modal.types import EPS, NOISE_OF_SUM, NOISE_OF_TERMS, Floats
 
 ACCELERATION_OF_TRAVEL = 0.1
 """Limit: acceleration of a travel whose `duration` is not given, over that of gravity."""
@@ -42,6 +49,7 @@ class ShapedTravel(Drawable, Displayed):
     `command` (2, T) is the place of a cart whose motion is prescribed (m) or a force in `unit`; `moved` (2, T) the
     coordinate that it moves, in m or rad; `angles` (2, T, L) those of the links (rad); `residual` (2,) the largest
     angle (rad) to which the swings of all frequencies add up when command and hoist are over, from `over` (2,) in s on.
+    `ways` are the two as laws of time (m); a force on the `coordinate` is `push` @ (x, x', x'').
     """
 
     scene: Scene
@@ -54,18 +62,47 @@ class ShapedTravel(Drawable, Displayed):
     residual: Floats
     over: Floats
     unit: str
+    ways: tuple[LengthLaw, LengthLaw]
+    push: Floats
+    coordinate: int
     figure = "modal.plotting.travels:travel_figure"
 
-    def words(self) -> Iterator[str]:
-        """What the travel leaves as it is and shaped, a line each."""
-        for name, angle in zip(("as it is", "shaped"), np.degrees(self.residual).tolist(), strict=True):
-            yield f"a travel of {self.distance:g} m {name}: residual swing {angle:.4g}°"
+    @property
+    def peaks(self) -> Floats:
+        """The largest speed (m/s) and acceleration (m/s²) of both ways, (2, 2)."""
+        return np.array([np.abs(way(np.union1d(self.times, way.knots))[1:]).max(1) for way in self.ways])
+
+    def words(self, nonlinear: Sequence[float] = ()) -> Iterator[str]:
+        """What the travel takes and leaves as it is and shaped, a line each, with what is left in the full equations.
+
+        `nonlinear` (2,) are these angles (rad).
+        """
+        of_equations = [f", {degrees(angle):.4g}° in the full equations" for angle in nonlinear] or ["", ""]
+        for row, name in enumerate(("as it is", "shaped")):
+            angle, (speed, acceleration) = degrees(self.residual[row]), self.peaks[row].tolist()
+            span = self.ways[row].knots[-1] - self.ways[row].knots[0]
+            yield (
+                f"a travel of {self.distance:g} m {name}: residual swing {angle:.4g}°{of_equations[row]}; "
+                f"it takes {span:.4g} s, at most {speed:.4g} m/s and {acceleration:.4g} m/s²"
+            )
+
+    def columns(self, row: int = 1, step: float = 0.0) -> dict[str, Floats]:
+        """The travel (`row` 0 as it is, 1 shaped) as columns of a record, at multiples of a `step` (s) if not 0.
+
+        Time and motion of a cart that is prescribed, time and force else.
+        """
+        times, *motion = _sampled(self.ways[row], step)
+        if self.unit == "m":
+            return dict(zip(("time_s", *RECORDED), (times, *motion), strict=True))
+        return {"time_s": times, FORCES[self.unit == "N m"]: self.push @ np.array(motion)}
 
     def _summary(self) -> Summary:
         largest = np.degrees(np.abs(self.angles).max((1, 2)))
         columns = {
             "command": ["as it is", "shaped"],
             "over at (s)": [f"{time:.4g}" for time in self.over],
+            "largest speed (m/s)": [f"{speed:.4g}" for speed in self.peaks[:, 0]],
+            "acceleration (m/s²)": [f"{acceleration:.4g}" for acceleration in self.peaks[:, 1]],
             "largest angle (°)": [f"{angle:.4g}" for angle in largest],
             "residual swing (°)": [f"{angle:.4g}" for angle in np.degrees(self.residual)],
         }
@@ -76,15 +113,17 @@ class ShapedTravel(Drawable, Displayed):
 def shaped_travel(
     scene: Scene,
     shaper: Shaper,
-    distance: float,
+    distance: float | str,
     duration: float | None = None,
     drive: Drive = "cart_acceleration",
+    limits: TravelLimits | None = None,
 ) -> ShapedTravel:
     """The travel by `distance` (m) over `duration` (s), as it is and shaped, from the begin of the hoist or 0 s on.
 
     By default it lasts as long as the hoist; without one a period of the slowest swing, or so long that its
-    acceleration is at most ACCELERATION_OF_TRAVEL of gravity's.  Raises what `shaper_for` does, and SceneError for a
-    distance that is not a positive number.
+    acceleration is at most ACCELERATION_OF_TRAVEL of gravity's.  Within `limits` it takes the shortest time, and with a
+    file for the distance it is the one recorded there (`modal.statespace.hoisting.Travel`).  Raises what `shaper_for`
+    does, and SceneError for a distance that is not a positive number and a file that is no record of a travel.
 
     >>> from modal import load
     >>> from modal.statespace import shaper_for
@@ -93,7 +132,8 @@ def shaped_travel(
     >>> bool(travel.residual[0] > 0.1), bool(travel.residual[1] < 1e-9)
     (True, True)
     """
-    checked_number("distance", distance, 1 / LARGEST_TRAVEL, LARGEST_TRAVEL)
+    if not isinstance(distance, str):
+        checked_number("distance", distance, 1 / LARGEST_TRAVEL, LARGEST_TRAVEL)
     if duration is not None:
         checked_number("duration", duration, 1 / LARGEST_TRAVEL, LARGEST_TRAVEL)
     if problems := refusals(scene, "a shaper"):
@@ -101,27 +141,37 @@ def shaped_travel(
     hoisting = hoisting_of(scene)
     breaks = hoisting.breaks if hoisting else (0.0, 0.0)
     slowest = swings_of(scene.at(breaks[0]), drive)[0].omega
-    brisk = np.sqrt(10 / np.sqrt(3) * distance / (ACCELERATION_OF_TRAVEL * scene.gravity))
-    length = float(duration or (breaks[-1] - breaks[0]) or max(2 * np.pi / slowest, brisk))
-    travel = Travel(distance, breaks[0], length)
-    ends = travel.begin + length + np.array([0.0, shaper.duration])
+    length = duration or (breaks[-1] - breaks[0])
+    if not (length or isinstance(distance, str)):
+        brisk = np.sqrt(10 / np.sqrt(3) * distance / (ACCELERATION_OF_TRAVEL * scene.gravity))
+        length = max(2 * np.pi / slowest, float(brisk))
+    travel = Travel.planned(distance, breaks[0], length, limits)
+    if not 1 / LARGEST_TRAVEL <= travel.duration <= LARGEST_TRAVEL:
+        raise SceneError(
+            [
+                f"distance {distance}: takes {travel.duration:.4g} s: must be from {1 / LARGEST_TRAVEL:g} to "
+                f"{LARGEST_TRAVEL:g} s"
+            ]
+        )
+    ways = travel.shaped(UNSHAPED), travel.shaped(shaper.train)
+    ends = np.array([way.knots[-1] for way in ways])
     over = np.maximum(ends, breaks[-1])
     times = np.linspace(travel.begin, over[1] + 5 * np.pi / slowest, SAMPLES_OF_HISTORY)
     is_prescribed = is_held(scene, drive)
     coordinate = 0 if is_prescribed else drives_of(scene).index(drive)
     parts = np.array([0.0, 0.0, 1.0]) if is_prescribed else _slow_push(scene, travel.begin, coordinate)
     commands, histories, residual = [], [], []
-    for train, end in zip((UNSHAPED, shaper.train), over.tolist(), strict=True):
+    for way, end in zip(ways, over.tolist(), strict=True):
 
-        def command(at: Floats, train: Train = train) -> Floats:
-            return np.asarray(parts @ travel.shaped(train, at))
+        def command(at: Floats, way: LengthLaw = way) -> Floats:
+            return np.asarray(parts @ np.array(way(at)))
 
-        instants = np.union1d(times, [*travel.stops(train), *breaks, end])
+        instants = np.union1d(times, [*way.breaks, *breaks, end])
         size = float(np.abs(command(instants)).max()) or 1.0
         states = motion_history(
-            scene, command, instants, travel.stops(train), coordinate=None if is_prescribed else coordinate, size=size
+            scene, command, instants, way.breaks, coordinate=None if is_prescribed else coordinate, size=size
         )
-        commands.append(travel.shaped(train, times)[0] if is_prescribed else command(times))
+        commands.append(way(times)[0] if is_prescribed else command(times))
         histories.append(states[np.searchsorted(instants, times)])
         final_state = states[np.searchsorted(instants, end)]
         if not is_prescribed:
@@ -132,8 +182,45 @@ def shaped_travel(
     displacement = np.array([states[:, coordinate] for states in histories])
     unit = "m" if is_prescribed else "N m" if coordinate in structure_of(scene).turning else "N"
     return ShapedTravel(
-        scene, drive, distance, times, np.array(commands), displacement, angles, np.array(residual), over, unit
+        scene,
+        drive,
+        travel.distance,
+        times,
+        np.array(commands),
+        displacement,
+        angles,
+        np.array(residual),
+        over,
+        unit,
+        ways,
+        parts,
+        coordinate,
     )
+
+
+def _sampled(way: LengthLaw, step: float, ramp: float = 5e-7) -> tuple[Floats, ...]:
+    """Times (s), places (m), speeds and accelerations (T,) of a way, among them those of all kinks.
+
+    δ is a `ramp` of the shortest time between two kinks.  With a `step` (s) times are multiples of it after the first,
+    the accelerations means of both sides, and δ = `step`.
+    """
+    knots, pieces = way.knots, way.coefficients
+    powers = np.arange(2, pieces.shape[1])
+    ends = (pieces[:, 2:] * powers * (powers - 1) * np.diff(knots)[:, None] ** (powers - 2)).sum(1)
+    jumps = np.append(2 * pieces[:, 2], 0.0) - np.append(0.0, ends)
+    is_jump = np.abs(jumps) > NOISE_OF_SUM * np.abs(ends).max(initial=np.abs(pieces[:, 2]).max())
+    shortest = max(ramp * float(np.diff(knots).min()), NOISE_OF_SUM * float(np.abs(knots).max()))
+    delay = (step or shortest) * bool(is_jump.any())
+    if step:
+        count = round((knots[-1] - knots[0] + 2 * delay) / step)
+        places, side = knots[0] - delay + step * np.arange(count + 1), EPS**0.5 * step
+        bend = (way(places - side)[2] + way(places + side)[2]) / 2
+        return np.round(places + delay, 12), *way(places)[:2], bend
+    decimals = 2 - int(np.floor(np.log10(knots[-1] - knots[0])))
+    even = np.round(10.0**-decimals * np.arange(*np.ceil(knots[[0, -1]] * 10.0**decimals)), decimals)
+    times = np.union1d(np.concatenate((knots, knots[is_jump] + 2 * delay)), even)
+    times = times[np.append(True, np.diff(times) > NOISE_OF_TERMS * np.abs(times).max())]
+    return times, *way(times - delay)
 
 
 def _leaning(scene: Scene, time: float, coordinate: int) -> Floats:

@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING
 
 from multipendula.command import SCENE, Command, formats, option, refuse, report_file
 from multipendula.commands.shared import draw_in, noted, picture, say
+from multipendula.commands.travels import LIMITS, limits_of
 from multipendula.completion import words
 from multipendula.options import integer
 
 if TYPE_CHECKING:
     from modal.scene import Scene
-    from modal.statespace.hoisting import Along, Residual
+    from modal.statespace.hoisting import Along, Residual, TravelLimits
 
 BESIDE = "--drive cart_acceleration lists the modes beside a cart whose motion is prescribed"
 DRIVES = ("cart_force", "cart_acceleration")
@@ -24,12 +25,13 @@ def hoist(options: argparse.Namespace) -> Along | None:
     from modal.statespace.hoisting import frequencies_along
 
     picture(options.output)
+    limits = limits_of(options)
     if options.travel is None:
-        refuse(options, "needs --travel METRES", "--over", "--kind", "--count")
+        refuse(options, "needs --travel METRES", "--kind", "--count")
     scene = load(options.scene)
     noted(scene.at(0.0), "mode shapes")
     along = frequencies_along(scene, options.samples, options.drive)
-    left = _left(scene, options) if options.travel else ()
+    left = _left(scene, options, limits) if options.travel else ()
     say(_written(along, left, options), options.format)
     if options.output:
         smooth = frequencies_along(scene, max(options.samples, 201), options.drive)
@@ -37,10 +39,10 @@ def hoist(options: argparse.Namespace) -> Along | None:
     return None if left else along
 
 
-def _left(scene: Scene, options: argparse.Namespace) -> tuple[Residual, ...]:
+def _left(scene: Scene, options: argparse.Namespace, limits: TravelLimits | None) -> tuple[Residual, ...]:
     from modal.statespace.hoisting import Travel, travel_residuals
 
-    travel = Travel.along(scene, options.travel, options.over)
+    travel = Travel.along(scene, options.travel, options.over, limits)
     return travel_residuals(scene, travel, kind=options.kind or "zv", count=options.count or 1)
 
 
@@ -72,8 +74,9 @@ COMMANDS = (
                 choices=DRIVES,
                 default=DRIVES[0],
             ),
-            "--travel, from the beginning of the hoist on; prints the swing that is left",
+            "--travel, smoothly, from the beginning of the hoist on, or the CSV file of a travel; tells the swing left",
             "--over (default that of the hoist)",
+            *LIMITS,
             "--kind of the travel (default zv)",
             "--count (default 1)",
             formats("text", "csv", "json"),
@@ -87,6 +90,10 @@ COMMANDS = (
         examples=(
             ("hoist hoisting-crane", "frequencies of the shipped crane along its hoist"),
             ("hoist hoisting-crane --travel 10 --kind zvd", "what a travel of 10 m leaves, and what shapers change"),
+            (
+                "hoist hoisting-crane --travel 10 --max-speed 1.5 --max-acceleration 0.4",
+                "a travel at the speed and the acceleration of the drive",
+            ),
             ("hoist hoisting-crane --format csv -o hoist.png", "numbers, and a picture"),
         ),
     ),

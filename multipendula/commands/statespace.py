@@ -35,6 +35,7 @@ from multipendula.commands.shared import (
     remark,
     say,
 )
+from multipendula.commands.travels import LIMITS, limits_of
 from multipendula.completion import extensions, words
 
 if TYPE_CHECKING:
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
     from modal.statespace.gains import Gains
     from modal.statespace.sampling import VaryingModel
     from modal.statespace.shapers import Shaper
+    from modal.statespace.travels import ShapedTravel
 
 SIGNALS_MAX = 6
 """Format: signals of a model that are named."""
@@ -59,10 +61,11 @@ INPUTS = (
 )
 SIGNALS = (
     option(
-        "--input: cart_force (default on a cart), cart_acceleration or cart_velocity; coordinate_forces (default on a "
-        "structure) or one of them, such as floor2_force; joint_torques (default on a fixed support), link_forces; "
-        "support_displacement, support_velocity or support_acceleration; force:POINT, lift:POINT or torque:POINT, with "
-        "a POINT such as pendulum[0].links[1]@0.5 or ship@0.2,0.1; force[0], the scene's first force",
+        "--input: cart_acceleration (default on a cart), cart_force (default on one that a spring holds) or "
+        "cart_velocity; coordinate_forces (default on a structure) or one of them, such as floor2_force; joint_torques "
+        "(default on a fixed support), link_forces; support_displacement, support_velocity or support_acceleration; "
+        "force:POINT, lift:POINT or torque:POINT, with a POINT such as pendulum[0].links[1]@0.5 or ship@0.2,0.1; "
+        "force[0], the scene's first force",
         completion=words(INPUTS),
     ),
     option(
@@ -142,7 +145,7 @@ def _varying(scene: Scene, options: argparse.Namespace) -> VaryingModel:
     from modal.statespace.sampling import varying_model
 
     refuse(options, "needs constant lengths, and this scene has a hoist", "--discrete", "--minimal", "--dominant")
-    return varying_model(scene, None, listed(options.input), listed(options.signals))
+    return varying_model(scene, None, inputs_of(scene, options), listed(options.signals))
 
 
 def response(options: argparse.Namespace) -> Gains | None:
@@ -232,20 +235,21 @@ def _gains(options: argparse.Namespace) -> Gains:
 
 
 def shaper(options: argparse.Namespace) -> Shaper:
-    """Print an input shaper that suppresses residual swing in the slowest modes of a crane."""
+    """Print an input shaper that suppresses residual swing in the slowest modes of a crane, or its shaped travel."""
     from modal.report import csv_rows, folded
     from modal.scene import load
-    from modal.statespace import shaper_for, swing_words, usual_drive
+    from modal.statespace import swing_words, usual_drive
 
     picture_in_place(options)
+    limits = limits_of(options)
     if options.travel is None:
-        refuse(options, "needs --travel METRES", "--picture", "--over")
+        refuse(options, "needs --travel METRES", "--picture")
     scene = noted(load(options.scene), "a shaper")
     drive = options.drive or usual_drive(scene)
     estimate = estimate_of(scene, options.covariance)
-    step, tolerance = options.discrete or 0.0, options.residual / 100
-    shaped_command = shaper_for(scene, options.count, options.kind, drive, step=step, tolerance=tolerance)
-    remarks = list(swing_words(scene, options.count, drive))
+    shaped_command, promise = _shaper(scene, drive, options)
+    assumption, *modes = swing_words(scene, options.count, drive)
+    remarks = [assumption if drive in assumption else f"{drive}: {assumption}", *modes, *promise]
     if estimate is not None:
         from modal.identification import shaped_modes
 
@@ -254,18 +258,52 @@ def shaper(options: argparse.Namespace) -> Shaper:
     if scene.is_hoisted:
         from modal.statespace.hoisting import residual_words
 
-        remarks += residual_words(scene, options.count, options.kind, drive, shaped_command)
+        remarks += residual_words(scene, options.count, options.kind or "zv", drive, shaped_command)
+    columns: dict[str, Sequence[float]] = {
+        "time_s": shaped_command.times.tolist(),
+        "amplitude": shaped_command.amplitudes.tolist(),
+    }
     if options.travel is not None:
         from modal.statespace.travels import shaped_travel
 
-        travel = shaped_travel(scene, shaped_command, options.travel, options.over, drive)
-        remarks += list(travel.words())
+        travel = shaped_travel(scene, shaped_command, options.travel, options.over, drive, limits)
+        remarks += list(travel.words(_in_full(travel)))
         draw_in(options, options.picture, "modal.plotting", "draw_travel", travel)
-    impulses = zip(shaped_command.times.tolist(), shaped_command.amplitudes.tolist(), strict=True)
+        if (options.output or "").lower().endswith(".csv"):
+            profile = travel.columns(step=options.discrete or 0.0)
+            columns = {name: values.tolist() for name, values in profile.items()}
+            say("".join(f"{words}\n" for words in remarks))
     with output(options.output) as write:
         write("".join(folded(f"# {words}", mark="# ") + "\n" for words in remarks))
-        write(csv_rows([("time_s", "amplitude"), *impulses]))
+        write(csv_rows([tuple(columns), *zip(*columns.values(), strict=True)]))
     return shaped_command
+
+
+def _shaper(scene: Scene, drive: str, options: argparse.Namespace) -> tuple[Shaper, list[str]]:
+    """The shaper, and what it promises over a range."""
+    from modal.statespace import shaper_for
+
+    step, tolerance = options.discrete or 0.0, options.residual / 100
+    if not options.range:
+        return shaper_for(scene, options.count, options.kind or "zv", drive, step=step, tolerance=tolerance), []
+    from modal.statespace.insensitive import shaper_over
+
+    refuse(options, "cannot be combined with --range, for which the shortest shaper is found", "--kind")
+    made, most = shaper_over(scene, options.range, options.count, drive, step=step, tolerance=tolerance)
+    promise = f"{options.range}: at most {100 * most:.4g} % of the swing is left"
+    return made, [f"{promise} by the shortest positive impulses, {made.duration:.4g} s long"]
+
+
+def _in_full(travel: ShapedTravel) -> Sequence[float]:
+    """The swing after a travel in the full equations; none, and a note, where these are not integrated."""
+    from modal.errors import MultipendulaError
+    from nonlinear.verification import swing_after
+
+    try:
+        return list(swing_after(travel))
+    except MultipendulaError as error:
+        remark(f"the swing in the full equations is not known: {error}")
+        return ()
 
 
 def scene_of(options: argparse.Namespace, capability: str) -> Scene:
@@ -290,7 +328,7 @@ def model_of(scene: Scene, options: argparse.Namespace) -> StateSpace:
     """The model with the inputs and outputs, and the reduction, given by the options."""
     from modal.statespace import state_space
 
-    inputs, outputs = listed(options.input), listed(options.signals)
+    inputs, outputs = inputs_of(scene, options), listed(options.signals)
     count = getattr(options, "dominant", None)
     if not getattr(options, "minimal", False) and count is None:
         return state_space(scene, inputs, outputs)
@@ -300,6 +338,13 @@ def model_of(scene: Scene, options: argparse.Namespace) -> StateSpace:
     if count is None:
         return minimal(scene, inputs, outputs)
     return truncate(natural_modes(scene), state_space(scene, inputs, outputs), count)
+
+
+def inputs_of(scene: Scene, options: argparse.Namespace) -> tuple[str, ...]:
+    """The inputs that the options name, or what a shaper of the scene is for."""
+    from modal.statespace import usual_inputs
+
+    return listed(options.input) or usual_inputs(scene)
 
 
 COMMANDS = (
@@ -328,11 +373,11 @@ COMMANDS = (
         examples=(
             ("export crane-hook -o crane.mat", "for MATLAB and Octave"),
             (
-                "export crane-hook --input cart_acceleration -o crane.py",
-                "for python-control, with prescribed cart motion",
+                "export crane-hook --input cart_force -o crane.py",
+                "for python-control, with a trolley that is pushed and recoils",
             ),
             (
-                "export crane-hook --discrete 0.01 --input cart_acceleration --signals angles -o crane.h",
+                "export crane-hook --discrete 0.01 --signals angles -o crane.h",
                 "for a controller that samples at 100 Hz",
             ),
             ("export paper-cart-3 --minimal -o small.json", "the controllable part: 6 states of 14"),
@@ -368,7 +413,10 @@ COMMANDS = (
                 "response crane-hook --of theta_1_2 -o bode.png",
                 "the Bode plot of one output; without --of, of every one",
             ),
-            ("response crane-two-loads --gains", "how well a force on the trolley reaches each mode"),
+            (
+                "response crane-two-loads --input cart_force --gains",
+                "how well a force on the trolley reaches each mode",
+            ),
             (
                 "response crane-hook --input 'force:pendulum[0].links[1]' --at 0.1,0.3",
                 "to wind on the load: a force at a point",
@@ -380,39 +428,47 @@ COMMANDS = (
         name="shaper",
         topic="control",
         run=shaper,
-        main=("--kind", "--count", "--travel", "--discrete", "--output"),
+        main=("--kind", "--count", "--travel", "--max-acceleration", "--output"),
         takes=(
             SCENE,
             "--covariance: adds what the shaped command leaves over the band of the fitted numbers",
-            option(
-                "--kind (default zv); zvd and ei tolerate more error in the frequencies, um is the shortest, with "
-                "impulses of both signs",
-                default="zv",
-            ),
-            "--discrete: impulses come at its multiples",
-            "--residual, by ei (default 5)",
+            "--kind (default zv); mzv, zvd, zvdd, zvddd tolerate more and more error in the frequencies, ei, ei2 and "
+            "ei3 by humps still more; um is the shortest, with impulses of both signs",
+            "--range, such as pendulum[0].links[0].length=8:14, in place of --kind",
+            "--discrete: impulses come at its multiples, and the samples of a travel",
+            "--residual, by ei, ei2, ei3 and over a --range (default 5)",
             option("--count (default 1)", default=1),
             option(
-                "--drive: cart_acceleration (default), cart_velocity or cart_force; of a structure the force on one of "
-                "its coordinates (default the first), such as ship_sway_force",
+                "--drive: cart_acceleration (default), cart_velocity or cart_force (default of a cart that a spring "
+                "holds); of a structure the force on one of its coordinates (default the first), such as "
+                "ship_sway_force; export and response have the same default",
                 completion=words(("cart_acceleration", "cart_velocity", "cart_force"), ""),
             ),
-            "--travel: reports the residual swing with and without the shaper",
+            "--travel, smoothly, or the CSV file of a travel: reports the residual swing with and without the shaper; a CSV "
+            "file has the shaped travel in place of the impulses",
             "--over (default that of the hoist)",
+            *LIMITS,
             *text_file(drawn=True),
             *picture_file(),
         ),
         details=(
             "Impulses to convolve a command with, so that the load hangs still at the end of a move (Singer & Seering "
-            "1990). "
-            "The "
-            "output lists their times and their amplitudes, which sum to one."
+            "1990). The output lists their times and their amplitudes, which sum to one. With --travel and a CSV file "
+            "it is the travel: time, place, speed and acceleration of the trolley, which the motion of a support "
+            "in a scene and hoist --travel take, or the force that moves it."
         ),
         examples=(
             ("shaper crane-hook", "for the slowest mode"),
             ("shaper crane-hook --kind zvd --count 2", "for both modes, tolerant of errors in cable length"),
             ("shaper crane-hook --kind ei --discrete 0.02", "for a controller that samples at 50 Hz"),
-            ("shaper crane-hook --travel 20 -o before_after.png", "a picture of the swing with and without the shaper"),
+            (
+                "shaper crane-hook --kind zvd --travel 20 --max-speed 1.5 --max-acceleration 0.4 -o profile.csv",
+                "a trapezoid of the speed, shaped, as samples",
+            ),
+            (
+                "shaper crane-hook --range 'pendulum[0].links[0].length=8:14'",
+                "for every length of the rope between 8 and 14 m",
+            ),
         ),
     ),
 )

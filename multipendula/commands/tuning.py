@@ -18,6 +18,7 @@ from multipendula.commands.shared import (
     scene_bytes,
     write_together,
 )
+from multipendula.options import number
 
 if TYPE_CHECKING:
     from modal.scene.motion import Acting
@@ -156,7 +157,7 @@ COMMANDS = (
             "--over-hz, such as 0.1:2 (default all)",
             "--psd, for rms: of the support's acceleration, or of the input of rms:OUTPUT/INPUT, as in vibration",
             option("--mode, to which damping and settling are limited; repeat for several", keyword="modes"),
-            "--travel, for residual, as in hoist",
+            option("--travel, for residual, smoothly, as in hoist", type=number("metres above 0")),
             "--over (default that of the hoist)",
             "--kind of the travel, for the lengths before it (default none)",
             "--robust",

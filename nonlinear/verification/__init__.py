@@ -5,12 +5,13 @@ amplitude,
 
     ω(a) = ω (1 + κ a²),
 
-and the modal content of a motion.  Start with `modes`.
+the modal content of a motion, and the swing that a travel leaves.  Start with `modes`.
 """
 
 from nonlinear.verification.modes import AMPLITUDES_DEG, ONE_PERCENT, Check, ModeCheck, check
 from nonlinear.verification.motion import Comparison, ModeInMotion, compare
 from nonlinear.verification.tables import check_table, comparison_table
+from nonlinear.verification.travels import swing_after
 
 __all__ = [
     "AMPLITUDES_DEG",
@@ -23,5 +24,6 @@ __all__ = [
     "check_table",
     "compare",
     "comparison_table",
+    "swing_after",
 ]
 __dir__ = __all__.copy

@@ -449,7 +449,7 @@ def test_smaller_exports(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> 
 
 
 def test_gains(capsys: pytest.CaptureFixture[str]) -> None:
-    text = printed(capsys, "response", "paper-cart-2", "--gains")
+    text = printed(capsys, "response", "paper-cart-2", "--input", "cart_force", "--gains")
     assert text.count("not reached") == 2
     assert "cart_force" in text
 
@@ -467,7 +467,7 @@ def test_responses_are_drawn(capsys: pytest.CaptureFixture[str], tmp_path: Path,
 def test_refused_responses(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     assert ".csv, .json or .mat" in refused(capsys, 2, "response", "crane-hook", "-o", str(tmp_path / "a.gif"))
     wrong = refused(capsys, 2, "response", "crane-hook", "--from", "wind", "-o", str(tmp_path / "a.png"))
-    assert "--from wind: must be one of cart_force" in wrong
+    assert "--from wind: must be one of cart_acceleration" in wrong
     assert list(tmp_path.iterdir()) == []
 
 
@@ -494,7 +494,7 @@ def test_every_command_reads_standard_input(
 
 def test_single_outputs_are_drawn(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     path = tmp_path / "one.png"
-    told = f"{path}: Bode plot of theta_1_2, x for cart_force\n"
+    told = f"{path}: Bode plot of theta_1_2, x for cart_acceleration\n"
     assert printed(capsys, "response", "crane-hook", "--of", "theta_1_2,x", "-o", str(path)) == told
     assert "--of tip: must be one of" in refused(capsys, 2, "response", "crane-hook", "--of", "tip", "-o", str(path))
 
@@ -515,7 +515,7 @@ def test_an_unseen_position_leaves_the_minimal_model(capsys: pytest.CaptureFixtu
 
 
 def test_gains_say_what_grows(capsys: pytest.CaptureFixture[str]) -> None:
-    upright = printed(capsys, "response", "cart-upright", "--gains")
+    upright = printed(capsys, "response", "cart-upright", "--input", "cart_force", "--gains")
     assert "grows 4.81261 1/s" in upright
     assert "decays" not in upright
     assert [line.split()[2] for line in printed(capsys, "response", "chain-spatial", "--gains").splitlines()[2:5]] == [

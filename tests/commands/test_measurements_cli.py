@@ -122,7 +122,8 @@ def test_a_growing_mode_has_a_standard_deviation_of_its_rate_but_of_no_frequency
 
 
 def test_responses_and_shapers_have_a_band(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = ("response", "crane.toml", "--covariance", "fit.json", "--at", "0.3,1", "-o", "b.png", "--format", "json")
+    words = ("response", "crane.toml", "--input", "cart_force", "--covariance", "fit.json", "--at", "0.3,1")
+    words += ("-o", "b.png", "--format", "json")
     assert all(std > 0 for stds in json.loads(said(capsys, *words))["magnitude_std"].values() for std in stds)
     assert (folder / "b.png").read_bytes().startswith(b"\x89PNG")
     assert "residual vibration" in said(capsys, "shaper", "crane.toml", "--covariance", "fit.json")

@@ -143,7 +143,7 @@ def test_a_step_too_long_is_refused(changes: dict[str, object], words: str) -> N
         shaper([DampedSwing(3.0)], **changes)
 
 
-@pytest.mark.parametrize("changes", [{"step": -1.0}, {"step": np.nan}, {"tolerance": 0.0}, {"kind": "zvdd"}])
+@pytest.mark.parametrize("changes", [{"step": -1.0}, {"step": np.nan}, {"tolerance": 0.0}, {"kind": "zvdddd"}])
 def test_what_no_shaper_has_is_refused(changes: dict[str, object]) -> None:
     with pytest.raises(ValueError, match="must be"):
         shaper([DampedSwing(3.0)], **changes)

@@ -84,7 +84,7 @@ def test_a_long_chain_has_no_polynomials() -> None:
 
 def test_the_exported_file(tmp_path, capsys: pytest.CaptureFixture[str]) -> None:  # type: ignore[no-untyped-def]
     path = tmp_path / "g.json"
-    assert main(["export", "crane-hook", "--to", "tf", "-o", str(path)]) == 0
+    assert main(["export", "crane-hook", "--input", "cart_force", "--to", "tf", "-o", str(path)]) == 0
     whole = json.loads(path.read_text())
     functions = transfer_functions(form_of(load("crane-hook")))
     assert len(whole["transfer_functions"]) == 3
