@@ -34,7 +34,7 @@ NO_INERTIA = (
 )
 
 
-class _Step(NamedTuple):
+class _Level(NamedTuple):
     """One link: its directions `turn` (2, 2), w and u by rows, P, q, upper + μ_ww, μ_wu and its loads T + e_w (L,)."""
 
     turn: Floats
@@ -96,9 +96,9 @@ def _forces_on_joints(
 
 def _eliminate(
     geometry: Geometry, chain: range, torques: Floats, on_joints: Floats
-) -> tuple[list[_Step], Floats, Floats]:
+) -> tuple[list[_Level], Floats, Floats]:
     """The links from the top, and the mass (2, 2) and forces (2, L) that their pivot feels."""
-    steps, mu, e = list[_Step](), np.zeros((2, 2)), np.zeros((2, torques.shape[1]))
+    steps, mu, e = list[_Level](), np.zeros((2, 2)), np.zeros((2, torques.shape[1]))
     for i, link in zip(reversed(range(len(chain))), reversed(chain), strict=True):
         numbers = (geometry.mass, geometry.length, geometry.centre, geometry.inertia)
         mass, length, centre, inertia = (float(part[link]) for part in numbers)
@@ -111,7 +111,7 @@ def _eliminate(
         P, beta, load = part.r + across, part.upper + across, torques[link] + e_across
         if not P > 0:
             raise ComputationError(NO_INERTIA)
-        steps.append(_Step(turn, P, part.q, beta, skew, load))
+        steps.append(_Level(turn, P, part.q, beta, skew, load))
         cross = -skew * (part.q / P)
         local = np.array([[part.mJ / P + part.p * (across / P), cross], [cross, mass + along - skew * (skew / P)]])
         mu = turn.T @ local @ turn
@@ -119,7 +119,7 @@ def _eliminate(
     return steps[::-1], mu, e
 
 
-def _descend(steps: list[_Step], pivot: Floats) -> Floats:
+def _descend(steps: list[_Level], pivot: Floats) -> Floats:
     """The l θ'' (n, L) of a chain whose pivot has the acceleration (2, L)."""
     y, turns = pivot, []
     for turn, P, q, beta, skew, load in steps:
