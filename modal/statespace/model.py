@@ -58,7 +58,7 @@ from modal.statespace.signals import (
     validate_signals,
 )
 from modal.structure import CarrierNumbers
-from modal.types import Floats
+from modal.types import EPS, Floats
 
 LARGEST_STATE = 4000
 """Limit: states of a model, refused beyond."""
@@ -417,18 +417,29 @@ def _outputs(
 ) -> tuple[Floats, Floats, list[Signal]]:
     C, D = [], []
     for reading in readings:
-        rows = np.zeros((len(reading.signals), len(motion.A))), np.zeros((len(reading.signals), motion.B.shape[1]))
+        inward, through = (np.zeros((2, len(reading.signals), part.shape[1])) for part in (motion.A, motion.B))
         parts = (reading.position, reading.rate, reading.acceleration)
         grounds = motion.support or (None,) * 3
         for part, maps, ground_column, ground in zip(parts, motion.maps, reading.carried, grounds, strict=True):
             if part is not None and maps is None:
                 raise SceneError([_impulse_problem(reading, motion)])
             if part is not None and maps is not None:
-                rows = rows[0] + part @ maps[0], rows[1] + part @ maps[1]
+                inward, through = inward + _sums(part, maps[0]), through + _sums(part, maps[1])
             if ground_column is not None and ground is not None:
-                rows = rows[0] + ground_column[:, None] * ground[0], rows[1] + ground_column[:, None] * ground[1]
+                column = ground_column[:, None]
+                inward, through = inward + _sums(column, ground[0]), through + _sums(column, ground[1])
         if reading.pushed and push.signals:
-            rows[1][:, -len(push.signals) :] += push.thrust
-        C.append(rows[0])
-        D.append(rows[1])
+            through[:, :, -len(push.signals) :] += push.thrust, np.abs(push.thrust)
+        C.append(_without_rounding(*inward, geometry.size))
+        D.append(_without_rounding(*through, geometry.size))
     return np.vstack(C) + 0.0, np.vstack(D) + 0.0, [signal for reading in readings for signal in reading.signals]
+
+
+def _sums(part: Floats, values: Floats) -> Floats:
+    """The product of both, and the sum of the magnitudes of its terms."""
+    return np.array([part @ values, np.abs(part) @ np.abs(values)])
+
+
+def _without_rounding(total: Floats, magnitude: Floats, n: int) -> Floats:
+    """Sums of n products or more; 0.0 where their rounding is all that is left of terms of this magnitude."""
+    return np.where(np.abs(total) <= n * EPS * magnitude, 0.0, total)

@@ -105,6 +105,14 @@ def test_a_held_cart_and_a_moved_support_pull_the_first_bob_alone() -> None:
         assert row["theta_dot_1_2"] == 0.0
 
 
+def test_the_second_bob_s_acceleration_is_that_of_its_wire() -> None:
+    """By Newton's law for the lower bob: −g θ2 and no more; the pivot feels the upper wire alone."""
+    model = state_space(load("crane-hook"), ("cart_force", "link_forces"), ("tip_accelerations", "pivot_forces"))
+    assert np.array_equal(model.C != 0, [[0, 0, 1, 0, 0, 0], [0, 1, 0, 0, 0, 0]])
+    assert model.C[0, 2] == pytest.approx(-9.81, rel=1e-14)
+    assert np.array_equal(model.D != 0, [[0, 0, 1], [0, 0, 0]])
+
+
 @pytest.mark.parametrize("mass", [1e-9, 1e-12, 1e9])
 def test_poles_on_a_light_cart_keep_their_digits(mass: float) -> None:
     scene = Scene(
