@@ -430,8 +430,8 @@ def _outputs(
                 inward, through = inward + _sums(column, ground[0]), through + _sums(column, ground[1])
         if reading.pushed and push.signals:
             through[:, :, -len(push.signals) :] += push.thrust, np.abs(push.thrust)
-        C.append(_without_rounding(*inward, geometry.size))
-        D.append(_without_rounding(*through, geometry.size))
+        C.append(_without_rounding(inward, geometry.size))
+        D.append(_without_rounding(through, geometry.size))
     return np.vstack(C) + 0.0, np.vstack(D) + 0.0, [signal for reading in readings for signal in reading.signals]
 
 
@@ -440,6 +440,7 @@ def _sums(part: Floats, values: Floats) -> Floats:
     return np.array([part @ values, np.abs(part) @ np.abs(values)])
 
 
-def _without_rounding(total: Floats, magnitude: Floats, n: int) -> Floats:
-    """Sums of n products or more; 0.0 where their rounding is all that is left of terms of this magnitude."""
+def _without_rounding(sums: Floats, n: int) -> Floats:
+    """`_sums` of n products or more; 0.0 where their rounding is all that is left of terms of this magnitude."""
+    total, magnitude = sums
     return np.where(np.abs(total) <= n * EPS * magnitude, 0.0, total)
