@@ -8,7 +8,7 @@ from random import Random
 import numpy as np
 import pytest
 
-from modal import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene, load, natural_modes
+from modal import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene, load, matrices, natural_modes
 from modal.statespace import state_space
 
 G = Fraction(9.81)
@@ -121,3 +121,16 @@ def test_poles_on_a_light_cart_keep_their_digits(mass: float) -> None:
     rates = natural_modes(scene).omega
     poles = np.sort(np.linalg.eigvals(state_space(scene).A).imag)[-2:]
     assert np.max(np.abs(poles / rates[1:] - 1)) <= 1e-14
+
+
+@pytest.mark.parametrize("on_cart", [True, False])
+def test_leaning_chains_are_solved_as_their_matrix(on_cart: bool) -> None:
+    """By LAPACK, where a constant force turns the links and vertical inertia counts, too."""
+    pull = {"kind": "constant", "on": "pendulum[0].links[1]", "amplitude": 4.0}
+    links = [Bob(mass=1.0, length=0.7), Rod(mass=0.8, length=1.1), Bob(mass=0.3, length=0.5)]
+    support = Cart(mass=2.0, stiffness=30.0) if on_cart else Fixed()
+    scene = Scene(gravity=9.81, support=support, pendulum=[Pendulum(links=links)], force=[pull])
+    model, system = state_space(scene), matrices(scene)
+    n = len(model.A) // 2
+    assert any(0.1 < abs(angle) < 1.5 for name, angle in model.operating_point if name.startswith("theta"))
+    assert np.max(np.abs(model.A[n:, :n] + np.linalg.solve(system.M, system.K))) <= 1e-12
