@@ -15,8 +15,8 @@ from modal.statespace import Signal, StateSpace
 from modal.types import Floats
 
 UNTITLED = "Pendula"
-IDENTIFIER_LETTERS = 32
-"""Format: characters of an identifier."""
+IDENTIFIER_LETTERS = 63
+"""Format: characters of an identifier, as many as C99 and MATLAB tell apart."""
 
 
 def heading(model: StateSpace) -> str:
@@ -67,7 +67,7 @@ def text_file(lines: Iterable[str]) -> bytes:
 
 
 def identifier(text: str, fallback: str = "pendula") -> str:
-    """ASCII letters, digits and underscores, no digit first, not too many; `fallback` for no text.
+    """ASCII letters, digits and underscores, no digit first, too many cut after a word; `fallback` for no text.
 
     A non-ASCII text of which no letter remains becomes `fallback` and a checksum, so that names stay distinct; so
     does one of symbols alone.
@@ -76,10 +76,17 @@ def identifier(text: str, fallback: str = "pendula") -> str:
     ('Gro_e_2_ein_Kran', 'n_2', 'pendula_87cf40f7', 'pendula')
     """
     ascii_text = "".join(c for c in unicodedata.normalize("NFKD", text) if not unicodedata.combining(c))
-    word = re.sub(r"[^A-Za-z0-9]+", "_", ascii_text)[:IDENTIFIER_LETTERS].strip("_")
+    word = _whole_words(re.sub(r"[^A-Za-z0-9]+", "_", ascii_text).strip("_"))
     if not re.search("[A-Za-z0-9]" if text.isascii() else "[A-Za-z]", word):
         return f"{fallback}_{crc32(text.encode()):08x}" if text else fallback
-    return f"n_{word}"[:IDENTIFIER_LETTERS] if word[0].isdigit() else word
+    return _whole_words(f"n_{word}") if word[0].isdigit() else word
+
+
+def _whole_words(text: str) -> str:
+    """As many whole words as an identifier takes, of one longer word its beginning."""
+    if len(text) <= IDENTIFIER_LETTERS:
+        return text
+    return text[: IDENTIFIER_LETTERS + 1].rpartition("_")[0] or text[:IDENTIFIER_LETTERS]
 
 
 def identifiers(names: Iterable[str], keywords: Iterable[str] = ()) -> tuple[str, ...]:

@@ -67,13 +67,13 @@ WORDS = ("coordinate of the modal support", "generalized force on a coordinate o
 class Geometry:
     """Rows over q of every link's centre, lower joint and angle relative to the link above, each (links, q).
 
-    `labels` (links,) are "p_i", both from 1, every copy numbered; `mass` (links,), linear `drag` (links,), `pendulum`
-    (links,) from 0; `rest` (links,) the equilibrium's angles θ and `place` (m) the cart's; `length` and `centre`
-    (links,) those of the links, and `across` and `sinking` (links,) their cos θ and −sin θ; `down` and `turning`
-    (links, d) the displacement downwards of every link's pivot and the angle of its carrier by every coordinate η.
-    `springs` are those between points.  The coordinates of a scene that `is_structured` have signals of their own
-    names.  Where lengths change, `rate` and `bend` (links, q) are the first two derivatives in time of the rows of
-    centres and lower joints.
+    `labels` (links,) are "p_i", both from 1, every copy numbered; `mass`, moment of `inertia` and linear `drag`
+    (links,), `pendulum` (links,) from 0; `rest` (links,) the equilibrium's angles θ and `place` (m) the cart's;
+    `length` and `centre` (links,) those of the links, and `across` and `sinking` (links,) their cos θ and −sin θ;
+    `down` and `turning` (links, d) the displacement downwards of every link's pivot and the angle of its carrier by
+    every coordinate η.  `springs` are those between points.  The coordinates of a scene that `is_structured` have
+    signals of their own names.  Where lengths change, `rate` and `bend` (links, q) are the first two derivatives in
+    time of the rows of centres and lower joints.
     """
 
     structure: Structure
@@ -88,6 +88,7 @@ class Geometry:
     down: Floats
     turning: Floats
     mass: Floats
+    inertia: Floats
     drag: Floats
     length: Floats
     centre: Floats
@@ -210,6 +211,7 @@ def geometry_of_rig(rig: Rig) -> Geometry:
         down=vertical_parts,
         turning=turning,
         mass=numbers("mass"),
+        inertia=numbers("inertia"),
         drag=numbers("drag"),
         length=numbers("length"),
         centre=numbers("centre"),

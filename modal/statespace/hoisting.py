@@ -32,7 +32,8 @@ from modal.report import Form, ReportColumn, ReportTable, Result, short
 from modal.scene import Fixed, Pendulum, Scene
 from modal.scene.length_laws import LengthLaw, integrated_law, limited_law, profile_law, superposed
 from modal.scene.records import read_record
-from modal.statespace.model import refuse_no_inertia, without_carrier
+from modal.statespace.inertia import refuse_no_inertia
+from modal.statespace.model import without_carrier
 from modal.statespace.reduction import heavier, joined_pendula
 from modal.statespace.sampling import hoisting_times
 from modal.statespace.shapers import UNSHAPED, Drive, Kind, Shaper, Train, drives_of, shaper_for

@@ -28,18 +28,18 @@ In space the model is that of the motion along the rail.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from modal.assembly import HoistInstant, Matrices, matrices
-from modal.eigen import is_singular
 from modal.errors import ComputationError, SceneError
 from modal.report import Displayed, Drawable, Summary, counted, deferred
 from modal.scene import Fixed, Scene, require, validate_scene
 from modal.scene.doors import checked
 from modal.scene.points import CarrierPoint, parse_point
 from modal.statespace.geometry import Geometry, geometry_of
+from modal.statespace.inertia import accelerations
 from modal.statespace.signals import (
     DRIVES,
     EXAMPLES,
@@ -58,10 +58,7 @@ from modal.statespace.signals import (
     validate_signals,
 )
 from modal.structure import CarrierNumbers
-from modal.types import Floats
-
-if TYPE_CHECKING:
-    pass
+from modal.types import EPS, Floats
 
 LARGEST_STATE = 4000
 """Limit: states of a model, refused beyond."""
@@ -295,7 +292,7 @@ def _motion(linear: Matrices, geometry: Geometry, F: Floats, drive: str | None) 
     K, D, F = (
         _partition(linear, geometry, F, is_prescribed=is_prescribed)
         if drive
-        else _split(linear.M, linear.K, linear.D, F)
+        else _split(geometry, linear.K, linear.D, F)
     )
     n, eye = len(K), np.eye(2 * len(K))
     rates, slopes = np.zeros_like(F), F.copy()
@@ -330,22 +327,30 @@ def _partition(
 
     J = M⁻¹ p is exact where everything can move along with the ground, as on a cart.
     """
-    M, K, D, translation = linear.M, linear.K, linear.D, None
+    none = np.zeros((1, geometry.size + (not is_prescribed)))
+    K, D = linear.K, linear.D
+    pushed_by_support = np.zeros((len(F), 1))
     if is_prescribed:
-        M, K, D, p, F = M[1:, 1:], K[1:], D[1:], M[1:, :1], F[1:]
+        given = np.zeros((1, 2 * geometry.size + 1 + F.shape[1]))
+        given[0, 2 * geometry.size] = 1.0
+        K, D, F = (part[1:] for part in _split(geometry, K, D, np.hstack([pushed_by_support, F]), given))
     else:
-        translation, p = _translation(geometry), geometry.momentum[:, None]
-        K, D = np.hstack([0 * p, K]), np.hstack([geometry.windage[:, None], D])
-    K, D, F = _split(M, K, D, np.hstack([-p if translation is None else 0 * p, F]))
-    if translation is not None:
-        F[:, 0] = -translation
-    none = np.zeros((1, K.shape[1]))
+        translation = _translation(geometry)
+        if translation is None:
+            pushed_by_support = -geometry.momentum[:, None]
+        K, D = np.hstack([0 * pushed_by_support, K]), np.hstack([geometry.windage[:, None], D])
+        K, D, F = _split(geometry, K, D, np.hstack([pushed_by_support, F]))
+        if translation is not None:
+            F[:, 0] = -translation
     return np.vstack([none, K]), np.vstack([none, D]), np.vstack([np.eye(1, F.shape[1]), F])
 
 
-def _split(M: Floats, K: Floats, D: Floats, F: Floats) -> tuple[Floats, Floats, Floats]:
-    """M⁻¹ K, M⁻¹ D and M⁻¹ F."""
-    K, D, F = np.split(_solve_inertia(M, np.hstack([K, D, F])), np.cumsum([K.shape[1], D.shape[1]]), axis=1)
+def _split(
+    geometry: Geometry, K: Floats, D: Floats, F: Floats, given: Floats | None = None
+) -> tuple[Floats, Floats, Floats]:
+    """M⁻¹ K, M⁻¹ D and M⁻¹ F; what is `given` is the acceleration of a cart that moves as prescribed."""
+    solution = accelerations(geometry, np.hstack([K, D, F]), given)
+    K, D, F = np.split(solution, np.cumsum([K.shape[1], D.shape[1]]), axis=1)
     return K, D, F
 
 
@@ -387,22 +392,6 @@ def _states(geometry: Geometry, drive: str | None, order: int) -> list[Signal]:
     return [*(Signal(s.name + "_free", s.unit, s.meaning + smooth) for s in places), *free]
 
 
-def _solve_inertia(M: Floats, right: Floats) -> Floats:
-    """M⁻¹ right, with M scaled to a diagonal near 1; ComputationError where it is singular."""
-    refuse_no_inertia(M)
-    scale = np.exp2(np.round(np.log2(np.diag(M)) / -2))[:, None]
-    return np.asarray(scale * np.linalg.solve(scale * M * scale.T, scale * right), dtype=np.float64)
-
-
-def refuse_no_inertia(M: Floats) -> None:
-    """ComputationError for a mass matrix that is singular, on which a force has no finite acceleration."""
-    if is_singular(M):
-        raise ComputationError(
-            "the mass matrix is singular to double precision (as with a massless cart over bobs): a force gives no "
-            "finite acceleration; give the cart or the links some inertia, or prescribe the cart's motion"
-        )
-
-
 def _positions(geometry: Geometry) -> list[Signal]:
     return [signal for name in ("coordinates", "angles") for signal in READINGS[name](geometry).signals]
 
@@ -428,18 +417,30 @@ def _outputs(
 ) -> tuple[Floats, Floats, list[Signal]]:
     C, D = [], []
     for reading in readings:
-        rows = np.zeros((len(reading.signals), len(motion.A))), np.zeros((len(reading.signals), motion.B.shape[1]))
+        inward, through = (np.zeros((2, len(reading.signals), part.shape[1])) for part in (motion.A, motion.B))
         parts = (reading.position, reading.rate, reading.acceleration)
         grounds = motion.support or (None,) * 3
         for part, maps, ground_column, ground in zip(parts, motion.maps, reading.carried, grounds, strict=True):
             if part is not None and maps is None:
                 raise SceneError([_impulse_problem(reading, motion)])
             if part is not None and maps is not None:
-                rows = rows[0] + part @ maps[0], rows[1] + part @ maps[1]
+                inward, through = inward + _sums(part, maps[0]), through + _sums(part, maps[1])
             if ground_column is not None and ground is not None:
-                rows = rows[0] + ground_column[:, None] * ground[0], rows[1] + ground_column[:, None] * ground[1]
+                column = ground_column[:, None]
+                inward, through = inward + _sums(column, ground[0]), through + _sums(column, ground[1])
         if reading.pushed and push.signals:
-            rows[1][:, -len(push.signals) :] += push.thrust
-        C.append(rows[0])
-        D.append(rows[1])
-    return np.vstack(C), np.vstack(D), [signal for reading in readings for signal in reading.signals]
+            through[:, :, -len(push.signals) :] += push.thrust, np.abs(push.thrust)
+        C.append(_without_rounding(inward, geometry.size))
+        D.append(_without_rounding(through, geometry.size))
+    return np.vstack(C) + 0.0, np.vstack(D) + 0.0, [signal for reading in readings for signal in reading.signals]
+
+
+def _sums(part: Floats, values: Floats) -> Floats:
+    """The product of both, and the sum of the magnitudes of its terms."""
+    return np.array([part @ values, np.abs(part) @ np.abs(values)])
+
+
+def _without_rounding(sums: Floats, n: int) -> Floats:
+    """`_sums` of n products or more; 0.0 where their rounding is all that is left of terms of this magnitude."""
+    total, magnitude = sums
+    return np.where(np.abs(total) <= n * EPS * magnitude, 0.0, total)

@@ -483,6 +483,14 @@ def test_identifiers_are_valid_and_unique() -> None:
     assert all(word.isidentifier() and word.isascii() for word in names)
 
 
+def test_a_long_title_ends_with_a_word() -> None:
+    title = "Crane trolley with a hook and a load"
+    assert identifier(title) == title.replace(" ", "_")
+    words = identifier(" ".join(["swing"] * 20)).split("_")
+    assert set(words) == {"swing"}
+    assert len("_".join(words)) <= IDENTIFIER_LETTERS
+
+
 def test_modelica_keywords_and_our_own_names_are_avoided() -> None:
     model = replace(empty(1, 2, 2), inputs=(Signal("u", "N", ""), Signal("when", "N", "")), title="model")
     text = FORMATS["modelica"].write(model).decode()

@@ -13,7 +13,7 @@ from modal.statespace import StateSpace, state_space
 from modal.statespace.sampling import sample
 
 SCENES = ("crane-hook", "crane-two-loads", "paper-cart-2", "metronomes", "cart-upright", "chain-3")
-EVERYTHING = ("cart_position", "angles", "rates", "tip_positions", "pivot_forces")
+EVERYTHING = ("cart_position", "angles", "rates", "tip_positions", "tip_accelerations", "pivot_forces")
 DT = 0.01
 
 
