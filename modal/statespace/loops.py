@@ -1,0 +1,153 @@
+"""Loops of feedback as rows over q: what each measures, and the generalized force of its input.
+
+An input u = −Σ gain (output − reference) with the generalized force F, and outputs Y0 q + Y1 q', closes to
+
+    M q'' + (D + F Σ gain Y1) q' + (K + F Σ gain Y0) q = 0,
+
+whose matrices are not symmetric.  What is measured is linear in the state at every angle: coordinates, angles, angles
+to the link above, and their rates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from modal.assembly import Matrices
+from modal.errors import SceneError, spelling_hint
+from modal.scene import Scene
+from modal.scene.feedback import Feedback
+from modal.statespace.geometry import Geometry, geometry_of
+from modal.statespace.signals import (
+    EXAMPLES,
+    INPUTS,
+    PUSHES,
+    READINGS,
+    InputGroup,
+    Signal,
+    by_name,
+    inputs_of,
+    is_point,
+    push_of,
+    validate_points,
+    validate_signals,
+)
+from modal.types import Floats
+
+MEASURED = ("coordinates", "coordinate_rates", "angles", "rates", "relative_angles", "relative_rates")
+STATES = MEASURED[:4]
+
+
+class Loop(NamedTuple):
+    """One input of an entry of `feedback`: its signal, its generalized force F (q,), and the rows (R, 2 q) measured.
+
+    `rests` (R,) are what these show at equilibrium, `gains` (R,) those of each.
+    """
+
+    entry: Feedback
+    signal: Signal
+    push: Floats
+    rows: Floats
+    rests: Floats
+    gains: Floats
+
+
+def loops_of(scene: Scene) -> list[Loop]:
+    """All loops of a scene, input by input; SceneError names every signal that it does not have."""
+    geometry, loops, problems = geometry_of(scene), list[Loop](), list[str]()
+    for k, entry in enumerate(scene.feedback):
+        try:
+            loops += _loops_of_entry(scene, geometry, entry)
+        except SceneError as error:
+            problems += [f"feedback[{k}].{problem}" for problem in error.problems]
+    if problems:
+        raise SceneError(problems)
+    return loops
+
+
+def _loops_of_entry(scene: Scene, geometry: Geometry, entry: Feedback) -> list[Loop]:
+    inputs, problems = InputGroup([], np.zeros((geometry.size, 0)), np.zeros((0, 0))), list[str]()
+    try:
+        inputs = inputs_named(scene, geometry, entry.inputs)
+    except SceneError as error:
+        problems += error.problems
+    named = _rows(geometry, MEASURED if entry.gains is None else STATES)
+    names = entry.gains.states if entry.gains else (str(entry.output),)
+    where = "gains" if entry.gains else "output"
+    for name in names:
+        if name not in named:
+            problems.append(f"{where} {name}: must be one of {', '.join(named)}{spelling_hint(name, named)}")
+    gains = np.array(entry.gains.rows if entry.gains else [[entry.gain]], dtype=float)
+    count = len(inputs.signals)
+    if count and len(gains) != count:
+        words = f"gains: has {len(gains)} rows for {count} inputs" if entry.gains else f"input: has {count} signals"
+        problems.append(words if entry.gains else f"{words}: one output acts on one")
+    if problems:
+        raise SceneError(problems)
+    rows = np.array([named[name] for name in names])
+    rest = np.concatenate((np.full(geometry.leading, geometry.place), geometry.rest, np.zeros(geometry.size)))
+    return [Loop(entry, signal, inputs.F[:, j], rows, rows @ rest, gains[j]) for j, signal in enumerate(inputs.signals)]
+
+
+def inputs_named(scene: Scene, geometry: Geometry, names: tuple[str, ...]) -> InputGroup:
+    """The inputs by these names of groups, single signals and points, side by side."""
+    single = by_name(PUSHES, geometry)
+    known_names = tuple(name for name in inputs_of(geometry) if name in {*PUSHES, *single})
+    rest = tuple(name for name in names if name not in single)
+    prescribed = [name for name in rest if name in INPUTS and name not in PUSHES]
+    if prescribed:
+        raise SceneError([f"input {name}: is prescribed: feedback acts by a force or a torque" for name in prescribed])
+    validate_signals(rest, known_names, "input", geometry, is_further=is_point, examples=EXAMPLES)
+    validate_points(scene, rest)
+    groups = []
+    for name in names:
+        if name in single and name not in PUSHES:
+            group, k = single[name]
+            groups.append(InputGroup([group.signals[k]], group.F[:, [k]], group.thrust[:, [k]]))
+        else:
+            groups.append(push_of(scene, geometry, name))
+    signals = [signal for group in groups for signal in group.signals]
+    return InputGroup(signals, *(np.hstack([group[k] for group in groups]) for k in (1, 2)))
+
+
+def _rows(geometry: Geometry, groups: tuple[str, ...]) -> dict[str, Floats]:
+    """The row (2 q,) of each signal of these groups by its name."""
+    none, rows = np.zeros(geometry.size), dict[str, Floats]()
+    for group in (READINGS[name](geometry) for name in groups):
+        for k, signal in enumerate(group.signals):
+            parts = (none if part is None else part[k] for part in (group.position, group.rate))
+            rows[signal.name] = np.concatenate([*parts])
+    return rows
+
+
+def problems_of(scene: Scene) -> Iterator[str]:
+    """What is wrong with the loops of a scene that is valid without them."""
+    if scene.space == "space":
+        yield '.feedback: needs space = "plane"'
+        return
+    try:
+        loops_of(scene)
+    except SceneError as error:
+        yield from (f".{problem}" for problem in error.problems)
+
+
+def close(scene: Scene, linear: Matrices) -> Matrices:
+    """M, D and K with the loops of a scene closed.
+
+    >>> from modal import Bob, Cart, Pendulum, Scene
+    >>> hook = Pendulum(links=[Bob(mass=1.0, length=2.0)])
+    >>> loop = {"input": "cart_force", "output": "theta_1_1", "gain": 3.0}
+    >>> scene = Scene(gravity=9.0, support=Cart(mass=4.0), pendulum=[hook], feedback=[loop])
+    >>> from modal import matrices
+    >>> matrices(scene).K.tolist()
+    [[0.0, 3.0], [0.0, 18.0]]
+    """
+    K, D, n = linear.K.copy(), linear.D.copy(), len(linear.K)
+    for loop in loops_of(scene):
+        law = loop.gains @ loop.rows
+        K += np.outer(loop.push, law[:n])
+        D += np.outer(loop.push, law[n:])
+    return replace(linear, K=K, D=D)
