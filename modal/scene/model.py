@@ -407,7 +407,7 @@ class Scene(Displayed, Part):
         none = {"drive": None, "damping": 0.0, "friction": 0.0, "drag": 0.0, "quadratic_drag": 0.0, "point_force": None}
         loose = self.lossless._with_laws(lambda law: law.is_conservative)._with(**none)
         springs = tuple(spring.replace(damping=0.0) for spring in loose.spring)
-        return loose.replace(damping_ratio=0.0, spring=springs)._with_supports(_without_damping)
+        return loose.replace(damping_ratio=0.0, spring=springs, feedback=())._with_supports(_without_damping)
 
     @property
     def in_plane(self) -> Scene:
