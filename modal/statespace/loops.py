@@ -44,9 +44,10 @@ STATES = MEASURED[:4]
 class Loop(NamedTuple):
     """One input of an entry of `feedback`: its signal, its generalized force F (q,), and the rows (R, 2 q) measured.
 
-    `rests` (R,) are what these show at equilibrium, `gains` (R,) those of each.
+    `number` is that of the entry; `rests` (R,) are what these show at equilibrium, `gains` (R,) those of each.
     """
 
+    number: int
     entry: Feedback
     signal: Signal
     push: Floats
@@ -60,7 +61,7 @@ def loops_of(scene: Scene) -> list[Loop]:
     geometry, loops, problems = geometry_of(scene), list[Loop](), list[str]()
     for k, entry in enumerate(scene.feedback):
         try:
-            loops += _loops_of_entry(scene, geometry, entry)
+            loops += _loops_of_entry(scene, geometry, k, entry)
         except SceneError as error:
             problems += [f"feedback[{k}].{problem}" for problem in error.problems]
     if problems:
@@ -68,7 +69,7 @@ def loops_of(scene: Scene) -> list[Loop]:
     return loops
 
 
-def _loops_of_entry(scene: Scene, geometry: Geometry, entry: Feedback) -> list[Loop]:
+def _loops_of_entry(scene: Scene, geometry: Geometry, number: int, entry: Feedback) -> list[Loop]:
     inputs, problems = InputGroup([], np.zeros((geometry.size, 0)), np.zeros((0, 0))), list[str]()
     try:
         inputs = inputs_named(scene, geometry, entry.inputs)
@@ -89,7 +90,8 @@ def _loops_of_entry(scene: Scene, geometry: Geometry, entry: Feedback) -> list[L
         raise SceneError(problems)
     rows = np.array([named[name] for name in names])
     rest = np.concatenate((np.full(geometry.leading, geometry.place), geometry.rest, np.zeros(geometry.size)))
-    return [Loop(entry, signal, inputs.F[:, j], rows, rows @ rest, gains[j]) for j, signal in enumerate(inputs.signals)]
+    parts = zip(inputs.signals, inputs.F.T, gains, strict=True)
+    return [Loop(number, entry, signal, push, rows, rows @ rest, row) for signal, push, row in parts]
 
 
 def inputs_named(scene: Scene, geometry: Geometry, names: tuple[str, ...]) -> InputGroup:

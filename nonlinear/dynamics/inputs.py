@@ -56,7 +56,7 @@ class Lengths(NamedTuple):
 class Instant(NamedTuple):
     """Accelerations (m/s²) and velocities (m/s) of a moved support along the rail and down, lengths, loads.
 
-    `forces` are the sizes (N or N m) of those of the scene.  The friction of contacts that slide is applied; `gripping`
+    `forces` are the sizes (N or N m) of those of the scene, `held` the inputs of loops that are sampled.  The friction of contacts that slide is applied; `gripping`
     tells which stick.
     """
 
@@ -66,6 +66,7 @@ class Instant(NamedTuple):
     push: AppliedForces = NOTHING
     gripping: Gripping | None = None
     forces: tuple[Any, ...] = ()
+    held: tuple[Any, ...] = ()
 
 
 QUIET = Instant()

@@ -25,7 +25,7 @@ from modal.assembly import (
     rig_of,
 )
 from modal.extend import JointLaw
-from modal.report import Displayed, Summary, counted
+from modal.report import Displayed, Summary, counted, deferred
 from modal.scene import Escapement, Pendulum, Scene, validate_scene
 from modal.structure import Structure, is_damped
 from modal.types import IMAGINARY_STEP, Floats, Ints
@@ -33,6 +33,7 @@ from nonlinear.system.prescribed import ActingForce, MovingSupport, acting_force
 from nonlinear.system.springs import slack_of
 
 if TYPE_CHECKING:
+    from nonlinear.system.loops import ActingLoop
     from modal.vibration import Course, PrescribedMotion
 
 
@@ -256,7 +257,7 @@ class System(Displayed):
     that moves as prescribed, in whose frame the scene is then described; `rail` the dry friction on the rail; `forces`
     act on points of links and on the cart.  The `suspension` is what carries the pendula: of no coordinates on a fixed
     support, of one on a cart, and where the scene `is_structured` any `structure`, of whose springs `slack` tells which
-    have no length as drawn.
+    have no length as drawn.  `loops` of feedback act like forces, by what they measure.
 
     >>> from modal import load
     >>> from nonlinear import system_of
@@ -277,6 +278,7 @@ class System(Displayed):
     forces: tuple[ActingForce, ...] = ()
     is_structured: bool = False
     slack: tuple[bool, ...] = ()
+    loops: tuple[ActingLoop, ...] = ()
 
     def _summary(self) -> Summary:
         where = "on a cart" if self.cart else "on a support that moves" if self.support else "on a fixed support"
@@ -394,7 +396,7 @@ class System(Displayed):
     def coasts(self) -> bool:
         """Whether nothing outside pushes along the rail: a cart without spring, damper, friction, drag or force."""
         cart = self.cart
-        has_push = self.rail is not None or self.has_drag or bool(self.forces)
+        has_push = self.rail is not None or self.has_drag or bool(self.acting)
         return cart is not None and not (np.any(cart.damping) or np.any(cart.stiffness) or has_push)
 
     @property
@@ -415,7 +417,13 @@ class System(Displayed):
     @property
     def works(self) -> bool:
         """Whether energy enters or leaves the system."""
-        return self.dissipates or self.excites or self.hoisting is not None or bool(self.prescribed_motions)
+        moves = self.hoisting is not None or bool(self.prescribed_motions)
+        return self.dissipates or self.excites or moves or bool(self.loops)
+
+    @property
+    def acting(self) -> tuple[ActingForce, ...]:
+        """All that acts on points and coordinates: forces, then loops of feedback."""
+        return (*self.forces, *self.loops)
 
     @cached_property
     def prescribed_motions(self) -> tuple[PrescribedMotion, ...]:
@@ -506,7 +514,8 @@ def system_of(scene: Scene, hoists: Hoists | None = None) -> System:
     system = System(
         rig.gravity, rig.support, tuple(groups), rig.spatial, labels, *sources, is_structured=scene.is_structured
     )
-    return replace(system, slack=tuple(map(bool, slack_of(system))))
+    loops = deferred("nonlinear.system.loops:acting_loops")(scene) if scene.feedback else ()
+    return replace(system, slack=tuple(map(bool, slack_of(system))), loops=loops)
 
 
 def _support(scene: Scene) -> MovingSupport | None:
