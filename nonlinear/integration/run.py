@@ -149,10 +149,21 @@ def prepare(
     y = cast("HoistedMaximal", equations).begin_at(start, float(times[0])) if has_hoists else equations.begin(start)
     if isinstance(equations, Switched):
         equations.release(float(times[0]), y, before)
+    pace = _sampled(equations, y, times, pace)
     slope = _slope(equations, float(times[0]), y)
     return Prepared(
         scene, choice, equations, _stepper(scene, equations, choice, y, slope, times, size, pace), times, before
     )
+
+
+def _sampled(equations: Equations, y: Floats, times: Floats, pace: Pace) -> Pace:
+    """A pace that stops at the samples of feedback, the first of which is taken."""
+    if not any(loop.sample_time for loop in equations.system.loops):
+        return pace
+    samples = getattr(equations, "free", equations).inputs.samples
+    breaks = samples.begin(*times[[0, -1]].tolist())
+    samples.take(float(times[0]), y)
+    return replace(pace, breaks=tuple(sorted({*pace.breaks, *breaks[1:]})), landing=samples.take)
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,6 +197,7 @@ class Request:
             self.load
             or system.has_escapements
             or system.prescribed_motions
+            or system.loops
             or system.rubs
             or system.has_drag
             or self.watching
