@@ -176,6 +176,8 @@ CONSTANT_MODEL = Capability(
 )
 MOVED_MODEL = CONSTANT_MODEL._replace(
     name="a linear model of a moved support",
+    takes=CONSTANT_MODEL.takes - {"feedback"},
+    leaves={**ABOUT, **LOSSLESS},
 )
 RESPONDING: Sentences = {**ABOUT, **IN_LOOPS}
 GROWS = {**CONSTANT_MODEL.unless, "inverted": "grows by itself"}
@@ -317,13 +319,12 @@ CAPABILITIES: dict[str, Capability] = {
         MOVED_MODEL,
         MOVED_MODEL._replace(
             name="a shock",
-            takes=MOVED_MODEL.takes - {"feedback"},
             leaves=ABOUT,
             refuses={**MOVED_MODEL.refuses, **IN_TIME},
         ),
         MOVED_MODEL._replace(
             name="random vibration",
-            takes=MOVED_MODEL.takes - {"inverted", "feedback"} | {"loss"},
+            takes=MOVED_MODEL.takes - {"inverted"} | {"loss"},
             leaves=ABOUT,
             unless=GROWS,
         ),
