@@ -101,7 +101,7 @@ HELD: Sentences = {
 
 IN_LOOPS: Sentences = {
     "limited_feedback": "Limits of feedback are left out: small motions do not reach them.",
-    "sampled_feedback": "Samples and delays of feedback are left out: these are the poles of loops closed all the time.",
+    "sampled_feedback": "Samples and delays of feedback are left out: these are the poles of loops that never wait.",
     "reference": "References of feedback are left out: these are the poles about the rest.",
 }
 """What linear models leave out of loops that they close."""
@@ -299,7 +299,7 @@ def _complete(capability: Capability) -> Capability:
 def _of_loops(capability: Capability) -> Sentences:
     """What is said of kinds of loops where feedback itself is refused or left out."""
     why = "has no part in what is refused or left out as feedback"
-    return {} if "feedback" in capability.takes else {name: why for name in LOOPS - {"feedback"}}
+    return {} if "feedback" in capability.takes else dict.fromkeys(LOOPS - {"feedback"}, why)
 
 
 CAPABILITIES: dict[str, Capability] = {

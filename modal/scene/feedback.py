@@ -96,7 +96,8 @@ class Feedback(Part):
         if has_output == (self.gains is not None):
             yield ": needs either output and gain, or gains"
         elif has_output and (self.output is None or self.gain is None):
-            yield f".{'output' if self.output is None else 'gain'}: is required beside {'gain' if self.gain else 'output'}"
+            missing, given = ("output", "gain") if self.output is None else ("gain", "output")
+            yield f".{missing}: is required beside {given}"
         if self.gains is not None and self.reference:
             yield f".reference = {self.reference!r}: belongs to an output: gains hold all states at equilibrium"
         if self.delay and self.sample_time is None:

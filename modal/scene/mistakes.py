@@ -1,4 +1,4 @@
-"""What is wrong with a part of a scene, in words: its place as the file has it, what it must be, and how it is written."""
+"""What is wrong with a part of a scene, in words: its place as in the file, what it must be, how it is written."""
 
 from __future__ import annotations
 

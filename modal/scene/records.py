@@ -120,7 +120,10 @@ def read_spectrum(
 def read_gains(
     path: str | PathLike[str], *, has_quotes: bool = True, columns: Mapping[str, str] | None = None
 ) -> dict[str, Any]:
-    """The field `gains` of a `Feedback`: a column for each state, a row for each input; SceneError as of `read_record`."""
+    """The field `gains` of a `Feedback`, with a column for each state and a row for each input.
+
+    SceneError as of `read_record`.
+    """
     table = read_table(path, has_quotes=has_quotes).renamed(columns or {})
     numbers = np.array([table.numbers(column) for column in table.columns]).T
     if not numbers.size:

@@ -136,6 +136,19 @@ def problems_of(scene: Scene) -> Iterator[str]:
         yield from (f".{problem}" for problem in error.problems)
 
 
+def unit_of(scene: Scene, number: int, name: str) -> str:
+    """The unit of a number of an entry of feedback."""
+    if name in {"sample_time", "delay"}:
+        return "s"
+    loop = next(loop for loop in loops_of(scene) if loop.number == number)
+    pushed, geometry = loop.signal.unit, geometry_of(scene)
+    signals = [signal for group in MEASURED for signal in READINGS[group](geometry).signals]
+    measured = next((signal.unit for signal in signals if signal.name == loop.entry.output), "state")
+    if name == "reference":
+        return measured
+    return pushed if name == "limit" else f"{pushed} per {measured}"
+
+
 def close(scene: Scene, linear: Matrices) -> Matrices:
     """M, D and K with the loops of a scene closed.
 

@@ -121,7 +121,7 @@ def _read_weights(path: str | PathLike[str], names: Sequence[str]) -> Floats:
 
 
 def _refuse_indefinite(paths: Sequence[str | PathLike[str]], Q: Floats, R: Floats) -> None:
-    """SceneError for a Q that is not symmetric and positive semidefinite, and for an R that is not positive definite."""
+    """SceneError for a Q that is not symmetric and positive semidefinite, or an R that is not positive definite."""
     problems = []
     for path, weights, least, words in zip(paths, (Q, R), (-NOISE_OF_SUM, NOISE_OF_SUM), ("semi", ""), strict=True):
         scale = np.abs(weights).max() or 1.0

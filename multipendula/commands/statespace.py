@@ -388,8 +388,8 @@ COMMANDS = (
             "input, accurate at any distance from the modes, or the impulse response in closed form. Peaks of damped "
             "modes have their true height; a note below the picture says where infinite ones are cut. With --gains, "
             "degrees of controllability and observability in place of ranks: the gain of every mode from each input "
-            "and to each output, relative to the largest of that signal. With --lqr, the gains K of u = -K z that make the "
-            "energy and the squares of the inputs least, summed over time."
+            "and to each output, relative to the largest of that signal. With --lqr, the gains K of u = -K z that make "
+            "the energy and the squares of the inputs least, summed over time."
         ),
         examples=(
             ("response crane-two-loads", "peaks of every output of a crane"),

@@ -47,7 +47,7 @@ class Form:
     solved by elimination; `present` tells which numbers (`nonlinear.system.numbers`) are not 0, `ends` which links have
     their centre at their end, `ratios` which entries of the modal damping are not 0, `laws` the links that follow each
     law of a hoist; `directions` are those in which a support moves, `forces` where forces act and in which direction,
-    `constant_count` how many constants of what is prescribed and of `loops` are numbers, None where it is no arithmetic;
+    `constant_count` how many constants of what is prescribed and of `loops` are numbers, None without any;
     equations have a load where `has_load`, `works` ones the work; `contacts` are the coordinates below and above each
     contact with dry friction, none where that is left out, and on a rail that `presses` it has a coefficient; `spatial`
     ones have three numbers a link.  `structure` is the shape of what carries the pendula (`shape_of`), `joint_laws`

@@ -58,8 +58,8 @@ class Lengths(NamedTuple):
 class Instant(NamedTuple):
     """Accelerations (m/s²) and velocities (m/s) of a moved support along the rail and down, lengths, loads.
 
-    `forces` are the sizes (N or N m) of those of the scene, `held` the inputs of loops that are sampled.  The friction of contacts that slide is applied; `gripping`
-    tells which stick.
+    `forces` are the sizes (N or N m) of those of the scene, `held` the inputs of loops that are sampled.
+    The friction of contacts that slide is applied; `gripping` tells which stick.
     """
 
     support: tuple[Any, Any] = (0.0, 0.0)

@@ -23,6 +23,7 @@ from modal.structure.carriers import inner
 from modal.types import Floats, Ints
 from nonlinear.dynamics.bearing import Bearing, apply_inverse_mass
 from nonlinear.dynamics.contacts import Rubbed, Sticking
+from nonlinear.dynamics.feedback import input_of
 from nonlinear.dynamics.forces import (
     Base,
     External,
@@ -32,7 +33,6 @@ from nonlinear.dynamics.forces import (
     modal_drag,
     plane_drag,
 )
-from nonlinear.dynamics.feedback import input_of
 from nonlinear.dynamics.inputs import Inputs, Instant, Lengths, with_lengths
 from nonlinear.dynamics.recursion import Answer, Bias, downward, lift_force, links_of, tensions, upward
 from nonlinear.dynamics.structure import carriers_of

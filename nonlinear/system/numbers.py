@@ -291,7 +291,7 @@ def system_with(system: System, entries: Sequence[Any], tail: bool = False) -> S
 
 
 def system_with_constants(system: System, numbers: Sequence[Any]) -> System:
-    """The same system with other entries of D_modal, (n, n) or (n, n, S), constants of what is prescribed, and loops."""
+    """The same system with other entries of D_modal, (n, n) or (n, n, S), constants of motions and forces, loops."""
     rest, result = [*numbers], system
     if system.modal_damping is not None and rest:
         count = np.size(system.modal_damping)

@@ -33,8 +33,8 @@ from nonlinear.system.prescribed import ActingForce, MovingSupport, acting_force
 from nonlinear.system.springs import slack_of
 
 if TYPE_CHECKING:
-    from nonlinear.system.loops import ActingLoop
     from modal.vibration import Course, PrescribedMotion
+    from nonlinear.system.loops import ActingLoop
 
 
 @dataclass(frozen=True, eq=False)
