@@ -298,8 +298,9 @@ def _complete(capability: Capability) -> Capability:
 
 def _of_loops(capability: Capability) -> Sentences:
     """What is said of kinds of loops where feedback itself is refused or left out."""
+    silent = [name for name in sorted(LOOPS - {"feedback"}) if not capability.entries(name)]
     why = "has no part in what is refused or left out as feedback"
-    return {} if "feedback" in capability.takes else dict.fromkeys(LOOPS - {"feedback"}, why)
+    return {} if "feedback" in capability.takes else dict.fromkeys(silent, why)
 
 
 CAPABILITIES: dict[str, Capability] = {
