@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from os import PathLike, fspath
 
 import numpy as np
 import scipy
@@ -59,9 +58,7 @@ class Regulator(Displayed):
 
 
 @checked
-def regulator(
-    scene: Scene, inputs: tuple[str, ...] = (), weights: tuple[str | PathLike[str], str | PathLike[str]] | None = None
-) -> Regulator:
+def regulator(scene: Scene, inputs: tuple[str, ...] = (), weights: tuple[str, str] | None = None) -> Regulator:
     """The regulator of a scene with its loops open, of these inputs (by default those of `state_space`).
 
     `weights` are CSV files of Q and R with the names of states and of inputs as headings: matrices, or the one row of a
@@ -106,28 +103,28 @@ def energy_weights(scene: Scene) -> Floats:
     return np.asarray(scipy.linalg.block_diag(root @ root.T, linear.M) / 2)
 
 
-def _read_weights(path: str | PathLike[str], names: Sequence[str]) -> Floats:
+def _read_weights(path: str, names: Sequence[str]) -> Floats:
     """A matrix (n, n) of weights in the order of these names."""
     table = read_gains(path)["gains"]
     columns, rows = list(table["states"]), np.array(table["rows"])
     if sorted(columns) != sorted(names):
-        raise SceneError([f"{fspath(path)}: needs the columns {', '.join(names)}"])
+        raise SceneError([f"{path}: needs the columns {', '.join(names)}"])
     if len(rows) == 1:
         rows = np.diag(rows[0])
     if rows.shape != (len(names), len(names)):
-        raise SceneError([f"{fspath(path)}: has {len(rows)} rows: 1 of a diagonal, or {len(names)}"])
+        raise SceneError([f"{path}: has {len(rows)} rows: 1 of a diagonal, or {len(names)}"])
     order = [columns.index(name) for name in names]
     return np.asarray(rows[np.ix_(order, order)])
 
 
-def _refuse_indefinite(paths: Sequence[str | PathLike[str]], Q: Floats, R: Floats) -> None:
+def _refuse_indefinite(paths: Sequence[str], Q: Floats, R: Floats) -> None:
     """SceneError for a Q that is not symmetric and positive semidefinite, or an R that is not positive definite."""
     problems = []
     for path, weights, least, words in zip(paths, (Q, R), (-NOISE_OF_SUM, NOISE_OF_SUM), ("semi", ""), strict=True):
         scale = np.abs(weights).max() or 1.0
         if not np.allclose(weights, weights.T, rtol=0.0, atol=NOISE_OF_SUM * scale):
-            problems.append(f"{fspath(path)}: must be symmetric")
+            problems.append(f"{path}: must be symmetric")
         elif np.linalg.eigvalsh(weights)[0] < least * scale:
-            problems.append(f"{fspath(path)}: must be positive {words}definite")
+            problems.append(f"{path}: must be positive {words}definite")
     if problems:
         raise SceneError(problems)

@@ -158,7 +158,7 @@ def prepare(
 
 def _sampled(equations: Equations, y: Floats, times: Floats, pace: Pace) -> Pace:
     """A pace that stops at the samples of feedback, the first of which is taken."""
-    if not any(loop.sample_time for loop in equations.system.loops):
+    if not equations.system.is_sampled:
         return pace
     samples = getattr(equations, "free", equations).inputs.samples
     breaks = samples.begin(*times[[0, -1]].tolist())

@@ -421,6 +421,11 @@ class System(Displayed):
         return self.dissipates or self.excites or moves or bool(self.loops)
 
     @property
+    def is_sampled(self) -> bool:
+        """Whether any loop holds its input between samples."""
+        return any(loop.sample_time for loop in self.loops)
+
+    @property
     def acting(self) -> tuple[ActingForce, ...]:
         """All that acts on points and coordinates: forces, then loops of feedback."""
         return (*self.forces, *self.loops)
