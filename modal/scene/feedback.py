@@ -122,5 +122,5 @@ def parts_of(values: Sequence[Any]) -> tuple[Feedback, ...]:
 
 
 def schema_of() -> Schema:
-    """The schema of the whole list, for editors."""
-    return list_of(Feedback.schema())
+    """The schema of one loop, for editors."""
+    return Feedback.schema()

@@ -203,6 +203,7 @@ def schema() -> dict[str, Any]:
         random = document["$defs"][name]["properties"]
         words = random["psd"].pop("description")
         random["psd"] = {"anyOf": [random["psd"], {"type": "string"}], "title": "Psd", "description": words}
+    document["$defs"]["Feedback"]["properties"]["gains"]["anyOf"].append({"type": "string"})
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **document}
 
 

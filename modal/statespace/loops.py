@@ -10,6 +10,7 @@ to the link above, and their rates.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
@@ -39,6 +40,8 @@ from modal.types import Floats
 
 MEASURED = ("coordinates", "coordinate_rates", "angles", "rates", "relative_angles", "relative_rates")
 STATES = MEASURED[:4]
+NAMED, QUOTED = r"^(input|output) (\S+): ", r'\1 = "\2": '
+"""How a message begins of a signal, and how it does of one in a scene."""
 
 
 class Loop(NamedTuple):
@@ -63,7 +66,7 @@ def loops_of(scene: Scene) -> list[Loop]:
         try:
             loops += _loops_of_entry(scene, geometry, k, entry)
         except SceneError as error:
-            problems += [f"feedback[{k}].{problem}" for problem in error.problems]
+            problems += [f"feedback[{k}].{re.sub(NAMED, QUOTED, problem)}" for problem in error.problems]
     if problems:
         raise SceneError(problems)
     return loops
