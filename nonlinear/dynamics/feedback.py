@@ -72,7 +72,7 @@ class Samples:
             k = bisect_right(times, time) - 1 - loop.delayed_samples
             if not times or k >= len(inputs):
                 raise ComputationError(
-                    "the samples of feedback are known while a motion is computed, not from its file"
+                    "what sampled feedback held is not kept with a run"
                 )
             held.append(inputs[k] if k >= 0 else 0.0)
         return held
