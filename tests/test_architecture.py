@@ -25,6 +25,7 @@ HEAVY = {
         "modal.eigen.product",
         "modal.scene.tables",
         "modal.statespace.hoisting",
+        "modal.statespace.regulator",
         "modal.statespace.travels",
         "modal.statespace.sampling",
         "modal.statespace.transfer",

@@ -93,10 +93,9 @@ class ClosedLoops:
     def details(self, rows: Ints) -> Details:
         """Shapes, and how well they satisfy the equations."""
         value, shape, rig = self.eigenvalue[rows], self._solution[1][:, rows], self.rig
-        terms = [(self.K, 1.0), (self.D, value), (self.M, value**2)]
-        push = sum(S @ shape * power for S, power in terms)
-        size = sum(np.abs(S) @ np.abs(shape) * np.abs(power) for S, power in terms)
-        residual = np.linalg.norm(push, axis=0) / np.linalg.norm(size, axis=0)
+        terms = [S @ shape * value**power for power, S in enumerate((self.K, self.D, self.M))]
+        size = sum(np.abs(S) @ np.abs(shape) * np.abs(value) ** p for p, S in enumerate((self.K, self.D, self.M)))
+        residual = np.linalg.norm(sum(terms), axis=0) / np.linalg.norm(size, axis=0)
         modal_mass = np.einsum("ir,ij,jr->r", shape.conj(), self.M, shape).real
         angles = tuple(np.zeros((*block.mass.shape, len(rows)), dtype=complex) for block in rig.blocks)
         first = rig.leading

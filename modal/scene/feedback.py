@@ -41,7 +41,7 @@ class GainMatrix(Part):
     """
 
     states: Several[str] = field(list_of(NAME), "names of the states, as in an exported model")
-    rows: Several[Several[float]] = field(list_of(REALS), "a row for each input: u = −K z")
+    rows: Several[tuple[float, ...]] = field(list_of(REALS), "a row for each input: u = −K z")
 
     def problems(self) -> Iterator[str]:
         """Rows of other lengths, and states named twice."""

@@ -172,7 +172,7 @@ def _lower_bound(value: float, limit: float) -> str:
     return f"must be at least {_limit_text(limit)}"
 
 
-def _limit_text(value: float) -> str:
+def _limit_text(value: object) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 

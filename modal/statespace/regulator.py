@@ -31,8 +31,8 @@ class Regulator(Displayed):
     """Gains K (m, n) with the names of inputs and states, weights Q (n, n) and R (m, m), the `poles` (n,) of the loop.
 
     >>> from modal import load
-    >>> found = regulator(load("crane-hook"))
-    >>> found.K.shape, bool((found.poles.real < 0).all())
+    >>> design = regulator(load("crane-hook"))
+    >>> design.K.shape, bool((design.poles.real < 0).all())
     ((1, 6), True)
     """
 
@@ -81,7 +81,7 @@ def regulator(scene: Scene, inputs: tuple[str, ...] = (), weights: tuple[str, st
     if not poles.real.max() < 0:
         raise ComputationError(
             "no gains make this motion decay: an input reaches every mode and the weights feel it, or there are none "
-            "(response --gains tells which modes are reached)"
+            "(`modal_gains` tells which modes are reached)"
         )
     order = np.lexsort((poles.imag, np.abs(poles)))
     return Regulator(K, Q, R, model.states, model.inputs, poles[order].astype(complex))
@@ -100,7 +100,8 @@ def energy_weights(scene: Scene) -> Floats:
     gravity = scene.gravity / max(link.length for link in scene.links())
     square = np.where(size > NOISE_OF_SUM * max(float(size.max()), gravity), size, gravity)
     root = linear.M @ shapes * np.sqrt(square)
-    return np.asarray(scipy.linalg.block_diag(root @ root.T, linear.M) / 2)
+    weights: Floats = scipy.linalg.block_diag(root @ root.T, linear.M) / 2
+    return weights
 
 
 def _read_weights(path: str, names: Sequence[str]) -> Floats:

@@ -158,7 +158,8 @@ def response(options: argparse.Namespace) -> Gains | None:
     from modal.statespace.peaks import peaks_table
 
     if options.lqr or options.weights:
-        return _regulator(options)
+        _regulator(options)
+        return None
     if options.gains:
         return _gains(options)
     in_words = options.impulse and (getattr(options, "format_asked", False) or not options.output)
@@ -251,10 +252,10 @@ def _regulator(options: argparse.Namespace) -> None:
     scene = scene_of(options, "a constant linear model")
     if scene.feedback:
         remark("The loops of the scene are open here: its feedback is left out of the plant.")
-    found = regulator(scene, listed(options.input), (files[0], files[1]) if files else None)
+    design = regulator(scene, listed(options.input), (files[0], files[1]) if files else None)
     with output(options.output) as write:
-        write(found.csv())
-    remark(found.words())
+        write(design.csv())
+    remark(design.words())
 
 
 def shaper(options: argparse.Namespace) -> Shaper:

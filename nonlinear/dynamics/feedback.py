@@ -35,7 +35,7 @@ def _clip(value: Any, limit: Any) -> Any:
     return choose(-limit - below, -limit, below)
 
 
-class Samples:
+class HeldInputs:
     """The inputs of loops that are sampled, each taken as a motion arrives at its time and held until the next one."""
 
     def __init__(self, loops: Sequence[ActingLoop]) -> None:
@@ -56,7 +56,8 @@ class Samples:
             for loop, count in zip(self.loops, counts, strict=True)
         ]
         every = np.unique([time for times in self.times for time in times])
-        return every[np.append(True, np.diff(every) > NOISE_OF_SUM * np.abs(every[1:]))].tolist()
+        apart = np.append(True, np.diff(every) > NOISE_OF_SUM * np.abs(every[1:]))
+        return [float(time) for time in every[apart]]
 
     def take(self, time: float, y: Sequence[float]) -> None:
         """The samples that are due at a time (s) and a state."""
@@ -71,9 +72,7 @@ class Samples:
         for loop, times, inputs in zip(self.loops, self.times, self.inputs, strict=True):
             k = bisect_right(times, time) - 1 - loop.delayed_samples
             if not times or k >= len(inputs):
-                raise ComputationError(
-                    "what sampled feedback held is not kept with a run"
-                )
+                raise ComputationError("what sampled feedback held is not kept with a run")
             held.append(inputs[k] if k >= 0 else 0.0)
         return held
 

@@ -29,7 +29,7 @@ from modal.scene.length_laws import LengthLaw
 from modal.types import Floats
 from modal.vibration.courses import Course, Polynomials, in_floats
 from nonlinear.dynamics.contacts import Gripping
-from nonlinear.dynamics.feedback import Samples
+from nonlinear.dynamics.feedback import HeldInputs
 from nonlinear.system import AppliedForces, Group, Layout, Load, System
 
 NOTHING = AppliedForces()
@@ -103,9 +103,9 @@ class Inputs:
         return self._course_count + 3 * len(self.laws) + len(self.samples.loops) + acting + 2 * len(self.contacts)
 
     @cached_property
-    def samples(self) -> Samples:
+    def samples(self) -> HeldInputs:
         """What loops that are sampled hold."""
-        return Samples(self.system.loops)
+        return HeldInputs(self.system.loops)
 
     @property
     def _moments(self) -> int:

@@ -178,8 +178,8 @@ def test_members_of_an_ensemble_have_gains_of_their_own(engine: str) -> None:
         pytest.importorskip("numba")
     loops, gains = single_loops(limit=12.0), [-400.0, -100.0]
     scene = crane(loops)
-    found = ensemble(scene, 2.0, vary={"feedback[1].gain": gains}, engine=engine, workers=1, check=0)
-    for gain, angle in zip(gains, found.final.links[:, 0], strict=True):
+    members = ensemble(scene, 2.0, vary={"feedback[1].gain": gains}, engine=engine, workers=1, check=0)
+    for gain, angle in zip(gains, members.final.links[:, 0], strict=True):
         alone = simulate(crane([loops[0], {**loops[1], "gain": gain}, *loops[2:]]), 2.0)
         assert angle == pytest.approx(alone.motion.links[-1, 0], abs=1e-6)
 

@@ -43,8 +43,8 @@ def by_hand(scene: Scene, inputs: tuple[str, ...]) -> Any:
 
 
 def upper(values: Any) -> Any:
-    found = np.array(values)[np.imag(values) >= 0]
-    return found[np.lexsort((found.real, np.abs(found)))]
+    halves = np.array(values)[np.imag(values) >= 0]
+    return halves[np.lexsort((halves.real, np.abs(halves)))]
 
 
 LOOPS: dict[str, tuple[Scene, tuple[str, ...]]] = {
@@ -88,8 +88,7 @@ def test_poles_models_and_responses_are_those_of_matrices_closed_by_hand(name: s
     assert pytest.approx(A, rel=1e-12, abs=1e-12 * np.abs(A).max()) == closed.A
     modes = natural_modes(scene)
     hand = upper(np.linalg.eigvals(A))
-    found = upper(modes.eigenvalue)
-    assert np.all(np.abs(found - hand) <= 1e-9 * np.abs(hand).max())
+    assert np.all(np.abs(upper(modes.eigenvalue) - hand) <= 1e-9 * np.abs(hand).max())
     assert np.nanmax(modes.residual) < 1e-12
     form, omega = to_modal_form(modes, closed), np.array([0.3, 2.0, 50.0])
     assert form.residual() < 1e-9
@@ -129,10 +128,10 @@ def test_equal_pendula_that_one_loop_tells_apart_are_not_merged() -> None:
 def test_the_regulator_is_that_of_python_control(name: str, tmp_path: Path) -> None:
     control = pytest.importorskip("control")
     scene, plant = load(name), state_space(load(name))
-    found = regulator(scene)
-    K, _, poles = control.lqr(plant.A, plant.B, found.Q, found.R)
-    assert pytest.approx(K, rel=1e-9) == found.K
-    assert upper(found.poles) == pytest.approx(upper(poles), rel=1e-6)
+    design = regulator(scene)
+    K, _, poles = control.lqr(plant.A, plant.B, design.Q, design.R)
+    assert pytest.approx(K, rel=1e-9) == design.K
+    assert upper(design.poles) == pytest.approx(upper(poles), rel=1e-6)
     file = tmp_path / "K.csv"
     assert main(["response", name, "--gains", "--lqr", "-o", str(file)]) == 0
     described = tmp_path / "loop.toml"
@@ -141,7 +140,7 @@ def test_the_regulator_is_that_of_python_control(name: str, tmp_path: Path) -> N
         + '\n[[feedback]]\ninput = "cart_force"\ngains = "K.csv"\n'
     )
     closed = natural_modes(load(described))
-    assert upper(closed.eigenvalue) == pytest.approx(upper(found.poles), rel=1e-6)
+    assert upper(closed.eigenvalue) == pytest.approx(upper(design.poles), rel=1e-6)
     assert closed.eigenvalue.real.max() < 0
 
 
