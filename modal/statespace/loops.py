@@ -27,7 +27,6 @@ from modal.statespace.signals import (
     INPUTS,
     PUSHES,
     READINGS,
-    InputGroup,
     Signal,
     by_name,
     inputs_of,
@@ -73,9 +72,9 @@ def loops_of(scene: Scene) -> list[Loop]:
 
 
 def _loops_of_entry(scene: Scene, geometry: Geometry, number: int, entry: Feedback) -> list[Loop]:
-    inputs, problems = InputGroup([], np.zeros((geometry.size, 0)), np.zeros((0, 0))), list[str]()
+    signals, pushes, problems = list[Signal](), np.zeros((geometry.size, 0)), list[str]()
     try:
-        inputs = inputs_named(scene, geometry, entry.inputs)
+        signals, pushes = inputs_named(scene, geometry, entry.inputs)
     except SceneError as error:
         problems += error.problems
     named = _rows(geometry, MEASURED if entry.gains is None else STATES)
@@ -85,7 +84,7 @@ def _loops_of_entry(scene: Scene, geometry: Geometry, number: int, entry: Feedba
         if name not in named:
             problems.append(f"{where} {name}: must be one of {', '.join(named)}{spelling_hint(name, named)}")
     gains = np.array(entry.gains.rows if entry.gains else [[entry.gain]], dtype=float)
-    count = len(inputs.signals)
+    count = len(signals)
     if count and len(gains) != count:
         words = f"gains: has {len(gains)} rows for {count} inputs" if entry.gains else f"input: has {count} signals"
         problems.append(words if entry.gains else f"{words}: one output acts on one")
@@ -93,29 +92,21 @@ def _loops_of_entry(scene: Scene, geometry: Geometry, number: int, entry: Feedba
         raise SceneError(problems)
     rows = np.array([named[name] for name in names])
     rest = np.concatenate((np.full(geometry.leading, geometry.place), geometry.rest, np.zeros(geometry.size)))
-    parts = zip(inputs.signals, inputs.F.T, gains, strict=True)
+    parts = zip(signals, pushes.T, gains, strict=True)
     return [Loop(number, entry, signal, push, rows, rows @ rest, row) for signal, push, row in parts]
 
 
-def inputs_named(scene: Scene, geometry: Geometry, names: tuple[str, ...]) -> InputGroup:
-    """The inputs by these names of groups, single signals and points, side by side."""
+def inputs_named(scene: Scene, geometry: Geometry, names: tuple[str, ...]) -> tuple[list[Signal], Floats]:
+    """The inputs by these names of groups, single signals and points, and their generalized forces (q, m)."""
     single = by_name(PUSHES, geometry)
     known_names = tuple(name for name in inputs_of(geometry) if name in {*PUSHES, *single})
-    rest = tuple(name for name in names if name not in single)
-    prescribed = [name for name in rest if name in INPUTS and name not in PUSHES]
-    if prescribed:
+    if prescribed := [name for name in names if name in INPUTS and name not in PUSHES]:
         raise SceneError([f"input {name}: is prescribed: feedback acts by a force or a torque" for name in prescribed])
-    validate_signals(rest, known_names, "input", geometry, is_further=is_point, examples=EXAMPLES)
-    validate_points(scene, rest)
-    groups = []
-    for name in names:
-        if name in single and name not in PUSHES:
-            group, k = single[name]
-            groups.append(InputGroup([group.signals[k]], group.F[:, [k]], group.thrust[:, [k]]))
-        else:
-            groups.append(push_of(scene, geometry, name))
-    signals = [signal for group in groups for signal in group.signals]
-    return InputGroup(signals, *(np.hstack([group[k] for group in groups]) for k in (1, 2)))
+    others = tuple(name for name in names if name not in single)
+    validate_signals(others, known_names, "input", geometry, is_further=is_point, examples=EXAMPLES)
+    validate_points(scene, others)
+    groups = [push_of(scene, geometry, name) for name in names]
+    return [signal for group in groups for signal in group.signals], np.hstack([group.F for group in groups])
 
 
 def _rows(geometry: Geometry, groups: tuple[str, ...]) -> dict[str, Floats]:

@@ -398,7 +398,6 @@ COMMANDS = (
                 "response crane-hook --of theta_1_2 -o bode.png",
                 "the Bode plot of one output; without --of, of every one",
             ),
-            ("response crane-two-loads --gains", "how well a force on the trolley reaches each mode"),
             ("response crane-hook --gains --lqr -o K.csv", "gains that hold the trolley and let no load swing"),
             (
                 "response crane-hook --input 'force:pendulum[0].links[1]' --at 0.1,0.3",
