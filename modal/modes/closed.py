@@ -14,10 +14,10 @@ from functools import cached_property
 import numpy as np
 
 from modal.assembly import Matrices, Rig, Units, matrices
-from modal.eigen import MOST_COORDINATES, Details, is_singular
+from modal.eigen import Details, is_singular
 from modal.eigen.component_matrices import StructureShapes
 from modal.eigen.components import PartedRig
-from modal.eigen.dense import SINGULAR, refuse_beyond
+from modal.eigen.dense import LARGEST_DAMPED, SINGULAR, refuse_beyond
 from modal.eigen.free_motions import details_of
 from modal.eigen.sources import UNCERTAIN, ProblemSize
 from modal.eigen.spectrum import Batch, ModalSpectrum
@@ -134,7 +134,7 @@ class ClosedModes(Modes):
 def closed_modes(scene: Scene, modes: slice | None) -> Modes:
     """The modes of a scene with feedback; SceneError or ComputationError where they cannot be computed."""
     require(scene, "the table of modes")
-    refuse_beyond(MOST_COORDINATES, scene.n_links, "feedback")
+    refuse_beyond(LARGEST_DAMPED, scene.n_links, "loops of feedback")
     closed = ClosedModes(scene, which=modes)
     _ = closed.spectrum
     return closed

@@ -147,9 +147,9 @@ def prepare(
     validate_scene(scene)
     has_hoists = isinstance(equations, HoistedMaximal)
     y = cast("HoistedMaximal", equations).begin_at(start, float(times[0])) if has_hoists else equations.begin(start)
+    pace = _sampled(equations, y, times, pace)
     if isinstance(equations, Switched):
         equations.release(float(times[0]), y, before)
-    pace = _sampled(equations, y, times, pace)
     slope = _slope(equations, float(times[0]), y)
     return Prepared(
         scene, choice, equations, _stepper(scene, equations, choice, y, slope, times, size, pace), times, before

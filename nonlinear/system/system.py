@@ -374,7 +374,8 @@ class System(Displayed):
     @cached_property
     def may_turn_singular(self) -> bool:
         """Whether the mass matrix may turn singular on the way: of a massless cart, while what is damped decays."""
-        return bool(self.cart and not np.any(self.cart.mass) and self.dissipates and not self.spatial)
+        loses = self.dissipates or bool(self.loops)
+        return bool(self.cart and not np.any(self.cart.mass) and loses and not self.spatial)
 
     @property
     def dissipates(self) -> bool:

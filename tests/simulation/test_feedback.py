@@ -199,6 +199,29 @@ def test_reactions_are_those_of_newtons_law_with_the_loop_on_the_link() -> None:
         reaction_forces_of(sampled)
 
 
+def test_samples_and_dry_friction_on_the_rail_go_together() -> None:
+    """The cart slides and turns back: the stretches between samples and turns one by one."""
+    loop, friction = {"input": "cart_force", "output": "theta_1_1", "gain": -160.0, "sample_time": 0.1}, 6.0
+    support = {"kind": "cart", "mass": MASS, "friction": friction}
+    run = simulate(crane([loop]).replace(support=support), 4.0, tolerance=1e-11)
+    z, turns = AT_START, 0
+
+    def turning(t: float, z: Any, force: Any) -> float:
+        return float(z[2])
+
+    for k in range(40):
+        now, end, u = 0.1 * k, 0.1 * (k + 1), 160.0 * z[1]
+        while now < end:
+            ahead = z[2] if abs(z[2]) > 1e-9 else falls(now, z, lambda t, z, u=u: u)[2]
+            turning.terminal, turning.direction = True, -np.sign(ahead)  # type: ignore[attr-defined]
+            push = u - np.sign(ahead) * friction
+            limits = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-14, "events": turning}
+            part = solve_ivp(falls, (now, end), z, args=(lambda t, z, push=push: push,), **limits)
+            z, now, turns = part.y[:, -1], float(part.t[-1]), turns + part.status
+    assert turns == 2
+    assert last(run)[:4] == pytest.approx(z[:4], abs=1e-7)
+
+
 def test_too_many_samples_are_refused() -> None:
     loop = {"input": "cart_force", "output": "x_dot", "gain": 80.0, "sample_time": 1e-9}
     with pytest.raises(SceneError, match=r"feedback\[0\].sample_time = 1e-09: makes 1e\+09 samples"):
