@@ -91,7 +91,7 @@ def energy_weights(scene: Scene) -> Floats:
     """The Q (n, n) by which zᵀQz is the energy (J) of a small motion, with what nothing holds at ω² = g/l.
 
     >>> from modal import Bob, Pendulum, Scene
-    >>> energy_weights(Scene(gravity=9.0, pendulum=[Pendulum(links=[Bob(mass=2.0, length=1.0)])])).tolist()
+    >>> energy_weights(Scene(gravity=9.0, pendulum=[Pendulum(links=[Bob(mass=2.0, length=1.0)])])).round(9).tolist()
     [[9.0, 0.0], [0.0, 1.0]]
     """
     linear = matrices(scene)
