@@ -25,7 +25,7 @@ def input_of(loop: ActingLoop, y: Any) -> Any:
         for place, factor in places:
             value = value + (y[place] if factor == 1.0 else factor * y[place])
         total = total - gain * (value - loop.references[k] if loop.references else value)
-    return total if loop.limit is None else _clip(total, loop.limit)
+    return total if loop.limit is None or not loop.gains else _clip(total, loop.limit)
 
 
 def _clip(value: Any, limit: Any) -> Any:

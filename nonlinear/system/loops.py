@@ -54,7 +54,8 @@ class ActingLoop(ActingForce):
     def with_numbers(self, numbers: Iterator[Any]) -> ActingLoop:
         """The same with the next of these numbers."""
         gains, references = (tuple(next(numbers) for _ in part) for part in (self.gains, self.references))
-        return replace(self, gains=gains, references=references, limit=self.limit and next(numbers))
+        limit = None if self.limit is None else next(numbers)
+        return replace(self, gains=gains, references=references, limit=limit)
 
     @property
     def shape(self) -> tuple[Any, ...]:

@@ -222,6 +222,14 @@ def test_samples_and_dry_friction_on_the_rail_go_together() -> None:
     assert last(run)[:4] == pytest.approx(z[:4], abs=1e-7)
 
 
+def test_gains_of_nothing_do_nothing() -> None:
+    matrix = {"input": "cart_force", "gains": {"states": STATES, "rows": [[0.0] * 4]}, "limit": 1.0}
+    still = {"input": "cart_force", "output": "x", "gain": 0.0, "sample_time": 0.1}
+    assert last(simulate(crane([matrix, still]), 2.0)) == pytest.approx(
+        swung(lambda t, z: 0.0, 0.0, 2.0, AT_START), abs=1e-7
+    )
+
+
 def test_too_many_samples_are_refused() -> None:
     loop = {"input": "cart_force", "output": "x_dot", "gain": 80.0, "sample_time": 1e-9}
     with pytest.raises(SceneError, match=r"feedback\[0\].sample_time = 1e-09: makes 1e\+09 samples"):

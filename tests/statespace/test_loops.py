@@ -10,6 +10,7 @@ import pytest
 
 from modal import load, natural_modes
 from modal.errors import ComputationError, SceneError
+from modal.modes.sensitivity import sensitivities
 from modal.scene import Scene, scene_from
 from modal.statespace import frequency_response, minimal, modal_gains, state_space, to_modal_form
 from modal.statespace.regulator import energy_weights, regulator
@@ -174,3 +175,9 @@ def test_weights_are_read_by_their_headings(tmp_path: Path) -> None:
 def test_motions_are_no_inputs_beside_feedback() -> None:
     with pytest.raises(SceneError, match="is a motion: beside feedback"):
         state_space(LOOPS["force on the cart"][0], ("cart_acceleration",))
+
+
+def test_derivatives_of_closed_loops_are_refused() -> None:
+    """They would need left vectors that are not the shapes."""
+    with pytest.raises(SceneError, match="a derivative of modes does not close loops of feedback"):
+        sensitivities(natural_modes(LOOPS["force on the cart"][0]), 1)
