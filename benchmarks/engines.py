@@ -21,6 +21,7 @@ from scipy.integrate import solve_ivp
 
 from modal import Bob, Cart, Fixed, InitialCondition, Pendulum, Scene, load
 from modal.scene import Hoist, Moved, RandomMotion, RecordMotion, SineMotion, SweepMotion
+from modal.scene.feedback import Feedback, GainMatrix
 from nonlinear import simulate
 from nonlinear.dynamics import Generated
 from nonlinear.dynamics.inputs import Inputs
@@ -35,6 +36,8 @@ RUNS = {
 START = InitialCondition(angles_deg=(30.0, -20.0))
 
 
+GAINS = GainMatrix(states=("x", "x_dot", "theta_1_1", "theta_dot_1_1"), rows=((8.0, 6.0, -3.0, 2.0),))
+LOOP = Feedback(input="cart_force", gains=GAINS)
 BROADBAND = RandomMotion(psd=(0.1, 0.1), frequency_hz=(0.05, 25.0), seed=3, duration=60.0)
 
 
@@ -122,6 +125,8 @@ def features() -> dict[str, tuple[Scene, bool]]:
         "hoist": (hoisted(of()), False),
         "hoist, drag": (hoisted(of(drag=0.1)), False),
         "load from Python": (of(), True),
+        "cart, feedback": (of(Cart(mass=2.0)).replace(feedback=[LOOP]), False),
+        "..., within a limit": (of(Cart(mass=2.0)).replace(feedback=[LOOP.replace(limit=1.0)]), False),
         "joint friction": (of(friction=0.1), False),
         "friction on the rail": (of(Cart(mass=2.0, friction=0.5)), False),
         "... (coefficient)": (of(Cart(mass=2.0, friction_coefficient=0.1)), False),
@@ -144,6 +149,8 @@ def table_of_runs(share: float) -> None:
         "joint friction": (of(friction=0.1), of()),
         "friction on the rail": (of(Cart(mass=2.0, friction=0.5)), cart),
         "... (coefficient)": (of(Cart(mass=2.0, friction_coefficient=0.1)), cart),
+        "feedback": (cart.replace(feedback=[LOOP]), cart),
+        "feedback at 100 Hz": (cart.replace(feedback=[LOOP.replace(sample_time=0.01)]), cart),
         "eleven rubbing joints": (chain(11, 0.2), chain(11, 0.0)),
     }
     print("\na whole run with             s   over plain   steps")

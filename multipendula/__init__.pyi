@@ -397,6 +397,8 @@ def response(
     of: str | Sequence[str] | None = None,
     impulse: bool = False,
     gains: bool = False,
+    lqr: bool = False,
+    weights: str | None = None,
 ) -> Gains | Any: ...
 def shaper(
     scene: Scene | str | PathLike[str],

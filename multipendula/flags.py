@@ -164,6 +164,7 @@ FLAGS: dict[str, Flag] = {
     "--linear": Flag("", "compare ways to the natural frequencies instead", group="computed"),
     "--links": Flag("", "kind of the links", choices=("bob", "rod"), default="bob"),
     "--loci": Flag("", "follow every frequency along one --vary by its mode shape"),
+    "--lqr": Flag("", "gains of the linear-quadratic regulator, a column for each state, a row for each input"),
     "--loss": Flag("", "cost of a residual", group="computed", choices=LOSSES, default="linear"),
     "--max": Flag("QUANTITY=VALUE", "largest value that a quantity may have", action=Repeated, keyword="limits"),
     "--max-acceleration": Flag(
@@ -272,6 +273,11 @@ FLAGS: dict[str, Flag] = {
     ),
     "--vary": Flag(
         "PLACE=VALUES", "a number of the scene that takes several values", action=Repeated, completion=places
+    ),
+    "--weights": Flag(
+        "Q.csv,R.csv",
+        "weights of states and of inputs, whose names are the headings: matrices, or the row of a diagonal",
+        keyword="weights",
     ),
     "--when": Flag("SECONDS", "time at which a hoist's lengths are taken", SECONDS_FROM_0, names=("Scene.at",)),
     "--where": Flag("COLUMN=VALUE", "which rows of a record are used", action=Repeated),

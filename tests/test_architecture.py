@@ -26,6 +26,7 @@ HEAVY = {
         "modal.scene.tables",
         "modal.statespace.hoisting",
         "modal.statespace.insensitive",
+        "modal.statespace.regulator",
         "modal.statespace.travels",
         "modal.statespace.sampling",
         "modal.statespace.transfer",

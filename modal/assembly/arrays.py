@@ -66,7 +66,7 @@ class Block:
 
     @cached_property
     def is_damped(self) -> bool:
-        """Whether there are dampers or drag."""
+        """Whether there are dampers, drag or loops of feedback."""
         return bool(self.damping.any() or self.drag.any())
 
     @cached_property
@@ -153,7 +153,8 @@ class Rig(Displayed):
     `members` follows the file: (block, column, copies) for every pendulum entry, under constant forces for every copy.
     `damping_ratio` is that of all modes, or of each by its number (`modal.assembly.modal_damping`).  `cart_rest` (m) is
     the displacement of the cart at equilibrium.  Pendula on a `structure` (`modal.structure`) are of one kind where
-    their pivots move alike and no spring joins them to something; there is no cart then.
+    their pivots move alike and no spring joins them to something; there is no cart then.  Where it `has_loops` of
+    feedback, which its arrays leave out, every copy is of a kind of its own.
     """
 
     what = "Rig of pendula"
@@ -167,6 +168,7 @@ class Rig(Displayed):
     damping_ratio: float | tuple[float, ...] = 0.0
     cart_rest: float = 0.0
     structure: Structure | None = None
+    has_loops: bool = False
 
     @cached_property
     def total_mass(self) -> float:
@@ -208,7 +210,7 @@ class Rig(Displayed):
     def is_damped(self) -> bool:
         """Whether there are dampers or drag."""
         support_damps = is_damped(self.structure or Structure(self.carriers, (), ()))
-        return support_damps or any(block.is_damped for block in self.blocks)
+        return self.has_loops or support_damps or any(block.is_damped for block in self.blocks)
 
     @property
     def rest_angles(self) -> Floats:
@@ -294,6 +296,9 @@ def rig_of(scene: Scene, distinctions: Sequence[tuple[float, ...]] | None = None
     structure = structure_of(scene) if scene.is_structured else None
     if structure:
         entries = list(_each_on(scene, structure))
+    if scene.feedback:
+        copies = [entry._replace(copies=1) for entry in entries for _ in range(entry.copies)]
+        entries = [entry._replace(distinctions=(*entry.distinctions, float(k))) for k, entry in enumerate(copies)]
     deep = sorted(range(len(entries)), key=lambda index: entries[index].pendulum.n_links)
     members: list[tuple[int, int, int]] = [(0, 0, 0)] * len(deep)
     blocks: list[Block] = []
@@ -306,9 +311,8 @@ def rig_of(scene: Scene, distinctions: Sequence[tuple[float, ...]] | None = None
     cart = CartNumbers(scene.cart.mass, scene.cart.damping, scene.cart.stiffness) if scene.cart else None
     cart_rest = equilibrium.cart if equilibrium else 0.0
     spatial = scene.space == "space"
-    return Rig(
-        scene.gravity, tuple(blocks), tuple(members), cart, spatial, scene.damping_ratio, cart_rest, structure=structure
-    )
+    held = scene.damping_ratio, cart_rest, structure, bool(scene.feedback)
+    return Rig(scene.gravity, tuple(blocks), tuple(members), cart, spatial, *held)
 
 
 class _Entry(NamedTuple):

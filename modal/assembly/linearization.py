@@ -36,7 +36,7 @@ from modal.assembly.modal_damping import modal_dampers
 from modal.assembly.squares import SceneSquares
 from modal.assembly.structure import scene_squares
 from modal.errors import ComputationError, SceneError
-from modal.report import Displayed, Summary, aligned, as_json, breadth, brief, counted, fits, folded
+from modal.report import Displayed, Summary, aligned, as_json, breadth, brief, counted, deferred, fits, folded
 from modal.scene import Scene, describe
 from modal.scene.doors import checked, require_type
 from modal.scene.parameters import Place, Variable, number_at, with_numbers
@@ -84,7 +84,8 @@ def matrices(scene: Scene) -> Matrices:
     Returns
     -------
     Matrices
-        `M`, `K` and `D`, (n, n) and symmetric, in SI units (kg, kg m and kg m² in M), with `labels` of the coordinates.
+        `M`, `K` and `D`, (n, n), in SI units (kg, kg m and kg m² in M), with `labels` of the coordinates; symmetric but
+        for K and D of a scene with feedback.
 
     Raises
     ------
@@ -102,7 +103,8 @@ def matrices(scene: Scene) -> Matrices:
     >>> double.K.tolist()  # m g l diag(2, 1)
     [[36.0, 0.0], [0.0, 18.0]]
     """
-    return matrices_of(rig_of(scene))
+    linear = matrices_of(rig_of(scene))
+    return deferred("modal.statespace.loops:close")(scene, linear) if scene.feedback else linear
 
 
 def matrices_of(rig: Rig, squares: SceneSquares | None = None) -> Matrices:

@@ -36,6 +36,7 @@ OTHERS = frozenset(
         "constant_force",
         "structure",
         "springs",
+        "feedback",
     }
 )
 """The features of scenes whose equations stacks do not have."""
@@ -62,7 +63,8 @@ class Stack:
 def can_stack(scenes: Sequence[Scene]) -> bool:
     """Whether all scenes have the same form, and equations that stacks have.
 
-    Those are without dampers, drag, joint springs, massless carts, inverted links, structures and constant forces.
+    Those are without dampers, drag, joint springs, massless carts, inverted links, structures, constant forces
+    and feedback.
     """
     form = _form(scenes[0])
     return _is_plain(scenes[0]) and all(_form(scene) == form for scene in scenes)

@@ -73,10 +73,10 @@ def solve_at(scene: Scene, path: str, value: float) -> LociPoint:
     where = f"at {path} = {value:.6g}"
     if np.any(modes.error >= UNCERTAIN):
         raise ComputationError(f"{where} some modes are beyond double precision")
-    if np.any(modes.eigenvalue.real):
+    if np.any(modes.eigenvalue.real) or modes.rig.has_loops:
         raise ComputationError(
             f"{where} some modes decay or grow: loci need an undamped scene about a stable equilibrium; a sweep of the "
-            "measure frequencies takes dampers"
+            "measure frequencies takes dampers and feedback"
         )
     fold = modes.multiplicity
     group, row = (np.repeat(values, fold) for values in (_groups(modes), np.arange(len(modes))))

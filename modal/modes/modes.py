@@ -345,7 +345,10 @@ def natural_modes(scene: Scene, *, accuracy: float | None = None, modes: slice |
     if modes is not None:
         require_type("modes", modes, "slice")
     limits = Limits(validate_accuracy(accuracy), _lowest(modes))
-    if modes is None and (chain := ShortChain.of(validate_scene(scene))):
+    if validate_scene(scene).feedback:
+        closed_modes: Modes = deferred("modal.modes.closed:closed_modes")(scene, modes)
+        return closed_modes
+    if modes is None and (chain := ShortChain.of(scene)):
         return Modes(scene, short_chain=chain)
     solution = Modes(scene, limits, modes)
     _ = solution.spectrum  # what cannot be computed is told here

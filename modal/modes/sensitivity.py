@@ -155,7 +155,7 @@ def sensitivities(modes: Modes, number: int) -> Sensitivities:
 
 def refuse(modes: Modes, number: int) -> None:
     """ComputationError or SceneError where a mode has no derivatives."""
-    if modes.rig.leans:
+    if modes.rig.leans or modes.rig.has_loops:
         raise SceneError(refusals(modes.scene, "a derivative of modes"))
     value, fold = modes.eigenvalue[number], modes.multiplicity[number]
     name = f"mode index {number} ({modes.omega[number]:.6g} rad/s)"

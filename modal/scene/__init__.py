@@ -5,11 +5,12 @@ In: TOML, or the same objects from Python.  Out: an immutable `Scene`, checked c
     pendulum[2].links[0].mass = -1.0: must be positive
 
 Start with `model`, whose pendula are chains of `links`, with their loss angles, and hang from `supports`, which springs
-join; `structures` tells what is wrong with both; `motion` moves a support and acts on `points`, `periods` tells when
-that repeats, `records` reads its records, `hoist` changes a length by one of `length_laws`; `files` reads and writes
-scenes, `sealed` detects damaged files, `contents` reads any and tells what it is; `validation` checks every part and
-words the messages, `parameters` finds and varies numbers by path, `number_names` calls them in words, `doors` checks
-arguments, `titles` says what hangs in a scene, `free_body` takes it apart.
+join; `structures` tells what is wrong with both; `motion` moves a support and acts on `points`, `feedback` acts by what
+it measures, `periods` tells when that repeats, `records` reads its records, `hoist` changes a length by one of
+`length_laws`; `files` reads and writes scenes, `sealed` detects damaged files, `contents` reads any and tells what it
+is; `validation` checks every part, `mistakes` words the messages, `parameters` finds and varies numbers by path,
+`number_names` calls them in words, `doors` checks arguments, `titles` says what hangs in a scene, `free_body` takes it
+apart.
 """
 
 from typing import TYPE_CHECKING
@@ -19,6 +20,7 @@ from modal.lazy import lazy_attributes
 if TYPE_CHECKING:
     from modal.scene.capabilities import CAPABILITIES, left_out, one_by_one, refusals, require
     from modal.scene.features import FEATURES
+    from modal.scene.feedback import Feedback, GainMatrix
     from modal.scene.files import STANDARD, dump, dumps, example_names, kind_of, load, parse, whole_file
     from modal.scene.free_body import FreeBodies, FreeBody, free_bodies
     from modal.scene.hoist import Hoist
@@ -68,10 +70,12 @@ __all__ = [
     "ConstantForce",
     "DrivePeriod",
     "Escapement",
+    "Feedback",
     "Fixed",
     "Force",
     "FreeBodies",
     "FreeBody",
+    "GainMatrix",
     "Ground",
     "Heave",
     "Hoist",

@@ -68,6 +68,7 @@ LINEAR = SHAPE | LOSS | {"massless_cart", "space"}
 FORCED = _of("force constant_force")
 ACTING = SHAPE | LOSS | DRAG | FORCED | {"moved_support", "load"}
 DRIVEN_IN_TIME = _of("force moved_support")
+LOOPS = _of("feedback limited_feedback sampled_feedback reference")
 LOSING = LOSS | DRAG | FRICTION | {"van_der_pol"}
 
 # ------------------------------------------------------------------------------------------------------- sentences
@@ -97,6 +98,13 @@ HELD: Sentences = {
     "hoist": "Lengths change with the hoist: these are the equations at the lengths before it.",
 }
 """What equations in symbols leave out."""
+
+IN_LOOPS: Sentences = {
+    "limited_feedback": "Limits of feedback are left out: small motions do not reach them.",
+    "sampled_feedback": "Samples and delays of feedback are left out: these are the poles of loops that never wait.",
+    "reference": "References of feedback are left out: these are the poles about the rest.",
+}
+"""What linear models leave out of loops that they close."""
 
 CONSTANT: Sentences = {"hoist": "needs constant lengths"}
 SHIFTED: Sentences = {"constant_force": "is computed about links that hang or stand straight, which it tilts"}
@@ -131,7 +139,7 @@ NO_INERTIA: Sentences = {"massless_cart": "has no equation of motion where all t
 NO_SMOOTH: Sentences = {"escapement": "needs smooth motion, without kicks"}
 NO_SERIES = "has a series of a sine or of polynomials only"
 KINK: Sentences = {"quadratic_drag": "has no series across the kink of |v| v at rest"}
-ALONE = _sentences(FRICTION | _of("space escapement"), "does not support {it}; engine simulate does")
+ALONE = _sentences(FRICTION | _of("space escapement sampled_feedback"), "does not support {it}; engine simulate does")
 TOGETHER = {"escapement", "joint_friction", "rail_friction", "rail_coefficient"}
 BESIDE_NONE = {name: words for name, words in ALONE.items() if name not in TOGETHER}
 HOISTING = {
@@ -152,17 +160,26 @@ EXCITED = {DRIVES | {"active_law"}: "nothing excites this scene: it has no stead
 # ------------------------------------------------------------------------------------------------------- the table
 
 AT_ONE_TIME: Sentences = {"hoist": "needs constant lengths: take those of one time, `Scene.at(seconds)`"}
-TABLE = Capability("the table of modes", LINEAR | STRUCTURED | {"loss"}, leaves=OMITTED, unless=LEANING)
+TABLE = Capability(
+    "the table of modes",
+    LINEAR | STRUCTURED | {"loss", "feedback"},
+    leaves={**OMITTED, **IN_LOOPS},
+    unless=LEANING,
+    conflicts={("feedback", "loss"): "loops are closed in time, where no spring has a loss angle"},
+)
 CONSTANT_MODEL = Capability(
     "a constant linear model",
-    LINEAR - {"massless_cart"} | STRUCTURED,
-    leaves={**ABOUT, **LOSSLESS},
+    LINEAR - {"massless_cart"} | STRUCTURED | {"feedback"},
+    leaves={**ABOUT, **LOSSLESS, **IN_LOOPS},
     refuses=AT_ONE_TIME,
     unless={"massless_cart": "the mass matrix is singular", **LEANING},
 )
 MOVED_MODEL = CONSTANT_MODEL._replace(
     name="a linear model of a moved support",
+    takes=CONSTANT_MODEL.takes - {"feedback"},
+    leaves={**ABOUT, **LOSSLESS},
 )
+RESPONDING: Sentences = {**ABOUT, **IN_LOOPS}
 GROWS = {**CONSTANT_MODEL.unless, "inverted": "grows by itself"}
 AVERAGED = Capability(
     "averaging",
@@ -213,16 +230,17 @@ STROBED = Capability(
     needs={DRIVEN_IN_TIME: "a stroboscopic section needs a period: a sine that moves the support or acts as a force"},
 )
 
+TOGETHER_LOOPS = LOOPS - {"sampled_feedback"}
 SIDE_BY_SIDE = Capability(
     "engine numpy",
-    SHAPE | DRAG | LOSS | DRIVES | TOGETHER | FORCED | STRUCTURED | {"moved_support", "hoist"},
+    SHAPE | DRAG | LOSS | DRIVES | TOGETHER | FORCED | STRUCTURED | TOGETHER_LOOPS | {"moved_support", "hoist"},
     refuses=BESIDE_NONE,
     unless=STOPS,
 )
 
 UNSWITCHED = Capability(
     "a method other than DOP853",
-    ACTING | {"van_der_pol", "hoist", "space"} | STRUCTURED,
+    ACTING | {"van_der_pol", "hoist", "space"} | STRUCTURED | LOOPS,
     refuses=SWITCHES,
     unless=ENDS,
     instead=("form minimal", "method DOP853 takes it"),
@@ -236,8 +254,8 @@ STRUCTURES: Sentences = {
     "structure": "does not support structures yet",
     "springs": "does not support springs between points yet",
 }
-UNTOLD: Sentences = {**STRUCTURES, **IN_TIME}
-"""What a capability refuses that says nothing else of structures and loss angles."""
+UNTOLD: Sentences = {**STRUCTURES, **IN_TIME, "feedback": "does not close loops of feedback"}
+"""What a capability refuses that says nothing else of structures, loss angles and feedback."""
 
 
 LIKE = {"law": (), "active_law": ("van_der_pol",), "kinked_law": ()}
@@ -272,17 +290,24 @@ def _complete(capability: Capability) -> Capability:
     friction_conflicts = UNRUBBED if capability.takes & FRICTION and capability.takes >= STRUCTURED else {}
     completed = capability._replace(
         refuses={**capability.refuses, **refusals_of_silent},
-        beside={**capability.beside, **load_sentences},
+        beside={**capability.beside, **load_sentences, **_of_loops(capability)},
         conflicts={**friction_conflicts, **capability.conflicts},
     )
     return _with_laws(completed)
+
+
+def _of_loops(capability: Capability) -> Sentences:
+    """What is said of kinds of loops where feedback itself is refused or left out."""
+    silent = [name for name in sorted(LOOPS - {"feedback"}) if not capability.entries(name)]
+    why = "has no part in what is refused or left out as feedback"
+    return {} if "feedback" in capability.takes else dict.fromkeys(silent, why)
 
 
 CAPABILITIES: dict[str, Capability] = {
     capability.name: _complete(capability)
     for capability in (
         TABLE,
-        TABLE._replace(name="mode shapes", takes=TABLE.takes - {"loss"}, leaves={**OMITTED, **LOSSLESS}),
+        TABLE._replace(name="mode shapes", takes=TABLE.takes - {"loss"}, leaves={**TABLE.leaves, **LOSSLESS}),
         Capability(
             "the explanation of the coupling",
             LINEAR - {"inverted"} | {"structure", "springs"},
@@ -290,10 +315,14 @@ CAPABILITIES: dict[str, Capability] = {
             refuses={**SHIFTED, "inverted": "has no frequency of a link that stands"},
         ),
         CONSTANT_MODEL,
-        CONSTANT_MODEL._replace(name="a frequency response", takes=CONSTANT_MODEL.takes | {"loss"}, leaves=ABOUT),
-        CONSTANT_MODEL._replace(name="an impulse response", leaves=ABOUT, refuses={**AT_ONE_TIME, **IN_TIME}),
+        CONSTANT_MODEL._replace(name="a frequency response", takes=CONSTANT_MODEL.takes | {"loss"}, leaves=RESPONDING),
+        CONSTANT_MODEL._replace(name="an impulse response", leaves=RESPONDING, refuses={**AT_ONE_TIME, **IN_TIME}),
         MOVED_MODEL,
-        MOVED_MODEL._replace(name="a shock", leaves=ABOUT, refuses={**MOVED_MODEL.refuses, **IN_TIME}),
+        MOVED_MODEL._replace(
+            name="a shock",
+            leaves=ABOUT,
+            refuses={**MOVED_MODEL.refuses, **IN_TIME},
+        ),
         MOVED_MODEL._replace(
             name="random vibration",
             takes=MOVED_MODEL.takes - {"inverted"} | {"loss"},
@@ -302,7 +331,7 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         CONSTANT_MODEL._replace(
             name="thermal noise",
-            takes=CONSTANT_MODEL.takes - {"inverted"} | {"loss"},
+            takes=CONSTANT_MODEL.takes - {"inverted", "feedback"} | {"loss"},
             leaves=ABOUT,
             unless=GROWS,
         ),
@@ -371,7 +400,7 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "form minimal",
-            ACTING | FRICTION | DRIVES | STRUCTURED | {"hoist"},
+            ACTING | FRICTION | DRIVES | STRUCTURED | LOOPS | {"hoist"},
             refuses=PLANE,
             unless=ENDS,
             conflicts={
@@ -401,16 +430,18 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "form hamiltonian",
-            ACTING | STRUCTURED | {"van_der_pol", "space"},
-            refuses={**STICKS, **NO_SMOOTH, **CONSTANT},
+            ACTING | STRUCTURED | LOOPS - {"sampled_feedback"} | {"van_der_pol", "space"},
+            refuses={**STICKS, **NO_SMOOTH, **CONSTANT, "sampled_feedback": "takes no samples"},
             unless=ENDS,
             conflicts={("space", "damping_ratio"): "motion in space has no damping ratios"},
             instead=MINIMAL,
         ),
         Capability(
             "method taylor",
-            SHAPE | LOSS | {"van_der_pol"} | STRUCTURED | {"constant_force"},
+            SHAPE | LOSS | {"van_der_pol"} | STRUCTURED | {"constant_force", "feedback", "reference"},
             refuses={
+                "limited_feedback": "has no series across the kink where an input reaches its limit",
+                "sampled_feedback": NO_SERIES,
                 **PLANE,
                 **SWITCHES,
                 **KINK,
@@ -424,7 +455,7 @@ CAPABILITIES: dict[str, Capability] = {
             "compiled equations",
             SHAPE | {"van_der_pol"} | STRUCTURED | {"dampers"},
             refuses=_sentences(
-                FRICTION | DRAG | FORCED | _of("escapement space hoist moved_support damping_ratio load"),
+                FRICTION | DRAG | FORCED | LOOPS | _of("escapement space hoist moved_support damping_ratio load"),
                 "do not cover {it}",
             ),
             unless=ENDS,
@@ -467,7 +498,7 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "a comparison of methods",
-            ACTING - {"load"} | FRICTION | DRIVES | STRUCTURED | {"space", "hoist"},
+            ACTING - {"load"} | FRICTION | DRIVES | STRUCTURED | LOOPS | {"space", "hoist"},
             unless=ENDS,
         ),
         Capability(

@@ -42,6 +42,10 @@ class Described(Protocol):
         """The springs between points."""
 
     @property
+    def feedback(self) -> Sequence[Any]:
+        """The loops."""
+
+    @property
     def ground(self) -> Any:
         """The ground, where it moves."""
 
@@ -254,6 +258,22 @@ FEATURES: dict[str, Feature] = {
     "kinked_law": Feature("laws that are not smooth", "remove the law", _is_kinked, link=("law",)),
     "force": Feature("a force that changes in time", "remove the force", _changes, scene="force"),
     "constant_force": Feature("a constant force", "remove the force", _is_constant, scene="force"),
+    "feedback": Feature("feedback", "remove the feedback", scene="feedback"),
+    "limited_feedback": Feature(
+        "feedback with a limit", "remove the limit", lambda loops: any(loop.limit for loop in loops), scene="feedback"
+    ),
+    "sampled_feedback": Feature(
+        "feedback in samples",
+        "remove the sample_time",
+        lambda loops: any(loop.sample_time for loop in loops),
+        scene="feedback",
+    ),
+    "reference": Feature(
+        "a reference of feedback",
+        "remove the reference",
+        lambda loops: any(loop.reference for loop in loops),
+        scene="feedback",
+    ),
     "load": Feature("applied forces", "remove the load"),
 }
 """All features by name; a load comes with a call, not with a scene."""

@@ -89,7 +89,7 @@ def parse(text: bytes, folder: Path = Path()) -> Scene:
         raise SceneError([f"broken TOML: {error}"]) from None
     except RecursionError:
         raise SceneError(["broken TOML: nested too deeply"]) from None
-    if any(word in document for word in ("motion", "force", "file")):
+    if any(word in document for word in ("motion", "force", "file", "gains")):
         from modal.scene.records import with_files_read
 
         return scene_from(with_files_read(data, folder))
@@ -203,6 +203,7 @@ def schema() -> dict[str, Any]:
         random = document["$defs"][name]["properties"]
         words = random["psd"].pop("description")
         random["psd"] = {"anyOf": [random["psd"], {"type": "string"}], "title": "Psd", "description": words}
+    document["$defs"]["Feedback"]["properties"]["gains"]["anyOf"].append({"type": "string"})
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **document}
 
 

@@ -56,12 +56,14 @@ from modal.scene.validation import (
     one_or_list,
     optional,
     parts,
+    parts_later,
     parts_or_none,
     text,
 )
 
 if TYPE_CHECKING:
     from modal.extend import JointLaw
+    from modal.scene.feedback import Feedback
 
 CHAIN_LINKS_MAX = 20_000
 """Limit: links of one chain; more are refused."""
@@ -199,6 +201,7 @@ class Scene(Displayed, Part):
     pendulum: Several[Pendulum] = field(parts(Pendulum.schema()), "one or more")
     force: SeveralKinds[Force, AppliedForce] = field(parts_or_none(FORCE), "forces and torques", default=())
     spring: Several[Spring] = field(parts_or_none(Spring.schema()), "springs and dampers between points", default=())
+    feedback: Several[Feedback] = field(parts_later("modal.scene.feedback"), "loops that measure and act", default=())
     ground: Ground | None = field(optional(Ground.schema()), "motion of the ground", default=None)
 
     @property
@@ -266,8 +269,8 @@ class Scene(Displayed, Part):
 
     @property
     def has_damping(self) -> bool:
-        """Whether anything in the linearized scene dissipates energy."""
-        return not self.features.isdisjoint(LOSS)
+        """Whether anything in the linearized scene dissipates energy, or may as a loop does."""
+        return not self.features.isdisjoint(LOSS | {"feedback"})
 
     @property
     def has_modal_damping(self) -> bool:
@@ -404,7 +407,7 @@ class Scene(Displayed, Part):
         none = {"drive": None, "damping": 0.0, "friction": 0.0, "drag": 0.0, "quadratic_drag": 0.0, "point_force": None}
         loose = self.lossless._with_laws(lambda law: law.is_conservative)._with(**none)
         springs = tuple(spring.replace(damping=0.0) for spring in loose.spring)
-        return loose.replace(damping_ratio=0.0, spring=springs)._with_supports(_without_damping)
+        return loose.replace(damping_ratio=0.0, spring=springs, feedback=())._with_supports(_without_damping)
 
     @property
     def in_plane(self) -> Scene:
@@ -446,6 +449,8 @@ class Scene(Displayed, Part):
         if self.is_structured and not problems:
             unbalanced_words: Iterator[str] = deferred("modal.structure:find_imbalance")(self)
             yield from (f".{words}" for words in unbalanced_words)
+        if self.feedback and not problems:
+            yield from deferred("modal.statespace.loops:problems_of")(self)
 
     def _own_problems(self) -> Iterator[str]:
         if self.n_links > SCENE_LINKS_MAX:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from itertools import accumulate
 from typing import NamedTuple
 
-from modal.report import as_csv, as_json, grid, titled
+from modal.report import as_csv, as_json, deferred, grid, titled
 from modal.scene.doors import checked
 from modal.scene.model import Scene
 from modal.scene.parameters import Place, Step, find_places, number_at, number_paths, unit_at
@@ -111,6 +111,9 @@ def number_unit(scene: Scene, path: str) -> str:
     place = find_places(scene, path)[0]
     if place[0] == "force" and place[-1] == "amplitude":
         return "N m" if scene.force[int(place[1])].direction == "torque" else "N"
+    if place[0] == "feedback":
+        unit: str = deferred("modal.statespace.loops:unit_of")(scene, *place[1:3])
+        return unit
     if ANGLES & {step for step in place if isinstance(step, str)}:
         return "rad"
     name = str(place[-1])
@@ -166,6 +169,8 @@ def _parts(scene: Scene, place: Place, places: Sequence[Place]) -> list[str]:
             return [*_of_pendulum(scene, int(entry), inner, places), pendula]
         case ("support", *inner):
             return _of_support(scene, inner)
+        case ("feedback", entry, *inner):
+            return [_quantity(inner), f"loop {int(entry) + 1} of feedback"]
         case ("spring" | "force" as kind, _, *inner):
             word = "torque" if kind == "force" and scene.force[int(place[1])].direction == "torque" else str(kind)
             return [_quantity(inner), _ranges(sorted({int(at[1]) + 1 for at in places}), word, f"{word}s")]

@@ -152,6 +152,22 @@ def read_spectrum(
     return Spectrum(frequencies, psd, of)
 
 
+def read_gains(
+    path: str | PathLike[str], *, has_quotes: bool = True, columns: Mapping[str, str] | None = None
+) -> dict[str, Any]:
+    """The field `gains` of a `Feedback`, with a column for each state and a row for each input.
+
+    SceneError as of `read_record`.
+    """
+    table = read_table(path, has_quotes=has_quotes).renamed(columns or {})
+    numbers = np.array([table.numbers(column) for column in table.columns]).T
+    if not numbers.size:
+        raise SceneError([f"{table.name}: needs a line with the names of states, and a row of numbers for each input"])
+    if problems := [words for column in table.columns for words in _sizes(table, column, table.numbers(column))][:1]:
+        raise SceneError(problems)
+    return {"gains": {"states": list(table.columns), "rows": numbers.tolist()}}
+
+
 def _of_force(name: str) -> Quantity | None:
     return "acceleration" if any(name == psd or name.startswith(f"{psd}_") for psd in FORCE_PSDS) else None
 
@@ -204,7 +220,12 @@ def with_files_read(data: object, folder: Path) -> object:
     if not isinstance(data, dict):
         return data
     files, new_data = _Files(folder, []), dict(data)
-    for name, change in (("support", files.support), ("ground", files.with_motion), ("force", files.force)):
+    for name, change in (
+        ("support", files.support),
+        ("ground", files.with_motion),
+        ("force", files.force),
+        ("feedback", files.feedback),
+    ):
         if name in data:
             new_data[name] = _change_tables(change, data[name], name)
     if "pendulum" in data:
@@ -263,6 +284,10 @@ class _Files(NamedTuple):
     def hoist(self, part: dict[str, Any], place: str) -> dict[str, Any]:
         """A hoist with the numbers of its file."""
         return self._read_file(part, place, "file", RECORD, read_lengths)
+
+    def feedback(self, part: dict[str, Any], place: str) -> dict[str, Any]:
+        """A loop with the gains of its file."""
+        return self._read_file(part, place, "gains", ("output", "gain"), read_gains)
 
     def _read_file(
         self, part: dict[str, Any], place: str, name: str, keys: Sequence[str], reader: Callable[..., dict[str, Any]]

@@ -172,6 +172,8 @@ def _facts(scene: Scene) -> Iterator[tuple[str, str]]:
             yield name, ", ".join(_numbers_of(support)) or support.kind
     if scene.spring:
         yield "springs", ", ".join(" – ".join(spring.between) for spring in scene.spring[:TABLE_ITEMS_MAX])
+    if scene.feedback:
+        yield "feedback", ", ".join(" and ".join(loop.inputs) for loop in scene.feedback[:TABLE_ITEMS_MAX])
     if scene.force:
         yield "forces", ", ".join(f"{force.kind} on {force.on}" for force in scene.force[:TABLE_ITEMS_MAX])
 

@@ -137,6 +137,9 @@ def to_modal_form(modes: Modes, model: StateSpace) -> ModalForm:
     size = driven_modes.scene.n_links + driven_modes.rig.leading
     if n - 2 * size not in ((1, 2) if driven else (0,)):
         raise ValueError(f"the model has {n} states: it does not belong to this scene, which has {size} coordinates")
+    if modes.scene.feedback:
+        blocks = _closed_blocks(driven_modes, size)
+        return ModalForm(driven_modes, model, tuple(blocks))
     blocks = [
         *(_cart(model, n - 2 * size, size) if driven else ()),
         *_mode_blocks(driven_modes, n, size, "fixed-base " * is_held, first=int(driven)),
@@ -218,6 +221,41 @@ def _mode_blocks(modes: Modes, n: int, size: int, kind: str, first: int) -> Iter
             right[first : first + size], right[n - size :] = block.right
             left[:, first : first + size], left[:, n - size :] = block.left
             yield ModalBlock(number, copy, value, block.states, block.A, right, left, block.seen, block.pushed)
+
+
+def _closed_blocks(modes: Modes, size: int) -> list[ModalBlock]:
+    """The modes of a scene with feedback, whose left vectors are those of no symmetric pencil: rows of an inverse."""
+    columns: list[tuple[int, complex, Floats, Floats]] = []
+    for number, ((shape,), value) in enumerate(zip(all_shapes(modes), modes.eigenvalue.tolist(), strict=True)):
+        phi: Complexes = modes.column(shape).astype(complex)
+        r = np.concatenate((phi, value * phi))
+        if value.imag:
+            A = np.array([[value.real, value.imag], [-value.imag, value.real]])
+            columns.append((number, value, A, np.column_stack((r.real, r.imag))))
+            continue
+        turn = np.exp(-1j * np.angle(phi[np.argmax(np.abs(phi))]))
+        right, coasts = (r * turn).real[:, None], value == 0 and not (modes.matrices.D @ phi).any()
+        if coasts:
+            right = np.hstack((right, np.concatenate((np.zeros(size), phi.real))[:, None]))
+        columns.append(
+            (number, value, np.array([[0.0, 1.0], [0.0, 0.0]]) if coasts else np.array([[value.real]]), right)
+        )
+    every = np.hstack([right for *_, right in columns])
+    if every.shape[1] != 2 * size or np.linalg.matrix_rank(every / np.linalg.norm(every, axis=0)) < 2 * size:
+        raise ComputationError("the modes of this scene do not span its motion in double precision")
+    lefts = np.split(np.linalg.inv(every), np.cumsum([len(A) for _, _, A, _ in columns])[:-1])
+    blocks = []
+    for (number, value, A, right), left in zip(columns, lefts, strict=True):
+        states = tuple(
+            Signal(f"eta_{number + 1}_{part}", "", f"coordinate of mode {number + 1}") for part in range(len(A))
+        )
+        seen, pushed = np.ones(1, dtype=complex), np.ones(1, dtype=complex)
+        if value.imag:
+            seen, pushed = np.array([1.0, 1j]), np.array([1j, 1.0]) * value.imag
+        elif len(A) == 2:
+            seen, pushed = np.array([1.0, 0j]), np.array([0j, 1.0])
+        blocks.append(ModalBlock(number, 0, value, states, A, right, left, seen, pushed))
+    return blocks
 
 
 class _Made(NamedTuple):

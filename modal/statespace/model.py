@@ -175,6 +175,8 @@ def assemble(
     )
     validate_points(scene, input_names)
     output_names = validate_signals(outputs or usual[1], outputs_of(geometry), "output", geometry)
+    if scene.feedback and (prescribed := [name for name in input_names if name in DRIVES | SUPPORT]):
+        raise SceneError([f"input {prescribed[0]}: is a motion: beside feedback, inputs are forces and torques"])
     drive, push = _drive(input_names), _pushes(scene, geometry, input_names)
     if drive in SUPPORT:
         require(scene, "a linear model of a moved support")

@@ -58,8 +58,11 @@ def fold_equals(scene: Scene) -> Folded:
     """One pendulum for each kind, as heavy as all of its copies, in the order of the file.
 
     On a structure the copies of every entry are of one kind, but those that springs join to something.  Under constant
-    forces, which the merged would not share, pendula stay as they are; SceneError for copies there.
+    forces, which the merged would not share, pendula stay as they are; SceneError for copies there.  So they do with
+    feedback, which tells them apart.
     """
+    if scene.feedback:
+        return Folded(scene, tuple(range(1, scene.n_pendula + 1)), (1,) * scene.n_pendula)
     leans = "constant_force" in scene.features
     several = [f"pendulum[{p}].count = {entry.count}" for p, entry in enumerate(scene.pendulum) if entry.count > 1]
     if leans and several:

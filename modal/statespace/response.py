@@ -337,7 +337,8 @@ def frequency_response(
     outputs_read, driven = [model.outputs[k] for k in rows], [model.inputs[k] for k in columns]
     scene, chosen = model.scene or form.modes.scene, np.ix_(rows, columns)
     s = np.asarray(1j * at, dtype=np.complex128)
-    is_eliminated = not needs_whole_structure(scene, driven) or is_small(scene) or scene.has_losses
+    can_eliminate = not needs_whole_structure(scene, driven) or is_small(scene) or scene.has_losses
+    is_eliminated = can_eliminate and not scene.feedback
     response = np.repeat(model.D[chosen][..., None], len(at), axis=2).astype(np.complex128)
     if is_eliminated:
         response = ExactResponse(scene, driven, outputs_read).response_at(at, tolerance, remainder)

@@ -160,6 +160,9 @@ def response(options: argparse.Namespace) -> Gains | None:
     from modal.statespace import impulse_table, response_table, to_modal_form
     from modal.statespace.peaks import peaks_table
 
+    if options.lqr or options.weights:
+        _regulator(options)
+        return None
     if options.gains:
         return _gains(options)
     in_words = options.impulse and (getattr(options, "format_asked", False) or not options.output)
@@ -232,6 +235,30 @@ def _gains(options: argparse.Namespace) -> Gains:
     with output(options.output) as write:
         write(gains.text() + "\n")
     return gains
+
+
+def _regulator(options: argparse.Namespace) -> None:
+    """Write the gains of the linear-quadratic regulator as CSV."""
+    from modal.errors import SceneError
+    from modal.scene import STANDARD
+    from modal.statespace.regulator import regulator
+
+    if not (options.gains and options.lqr):
+        raise SceneError(["--lqr: needs --gains" if options.lqr else "--weights: needs --gains --lqr"])
+    refuse(options, "cannot be combined with --lqr", "--covariance", "--at", "--from", "--of", "--impulse", "--signals")
+    if options.output not in {None, STANDARD} or options.format == "json":
+        words = getattr(options, "format_words", f"-o {options.output}" if options.output else "--format")
+        raise SceneError([f"{words}: gains of a regulator are CSV, of which a file ends in .csv"])
+    files = listed(options.weights)
+    if options.weights and len(files) != 2:
+        raise SceneError([f"--weights {options.weights}: must be two files, Q.csv,R.csv"])
+    scene = scene_of(options, "a constant linear model")
+    if scene.feedback:
+        remark("The loops of the scene are open here: its feedback is left out of the plant.")
+    design = regulator(scene, listed(options.input), (files[0], files[1]) if files else None)
+    with output(options.output) as write:
+        write(design.csv())
+    remark(design.words())
 
 
 def shaper(options: argparse.Namespace) -> Shaper:
@@ -399,13 +426,16 @@ COMMANDS = (
             option("--of (default all)", keyword="outputs"),
             "--impulse instead",
             "--gains, instead",
+            "--lqr, with --gains: written as CSV, which [[feedback]] of a scene takes",
+            "--weights of --lqr (default the energy, and 1 of each input's unit)",
         ),
         details=(
             "Where every output is largest near each mode; in a picture magnitude and phase of every output for one "
             "input, accurate at any distance from the modes, or the impulse response in closed form. Peaks of damped "
             "modes have their true height; a note below the picture says where infinite ones are cut. With --gains, "
             "degrees of controllability and observability in place of ranks: the gain of every mode from each input "
-            "and to each output, relative to the largest of that signal."
+            "and to each output, relative to the largest of that signal. With --lqr, the gains K of u = -K z that make "
+            "the energy and the squares of the inputs least, summed over time."
         ),
         examples=(
             ("response crane-two-loads", "peaks of every output of a crane"),
@@ -414,8 +444,8 @@ COMMANDS = (
                 "the Bode plot of one output; without --of, of every one",
             ),
             (
-                "response crane-two-loads --input cart_force --gains",
-                "how well a force on the trolley reaches each mode",
+                "response crane-hook --input cart_force --gains --lqr -o K.csv",
+                "gains that hold the trolley and let no load swing",
             ),
             (
                 "response crane-hook --input 'force:pendulum[0].links[1]' --at 0.1,0.3",
@@ -444,8 +474,8 @@ COMMANDS = (
                 "ship_sway_force; export and response have the same default",
                 completion=words(("cart_acceleration", "cart_velocity", "cart_force"), ""),
             ),
-            "--travel, smoothly, or the CSV file of a travel: reports the residual swing with and without the shaper; a CSV "
-            "file has the shaped travel in place of the impulses",
+            "--travel, smoothly, or the CSV file of a travel: reports the residual swing with and without the shaper; a "
+            "CSV file has the shaped travel in place of the impulses",
             "--over (default that of the hoist)",
             *LIMITS,
             *text_file(drawn=True),

@@ -257,7 +257,10 @@ class Bearing:
         for forces in (drag, outside):
             for k, value in enumerate([] if forces is None else forces[:size]):
                 self.working[k] = plus(self.working[k], 1.0, value)
-        for force, strength in zip(self.system.forces, self.instant.forces, strict=False):
+        for loop, strength in zip(self.system.loops, self.instant.forces[len(self.system.forces) :], strict=False):
+            if loop.coordinate is not None:
+                self.working[loop.coordinate] = plus(self.working[loop.coordinate], 1.0, strength)
+        for force, strength in zip(self.system.acting, self.instant.forces, strict=False):
             if isinstance(force.carrier, CarrierEnd):
                 self._act(force.carrier, force.direction, strength)
         for k, (value, rate) in enumerate(zip(self.working, self.rates, strict=True)):

@@ -38,6 +38,7 @@ import numpy as np
 
 from modal.extend.laws import DragLaw
 from modal.types import Floats
+from nonlinear.dynamics.feedback import input_of
 from nonlinear.system import ActingForce, Group, System
 
 
@@ -177,15 +178,15 @@ def sizes_at(system: System, time: float) -> list[float]:
     return [force.course.at(time) for force in system.forces]
 
 
-def resultants(system: System, angles: Floats, time: float) -> tuple[Floats, Floats, float]:
+def resultants(system: System, angles: Floats, time: float, y: Any = ()) -> tuple[Floats, Floats, float]:
     """Of all forces on every link the resultant (N), (L, 2), and the moment about its centre (N m), (L,); on the cart.
 
-    Written for links that are free of each other, as maximal coordinates have them.
+    Written for links that are free of each other, as maximal coordinates have them; loops see y = (q, q').
     """
     forces, moments = np.zeros((system.n_links, 2)), np.zeros(system.n_links)
     centre, normals = system.by_link("centre"), np.column_stack((np.cos(angles), -np.sin(angles)))
-    sizes = sizes_at(system, time)
-    for force, size in zip(system.forces, sizes, strict=True):
+    sizes = sizes_at(system, time) + [input_of(loop, y) for loop in system.loops]
+    for force, size in zip(system.acting, sizes, strict=True):
         for link, above, below in force.places:
             if force.direction is None:
                 moments[link] += size

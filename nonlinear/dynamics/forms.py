@@ -47,7 +47,7 @@ class Form:
     solved by elimination; `present` tells which numbers (`nonlinear.system.numbers`) are not 0, `ends` which links have
     their centre at their end, `ratios` which entries of the modal damping are not 0, `laws` the links that follow each
     law of a hoist; `directions` are those in which a support moves, `forces` where forces act and in which direction,
-    `constant_count` how many constants of what is prescribed are numbers, None where it is no arithmetic of the time;
+    `constant_count` how many constants of what is prescribed and of `loops` are numbers, None without any;
     equations have a load where `has_load`, `works` ones the work; `contacts` are the coordinates below and above each
     contact with dry friction, none where that is left out, and on a rail that `presses` it has a coefficient; `spatial`
     ones have three numbers a link.  `structure` is the shape of what carries the pendula (`shape_of`), `joint_laws`
@@ -69,6 +69,7 @@ class Form:
     spatial: bool
     structure: tuple[Any, ...]
     joint_laws: tuple[Any, ...]
+    loops: tuple[Any, ...]
     system: System = field(compare=False, repr=False)
 
     @property
@@ -120,7 +121,7 @@ def form_of(
         tuple(tuple(places.tolist()) for places, _ in hoisting.laws) if hoisting else (),
         support.directions if support else (),
         tuple((force.places, force.direction, _carrier(force.carrier)) for force in system.forces),
-        len(motion_constants) - len(D) if system.is_analytic else None,
+        len(motion_constants) - len(D) if system.is_analytic or system.loops else None,
         has_load,
         system.works or has_load if works is None else works,
         (),
@@ -128,6 +129,7 @@ def form_of(
         system.spatial,
         shape_of(system),
         tuple(tuple(map(_shape_of_term, (*group.laws, *group.point_forces))) for group in system.groups),
+        (system.is_analytic, *(loop.shape for loop in system.loops)),
         system,
     )
 

@@ -7,6 +7,7 @@ scene has it:
     motion of the support its acceleration (m/s²) and, where links have drag, its velocity (m/s), in its direction, then
     the size of every force (N or N m)
     of every law of a hoist the length (m), its speed and its acceleration
+    of every loop of feedback that is sampled the input (N or N m) that it holds
     the force on the cart (N) or on each coordinate of a structure (N, N m), and the moment on every link (N m; in space
     its three components), of a load
     of every contact with dry friction the torque or force that it exerts while it slides (N m or N), 0 where it sticks;
@@ -28,6 +29,7 @@ from modal.scene.length_laws import LengthLaw
 from modal.types import Floats
 from modal.vibration.courses import Course, Polynomials, in_floats
 from nonlinear.dynamics.contacts import Gripping
+from nonlinear.dynamics.feedback import HeldInputs
 from nonlinear.system import AppliedForces, Group, Layout, Load, System
 
 NOTHING = AppliedForces()
@@ -56,8 +58,8 @@ class Lengths(NamedTuple):
 class Instant(NamedTuple):
     """Accelerations (m/s²) and velocities (m/s) of a moved support along the rail and down, lengths, loads.
 
-    `forces` are the sizes (N or N m) of those of the scene.  The friction of contacts that slide is applied; `gripping`
-    tells which stick.
+    `forces` are the sizes (N or N m) of those of the scene, `held` the inputs of loops that are sampled.
+    The friction of contacts that slide is applied; `gripping` tells which stick.
     """
 
     support: tuple[Any, Any] = (0.0, 0.0)
@@ -66,6 +68,7 @@ class Instant(NamedTuple):
     push: AppliedForces = NOTHING
     gripping: Gripping | None = None
     forces: tuple[Any, ...] = ()
+    held: tuple[Any, ...] = ()
 
 
 QUIET = Instant()
@@ -97,7 +100,12 @@ class Inputs:
     def count(self) -> int:
         """How many inputs u there are."""
         acting = 0 if self.load is None else self._moments + self.system.first
-        return self._course_count + 3 * len(self.laws) + acting + 2 * len(self.contacts)
+        return self._course_count + 3 * len(self.laws) + len(self.samples.loops) + acting + 2 * len(self.contacts)
+
+    @cached_property
+    def samples(self) -> HeldInputs:
+        """What loops that are sampled hold."""
+        return HeldInputs(self.system.loops)
 
     @property
     def _moments(self) -> int:
@@ -125,6 +133,9 @@ class Inputs:
     @cached_property
     def of_time(self) -> Callable[..., Sequence[float]]:
         """The inputs of time alone at one time (s), in floats; a further argument is of no use."""
+        if self.samples.loops:
+            of_rest, held = Inputs(replace(self.system, loops=()), drags=self.drags).of_time, self.samples.at
+            return lambda time, y=(): [*of_rest(time), *held(time)]
         if self.is_analytic and not self.laws:
             return lambda time, y=(): (time,)
         if (polynomials := self.polynomials) is not None:
@@ -135,7 +146,7 @@ class Inputs:
 
     def beside(self, times: Any) -> list[Any]:
         """The inputs of time alone at times of any shape (s), each of that shape."""
-        laws = [part for _, law in self.laws for part in law(times)]
+        laws = [part for _, law in self.laws for part in law(times)] + self.samples.beside(times)
         return [times, *laws] if self.is_analytic else [course.beside(times) for course in self.courses] + laws
 
     @cached_property
@@ -214,10 +225,11 @@ class Inputs:
                 velocity = moving.components(sizes[count : 2 * count])
         forces = tuple(sizes[len(sizes) - len(self.system.forces) :])
         lengths = self._lengths([(next(values), next(values), next(values)) for _ in self.laws]) if self.laws else None
+        held = tuple(next(values) for _ in self.samples.loops)
         first = self.system.first
         acting = [next(values) for _ in range(first + self._moments)] if self.load else []
         if not self.contacts:
-            return Instant(support, velocity, lengths, self._push(acting), None, forces)
+            return Instant(support, velocity, lengths, self._push(acting), None, forces, held)
         acting = acting or [0.0] * (first + self.system.n_links)
         rail_coefficient = next(values) if self.system.rail and self.system.rail.coefficient else None
         for below, above in self.contacts[rail_coefficient is not None :]:
@@ -226,7 +238,7 @@ class Inputs:
             if above >= 0:
                 acting[above] = acting[above] - tau
         gripping = Gripping(self.contacts, [*values], rail_coefficient)
-        return Instant(support, velocity, lengths, self._push(acting), gripping, forces)
+        return Instant(support, velocity, lengths, self._push(acting), gripping, forces, held)
 
     def _push(self, acting: Sequence[Any]) -> AppliedForces:
         first = self.system.first
@@ -255,9 +267,7 @@ class Inputs:
 
     def at(self, time: Any, y: Any, layout: Layout) -> Instant:
         """The instant at one time (s) and state, or at many times side by side."""
-        instant = (
-            self._of_time_alone.instant(self.of_time(time)) if self.system.prescribed_motions or self.laws else QUIET
-        )
+        instant = self._of_time_alone.instant(self.of_time(time)) if self._of_time_alone.count else QUIET
         return instant._replace(push=self.load(time, layout.state(y))) if self.load else instant
 
 

@@ -262,11 +262,11 @@ class Mechanics(Displayed):
         forces = self.system.mass[:, None] * bodily
         if self.system.has_drag:
             forces -= forces_of(self.system, self.speeds if support is None else self.speeds + support[1][:, None])
-        if self.system.forces:
+        if self.system.acting:
             assert self.times is not None
-            forces -= [
-                resultants(self.system, angles, t)[0] for angles, t in zip(self.motion.links, self.times, strict=True)
-            ]
+            states = np.concatenate(self._coordinates).T
+            rows = zip(self.motion.links, self.times, states, strict=True)
+            forces -= [resultants(self.system, angles, t, y)[0] for angles, t, y in rows]
         spring_forces = self.bearing.forces_on_links(*self._coordinates)
         if spring_forces is not None:
             forces -= spring_forces.transpose(2, 1, 0)

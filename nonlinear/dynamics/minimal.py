@@ -23,6 +23,7 @@ from modal.structure.carriers import inner
 from modal.types import Floats, Ints
 from nonlinear.dynamics.bearing import Bearing, apply_inverse_mass
 from nonlinear.dynamics.contacts import Rubbed, Sticking
+from nonlinear.dynamics.feedback import input_of
 from nonlinear.dynamics.forces import (
     Base,
     External,
@@ -184,13 +185,22 @@ class Suspended(Arranged):
         """What carries the first joints, at this instant."""
         return Bearing(carriers_of(self.system), q, v, instant, massless=massless)
 
+    def close_loops(self, y: Any, instant: Instant) -> Instant:
+        """The instant with the inputs of loops, which see y, after the forces of the scene."""
+        loops = self.system.loops
+        if not loops or len(instant.forces) == len(self.system.acting):
+            return instant
+        held = iter(instant.held)
+        inputs = (next(held) if loop.sample_time else input_of(loop, y) for loop in loops)
+        return instant._replace(forces=(*instant.forces, *inputs))
+
     def rates_and_friction(self, y: Any, instant: Instant, response: Any = None) -> tuple[Any, Rubbed]:
         """The same, and what dry friction does.
 
         Where all contacts slide on a rail with a coefficient, the `response` (half,) to a unit of friction on it may
         be given.
         """
-        system, layout = self.system, self.layout
+        system, layout, instant = self.system, self.layout, self.close_loops(y, instant)
         first, half = layout.first, layout.half
         q, v = y[:half], y[half : 2 * half]
         slopes = np.empty_like(y)
@@ -227,7 +237,7 @@ class Suspended(Arranged):
     def forces(self, y: Any, instant: Instant) -> tuple[Any, Any]:
         """The generalized forces Q (half, ...) of all that acts, weights left out, and the power (W)."""
         half, first = self.layout.half, self.layout.first
-        v, groups = y[half : 2 * half], self.system.groups
+        v, groups, instant = y[half : 2 * half], self.system.groups, self.close_loops(y, instant)
         bearing, Q = self.bearing(y[:half], v, instant, massless=True), np.zeros_like(v)
         forces, _, power = self.load_bearing(y, instant, bearing, [(group, Unanswering()) for group in groups])
         carrier_forces, working = bearing.add_outside_forces(self.modal_drag(v))
@@ -302,7 +312,7 @@ class Suspended(Arranged):
             drag = self.drag_of(group, links, rates, pivot, velocity, winding)
         if not instant.forces:
             return drag
-        push = external_of_forces(group, self.system.forces, instant.forces, links, rates, pivot, winding)
+        push = external_of_forces(group, self.system.acting, instant.forces, links, rates, pivot, winding)
         return push if drag is None else drag.plus(push)
 
     def responses(self, q: Any, instant: Instant) -> Any:
@@ -319,6 +329,7 @@ class Suspended(Arranged):
     def reaction(self, y: Any, instant: Instant, accelerations: Any, is_full: bool = True) -> Any:
         """The rail's push N up on the cart (N), or if not `is_full` its part that is linear in the accelerations."""
         system, first, half = self.system, self.layout.first, self.layout.half
+        instant = self.close_loops(y, instant)
         links, rates, link_accelerations = y[first:half], y[half + first : 2 * half], accelerations[first:]
         push, gravity = 0.0, 0.0
         if is_full and system.cart:

@@ -165,6 +165,8 @@ def refused(members: Members, duration: float, tolerance: float) -> str:
     prescribed = any("motion" in place or place[0] == "force" for place in places)
     if prescribed and not system_of(scene).is_analytic:
         return "members differ in motions of the support or forces, of which not all are sines or constant"
+    if any(place[0] == "feedback" and place[-1] not in {"gain", "reference", "limit"} for place in places):
+        return "members differ in gains of a matrix, or in when loops act"
     if any(_of_hoist(scene, place) for place in places):
         return "members differ in the law of a hoist"
     if why := _drawn(members, places):

@@ -67,7 +67,7 @@ def _moved(scene: Scene) -> Hashable:
     """What differs between motions of a support and forces, the numbers of sines and of constant forces left out."""
     moved = tuple((part.direction, "sine") if part.kind == "sine" else part for part in scene.motions)
     acting = tuple((part.on, part.direction, part.kind) if part.kind in TIMED else part for part in scene.force)
-    return moved, acting
+    return moved, acting, scene.feedback
 
 
 def run_together(scenes: Iterable[Scene], duration: float) -> dict[Scene, Trajectory]:

@@ -35,6 +35,7 @@ CHATTER_PHASE = 1e-7
 CHATTER_EXCESS = 1e-6
 """Tolerance: excess over its limit by which a contact breaks loose after chatter, ten times more after each phase."""
 NAN, INF, NOTHING = nan, inf, (0.0,)
+WHERE = "def where(x, a, b):\n return a if x > 0 else b\n"
 TEXTS = "sticking", "friction", "responses", "kick", "kicked"
 
 
@@ -323,8 +324,7 @@ def compiled_source(at: Places, texts: dict[str, str]) -> str:
         "NOTHING = (0.0,)",
     ]
     head += [*(f"{name} = {value!r}" for name, value in names_in(at).items())]
-    where = "@part\ndef where(x, a, b):\n return a if x > 0 else b\n"
     none = "def {}(c, y, u, v):\n return [0.0]\n"
     sources = [f"@part\n{texts.get(name, none.format(name))}" for name in TEXTS]
     sources += [f"@part\n{source}" for source in _complementarity()]
-    return "\n".join((*head, where, *sources, inner(changing, "part"))) + "\n"
+    return "\n".join((*head, f"@part\n{WHERE}", *sources, inner(changing, "part"))) + "\n"

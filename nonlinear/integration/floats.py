@@ -80,8 +80,8 @@ class FloatDOP853(DOP853Solver):
     """
 
     switching: Switched | None = None
-    next_stretch: Callable[[float], tuple[float, float] | None] = staticmethod(lambda time: None)
-    """The next end (s) and the longest step (s) after a break at this time; None at the end of the run."""
+    next_stretch: Callable[[float, Numbers], tuple[float, float] | None] = staticmethod(lambda time, y: None)
+    """The next end (s) and the longest step (s) after a break at this time and y; None at the end of the run."""
 
     def __init__(
         self,
@@ -162,7 +162,7 @@ class FloatDOP853(DOP853Solver):
 
     def carried_on(self, y: Numbers) -> Numbers | None:
         """The derivative after a break, from which steps go on as long as before; None at the end of the run."""
-        if (stretch := self.next_stretch(self.t)) is None:
+        if (stretch := self.next_stretch(self.t, y)) is None:
             return None
         (self.t_bound, self.max_step), self.status = stretch, "running"
         if self.switching:
@@ -278,10 +278,11 @@ class FloatStepper(DOP853Stepper[Written]):
         is_time_only = self.equations.is_time_only and not self.pace.breaks
         return FloatDOP853(self.equations.rate, inputs, is_time_only, f, time, y, end, **options)
 
-    def _next_stretch(self, time: float) -> tuple[float, float] | None:
+    def _next_stretch(self, time: float, y: Numbers) -> tuple[float, float] | None:
         """Go on after a break: to the next one or the end of the run (s), in steps that are no longer than so (s)."""
         if time >= self.end:
             return None
+        self.pace.landing(time, y)
         self._low, self._high = self.pace.stretch(time)
         until = min(self._high, self.end)
         return until, self.pace.longest_between(max(self._low, self.start), until)

@@ -23,6 +23,7 @@ from modal.scene.contents import content_of, private
 from nonlinear.dynamics import Lanes, sincos, without_interrupts
 from nonlinear.dynamics.compiling import inner
 from nonlinear.integration import loops, meeting
+from nonlinear.integration.changes import WHERE
 from nonlinear.integration.crowds import Crowd
 from nonlinear.integration.loops import CLOCK, SIZES, TABLES, looping
 from nonlinear.integration.method import FIFTH, NODES, ROWS, SEEN, STAGES, THIRD, weighted_sum
@@ -79,6 +80,8 @@ def source(lanes: Lanes, crowd: Crowd | None = None) -> str:
         functions = filter(inspect.isfunction, vars(meeting).values())
         texts += [*(f"@part\n{_source_of(function)}" for function in functions), switches.source()]
         texts += [_vectorize(switches.module.loop_source("values"))]
+    elif "where(" in module.loop_source(name):
+        texts += [_vectorize(WHERE)]
     texts += [_vectorize(module.loop_source(name, "rates")), _attempt(sizes["DRIVEN"] > 0, switches is not None)]
     texts += [
         ERRORS.format(

@@ -147,12 +147,24 @@ def prepare(
     validate_scene(scene)
     has_hoists = isinstance(equations, HoistedMaximal)
     y = cast("HoistedMaximal", equations).begin_at(start, float(times[0])) if has_hoists else equations.begin(start)
+    pace = _sampled(equations, y, times, pace)
     if isinstance(equations, Switched):
         equations.release(float(times[0]), y, before)
     slope = _slope(equations, float(times[0]), y)
     return Prepared(
         scene, choice, equations, _stepper(scene, equations, choice, y, slope, times, size, pace), times, before
     )
+
+
+def _sampled(equations: Equations, y: Floats, times: Floats, pace: Pace) -> Pace:
+    """A pace that stops at the samples of feedback, the first of which is taken."""
+    if not equations.system.is_sampled:
+        return pace
+    free = equations.free if isinstance(equations, Switched) else cast("Arranged", equations)
+    samples = free.inputs.samples
+    breaks = samples.begin(*times[[0, -1]].tolist())
+    samples.take(float(times[0]), y.tolist())
+    return replace(pace, breaks=tuple(sorted({*pace.breaks, *breaks[1:]})), landing=samples.take)
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,6 +198,7 @@ class Request:
             self.load
             or system.has_escapements
             or system.prescribed_motions
+            or system.loops
             or system.rubs
             or system.has_drag
             or self.watching

@@ -13,6 +13,7 @@ import numpy as np
 import scipy
 
 from modal.errors import ComputationError
+from modal.report import silent
 from modal.types import Floats
 
 Derivative = Callable[[float, Floats], Floats]
@@ -39,13 +40,15 @@ class Pace:
 
     `first` (s) is the first step to try, or None for the method's own choice; no step is longer than `longest` (s).  A
     `share` below 1 makes every step shorter than that fraction of `longest` and of the interval between two breaks, so
-    that runs with different shares step differently, whatever limits their steps.
+    that runs with different shares step differently, whatever limits their steps.  `landing` is called at each break,
+    with its time and y, before the next step.
     """
 
     first: float | None = None
     longest: float = inf
     breaks: tuple[float, ...] = ()
     share: float = 1.0
+    landing: Callable[[float, Any], object] = silent
 
     def stretch(self, time: float) -> tuple[float, float]:
         """The breaks on either side of a time, a break at that time counting as before it; infinite where none."""
@@ -267,6 +270,7 @@ class SciPyStepper:
         """The integrator, a new one where a break has been reached."""
         if self.lands:
             self._done += self._solver.nfev
+            self.pace.landing(self.time, self.y)
             self._solver = self._start_solver(self.time, self.y, self.pace.first)
         return self._solver
 

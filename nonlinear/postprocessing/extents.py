@@ -87,7 +87,7 @@ def largest_angle(trajectory: Trajectory) -> float:
 def _can_interpolate(trajectory: Trajectory) -> bool:
     """Whether the motion between samples can be found."""
     run, system, times, motion = trajectory.run, trajectory.system, trajectory.times, trajectory.motion
-    jumps = system.has_escapements or system.rubs or system.hoisting is not None
+    jumps = system.has_escapements or system.rubs or system.hoisting is not None or system.is_sampled
     has_lost_load = trajectory.driven and trajectory.equations is None
     if jumps or has_lost_load or run.form not in FORMS or run.method not in {*EXPLICIT, "taylor"} or len(times) < 2:
         return False

@@ -19,12 +19,14 @@ def reaction_forces_of(trajectory: Trajectory) -> Reactions:
     """The force at every pivot and that of the rail on the cart, at the sampled times.
 
     On a structure, where there is no one rail, `normal` is NaN.  Raises ComputationError for a saved run with applied
-    forces, which are not saved.
+    forces, which are not saved, and for one with sampled feedback.
     """
     require_type("trajectory", trajectory, "Trajectory")
     if trajectory.driven and trajectory.equations is None:
         raise ComputationError("the reaction forces of this run need its applied forces, which are not saved")
     system, motion = trajectory.system, trajectory.motion
+    if system.is_sampled:
+        raise ComputationError("reaction forces: what sampled feedback held is not kept with a run")
     support = system.support
     size, times = 3 if system.spatial else 2, trajectory.times
     support_motion = (support.accelerations(times, size), support.velocities(times, size)) if support else None

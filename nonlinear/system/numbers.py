@@ -66,6 +66,7 @@ class Numbers(Displayed):
         outside = outside or any(self._is_set(first + k) for k in dampers_of(system.suspension))
         outside = outside or any(not term.law.is_conservative for group in system.groups for term in group.laws)
         outside = outside or any(group.point_forces for group in system.groups)
+        outside = outside or bool(system.loops)
         return outside or bool(system.prescribed_motions) or system.has_escapements or self._any_of(WORKING)
 
     @cached_property
@@ -198,19 +199,24 @@ def _motion_constants(
     D = _modal_of(system)
     if modal is not None:
         D = [column if np.any(column != column[0]) else float(column[0]) for column in modal.reshape(len(modal), -1).T]
+    loops = [
+        replacements.get(("feedback", loop.entry, key), number)
+        for loop in system.loops
+        for key, number in zip(loop.keys, loop.numbers, strict=True)
+    ]
     if not system.is_analytic:
-        return (*D,)
+        return (*D, *loops)
     constants = [
         replacements[(*place, name)] * unit if (*place, name) in replacements else constant
         for place, motion in zip(places, system.prescribed_motions, strict=True)
         for (name, unit), constant in zip(motion.units.items(), motion.constants, strict=True)
     ]
-    return (*D, *constants)
+    return (*D, *constants, *loops)
 
 
 def constants_of(system: System) -> list[float]:
-    """The entries of D_modal and the constants of what is prescribed, of a system's own."""
-    return [*_modal_of(system), *_constants_of(system)]
+    """The entries of D_modal, the constants of what is prescribed and the numbers of loops, of a system's own."""
+    return [*_modal_of(system), *_constants_of(system), *(number for loop in system.loops for number in loop.numbers)]
 
 
 def _modal_of(system: System) -> list[Any]:
@@ -285,7 +291,7 @@ def system_with(system: System, entries: Sequence[Any], tail: bool = False) -> S
 
 
 def system_with_constants(system: System, numbers: Sequence[Any]) -> System:
-    """The same system with other entries of D_modal, (n, n) or (n, n, S), and other constants of what is prescribed."""
+    """The same system with other entries of D_modal, (n, n) or (n, n, S), constants of motions and forces, loops."""
     rest, result = [*numbers], system
     if system.modal_damping is not None and rest:
         count = np.size(system.modal_damping)
@@ -296,6 +302,8 @@ def system_with_constants(system: System, numbers: Sequence[Any]) -> System:
     if not rest:
         return result
     constants = iter(rest)
+    if not system.is_analytic:
+        return replace(result, loops=tuple(loop.with_numbers(constants) for loop in system.loops))
     motions = [
         motion.with_constants([next(constants) for _ in motion.constants]) for motion in system.prescribed_motions
     ]
@@ -304,7 +312,9 @@ def system_with_constants(system: System, numbers: Sequence[Any]) -> System:
         support_motions = zip(support.directions, motions[: len(motions) - len(forces)], strict=True)
         support = replace(support, motions=tuple(support_motions))
     acting = zip(forces, motions[len(motions) - len(forces) :], strict=True)
-    return replace(result, support=support, forces=tuple(replace(force, motion=motion) for force, motion in acting))
+    loops = tuple(loop.with_numbers(constants) for loop in system.loops)
+    new_forces = tuple(replace(force, motion=motion) for force, motion in acting)
+    return replace(result, support=support, forces=new_forces, loops=loops)
 
 
 # ------------------------------------------------------------------------------------------------------ structures

@@ -25,7 +25,7 @@ from modal.assembly import (
     rig_of,
 )
 from modal.extend import JointLaw
-from modal.report import Displayed, Summary, counted
+from modal.report import Displayed, Summary, counted, deferred
 from modal.scene import Escapement, Pendulum, Scene, validate_scene
 from modal.structure import Structure, is_damped
 from modal.types import IMAGINARY_STEP, Floats, Ints
@@ -34,6 +34,7 @@ from nonlinear.system.springs import slack_of
 
 if TYPE_CHECKING:
     from modal.vibration import Course, PrescribedMotion
+    from nonlinear.system.loops import ActingLoop
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,7 +257,7 @@ class System(Displayed):
     that moves as prescribed, in whose frame the scene is then described; `rail` the dry friction on the rail; `forces`
     act on points of links and on the cart.  The `suspension` is what carries the pendula: of no coordinates on a fixed
     support, of one on a cart, and where the scene `is_structured` any `structure`, of whose springs `slack` tells which
-    have no length as drawn.
+    have no length as drawn.  `loops` of feedback act like forces, by what they measure.
 
     >>> from modal import load
     >>> from nonlinear import system_of
@@ -277,6 +278,7 @@ class System(Displayed):
     forces: tuple[ActingForce, ...] = ()
     is_structured: bool = False
     slack: tuple[bool, ...] = ()
+    loops: tuple[ActingLoop, ...] = ()
 
     def _summary(self) -> Summary:
         where = "on a cart" if self.cart else "on a support that moves" if self.support else "on a fixed support"
@@ -372,7 +374,8 @@ class System(Displayed):
     @cached_property
     def may_turn_singular(self) -> bool:
         """Whether the mass matrix may turn singular on the way: of a massless cart, while what is damped decays."""
-        return bool(self.cart and not np.any(self.cart.mass) and self.dissipates and not self.spatial)
+        loses = self.dissipates or bool(self.loops)
+        return bool(self.cart and not np.any(self.cart.mass) and loses and not self.spatial)
 
     @property
     def dissipates(self) -> bool:
@@ -394,7 +397,7 @@ class System(Displayed):
     def coasts(self) -> bool:
         """Whether nothing outside pushes along the rail: a cart without spring, damper, friction, drag or force."""
         cart = self.cart
-        has_push = self.rail is not None or self.has_drag or bool(self.forces)
+        has_push = self.rail is not None or self.has_drag or bool(self.acting)
         return cart is not None and not (np.any(cart.damping) or np.any(cart.stiffness) or has_push)
 
     @property
@@ -415,7 +418,18 @@ class System(Displayed):
     @property
     def works(self) -> bool:
         """Whether energy enters or leaves the system."""
-        return self.dissipates or self.excites or self.hoisting is not None or bool(self.prescribed_motions)
+        moves = self.hoisting is not None or bool(self.prescribed_motions)
+        return self.dissipates or self.excites or moves or bool(self.loops)
+
+    @property
+    def is_sampled(self) -> bool:
+        """Whether any loop holds its input between samples."""
+        return any(loop.sample_time for loop in self.loops)
+
+    @property
+    def acting(self) -> tuple[ActingForce, ...]:
+        """All that acts on points and coordinates: forces, then loops of feedback."""
+        return (*self.forces, *self.loops)
 
     @cached_property
     def prescribed_motions(self) -> tuple[PrescribedMotion, ...]:
@@ -506,7 +520,8 @@ def system_of(scene: Scene, hoists: Hoists | None = None) -> System:
     system = System(
         rig.gravity, rig.support, tuple(groups), rig.spatial, labels, *sources, is_structured=scene.is_structured
     )
-    return replace(system, slack=tuple(map(bool, slack_of(system))))
+    loops = deferred("nonlinear.system.loops:acting_loops")(scene) if scene.feedback else ()
+    return replace(system, slack=tuple(map(bool, slack_of(system))), loops=loops)
 
 
 def _support(scene: Scene) -> MovingSupport | None:

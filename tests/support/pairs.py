@@ -360,6 +360,7 @@ OFF: dict[str, tuple[str, Callable[[Scene], Scene]]] = {
     "moved_both_ways": ("moved_support", lambda scene: scene.still),
     "force": ("force", lambda scene: scene.replace(force=())),
     "constant_force": ("constant_force", lambda scene: scene.replace(force=())),
+    "feedback": ("feedback", lambda scene: scene.replace(feedback=())),
     "loss": ("loss", lambda scene: scene.lossless),
     "springs": ("springs", lambda scene: scene.replace(spring=())),
 }

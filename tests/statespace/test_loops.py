@@ -1,0 +1,183 @@
+"""Loops of feedback closed by hand: A − B K of the open plant, and the regulator beside python-control's."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from modal import load, natural_modes
+from modal.errors import ComputationError, SceneError
+from modal.modes.sensitivity import sensitivities
+from modal.scene import Scene, scene_from
+from modal.statespace import frequency_response, minimal, modal_gains, state_space, to_modal_form
+from modal.statespace.regulator import energy_weights, regulator
+from multipendula.cli import main
+
+BOB = {"kind": "bob", "mass": 1.0, "length": 2.0}
+ROD = {"kind": "rod", "mass": 2.0, "length": 0.8, "damping": 0.3}
+
+
+def crane(*feedback: dict[str, Any], **more: Any) -> Scene:
+    pendula = [{"links": [BOB, ROD]}, {"links": [ROD], "equilibrium": ["up"]}]
+    support = {"kind": "cart", "mass": 4.0, "damping": 0.5}
+    return scene_from({"gravity": 9.81, "support": support, "pendulum": pendula, "feedback": [*feedback], **more})
+
+
+def by_hand(scene: Scene, inputs: tuple[str, ...]) -> Any:
+    """The open plant, and its A − B K with a K read signal by signal from the scene."""
+    plant = state_space(
+        scene.replace(feedback=()), inputs, ("coordinates" if scene.is_structured else "cart_position",)
+    )
+    names, K = [signal.name for signal in plant.states], np.zeros((len(plant.inputs), len(plant.states)))
+    rows = {signal.name: k for k, signal in enumerate(plant.inputs)}
+    for loop in scene.feedback:
+        if loop.gains is None:
+            K[rows[loop.inputs[0]], names.index(str(loop.output))] += loop.gain
+        else:
+            for name, gains in zip(loop.inputs, loop.gains.rows, strict=True):
+                for state, gain in zip(loop.gains.states, gains, strict=True):
+                    K[rows[name], names.index(state)] += gain
+    return plant, plant.A - plant.B @ K
+
+
+def upper(values: Any) -> Any:
+    halves = np.array(values)[np.imag(values) >= 0]
+    return halves[np.lexsort((halves.real, np.abs(halves)))]
+
+
+LOOPS: dict[str, tuple[Scene, tuple[str, ...]]] = {
+    "force on the cart": (
+        crane(
+            {"input": "cart_force", "output": "x", "gain": 30.0},
+            {"input": "cart_force", "output": "theta_dot_2_1", "gain": -80.0},
+        ),
+        ("cart_force",),
+    ),
+    "torques by a matrix": (
+        crane(
+            {
+                "input": ["torque_2_1", "torque_1_2"],
+                "gains": {
+                    "states": ["theta_2_1", "theta_dot_1_2", "x_dot"],
+                    "rows": [[60.0, 1.0, -2.0], [3.0, 4.0, 0.5]],
+                },
+            }
+        ),
+        ("joint_torques",),
+    ),
+    "a wind on a point": (
+        crane({"input": "force:pendulum[0].links[1]@0.5", "output": "theta_dot_1_1", "gain": 5.0}),
+        ("force:pendulum[0].links[1]@0.5",),
+    ),
+    "a structure": (
+        load("tower").replace(
+            feedback=[{"input": "floor2_force", "output": "floor1_dot_m_per_s", "gain": 900.0}]
+        ),
+        ("floor2_force",),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", LOOPS)
+def test_poles_models_and_responses_are_those_of_matrices_closed_by_hand(name: str) -> None:
+    scene, inputs = LOOPS[name]
+    plant, A = by_hand(scene, inputs)
+    closed = state_space(scene, inputs)
+    assert pytest.approx(A, rel=1e-12, abs=1e-12 * np.abs(A).max()) == closed.A
+    modes = natural_modes(scene)
+    hand = upper(np.linalg.eigvals(A))
+    assert np.all(np.abs(upper(modes.eigenvalue) - hand) <= 1e-9 * np.abs(hand).max())
+    assert np.nanmax(modes.residual) < 1e-12
+    form, omega = to_modal_form(modes, closed), np.array([0.3, 2.0, 50.0])
+    assert form.residual() < 1e-9
+    direct = [closed.C @ np.linalg.solve(1j * w * np.eye(len(A)) - A, closed.B) + closed.D for w in omega]
+    assert np.moveaxis(frequency_response(form, omega), -1, 0) == pytest.approx(np.array(direct), rel=1e-8, abs=1e-12)
+    assert modal_gains(modes, closed).inputs.gain.shape == (len(modes), len(closed.inputs))
+    assert len(plant.states) == len(closed.states)
+
+
+def test_what_nothing_feels_has_exact_poles_at_zero() -> None:
+    """A cart whose place and speed no loop measures, then one whose place alone none does."""
+    free = crane({"input": "cart_force", "output": "theta_1_1", "gain": 3.0}).replace(
+        support={"kind": "cart", "mass": 4.0}
+    )
+    modes = natural_modes(free)
+    assert modes.eigenvalue[0] == 0
+    assert np.count_nonzero(modes.eigenvalue == 0) == 1
+    assert next(len(block.A) for block in to_modal_form(modes, state_space(free)).blocks) == 2
+    drags = free.replace(feedback=[*free.feedback, {"input": "cart_force", "output": "x_dot", "gain": 2.0}])
+    model = state_space(drags)
+    assert natural_modes(drags).eigenvalue[0] == 0
+    assert next(len(block.A) for block in to_modal_form(natural_modes(drags), model).blocks) == 1
+    assert np.sum(np.abs(np.linalg.eigvals(model.A)) < 1e-9) == 1
+
+
+def test_equal_pendula_that_one_loop_tells_apart_are_not_merged() -> None:
+    pair = {"gravity": 9.81, "support": {"kind": "cart", "mass": 10.0}, "pendulum": [{"links": [BOB], "count": 2}]}
+    scene = scene_from({**pair, "feedback": [{"input": "torque_1_1", "output": "theta_dot_1_1", "gain": 1.0}]})
+    assert len(natural_modes(scene)) == 3
+    assert len(minimal(scene).states) == 6
+    assert upper(natural_modes(scene).eigenvalue[1:]) == pytest.approx(
+        upper(np.linalg.eigvals(by_hand(scene, ("joint_torques",))[1]))[-2:], rel=1e-9
+    )
+
+
+@pytest.mark.parametrize("name", ["crane-hook", "cart-upright"])
+def test_the_regulator_is_that_of_python_control(name: str, tmp_path: Path) -> None:
+    control = pytest.importorskip("control")
+    scene, plant = load(name), state_space(load(name))
+    design = regulator(scene)
+    K, _, poles = control.lqr(plant.A, plant.B, design.Q, design.R)
+    assert pytest.approx(K, rel=1e-9) == design.K
+    assert upper(design.poles) == pytest.approx(upper(poles), rel=1e-6)
+    file = tmp_path / "K.csv"
+    assert main(["response", name, "--gains", "--lqr", "-o", str(file)]) == 0
+    described = tmp_path / "loop.toml"
+    described.write_text(
+        (Path("modal/scene/shipped") / f"{name}.toml").read_text()
+        + '\n[[feedback]]\ninput = "cart_force"\ngains = "K.csv"\n'
+    )
+    closed = natural_modes(load(described))
+    assert upper(closed.eigenvalue) == pytest.approx(upper(design.poles), rel=1e-6)
+    assert closed.eigenvalue.real.max() < 0
+
+
+def test_energy_weights_are_the_energy_and_hold_what_is_free() -> None:
+    scene = load("crane-hook")
+    Q, n = energy_weights(scene), 3
+    linear = natural_modes(scene).matrices
+    z = np.array([0.0, 0.1, -0.2, 0.3, 0.4, 0.5])  # without the free place of the cart
+    energy = (z[:n] @ linear.K @ z[:n] + z[n:] @ linear.M @ z[n:]) / 2
+    swinging = z.copy()
+    swinging[0] = -(linear.M[0] @ z[:n]) / linear.M[0, 0]  # the common centre of mass at rest
+    assert swinging @ Q @ swinging == pytest.approx(energy, rel=1e-9)
+
+
+def test_weights_are_read_by_their_headings(tmp_path: Path) -> None:
+    control = pytest.importorskip("control")
+    plant = state_space(load("chain-1"))
+    Q, R = tmp_path / "Q.csv", tmp_path / "R.csv"
+    Q.write_text("theta_dot_1_1,theta_1_1\n1.0,7.0\n")
+    R.write_text("torque_1_1\n0.5\n")
+    K, *_ = control.lqr(plant.A, plant.B, np.diag([7.0, 1.0]), [[0.5]])
+    assert pytest.approx(K, rel=1e-9) == regulator(load("chain-1"), weights=(str(Q), str(R))).K
+    Q.write_text("theta_dot_1_1,theta_1_1\n1.0,2.0\n0.0,1.0\n")
+    R.write_text("torque_1_1\n-1.0\n")
+    with pytest.raises(SceneError, match=r"Q.csv: must be symmetric(.|\n)*R.csv: must be positive definite"):
+        regulator(load("chain-1"), weights=(str(Q), str(R)))
+    with pytest.raises(ComputationError, match="no gains make this motion decay"):
+        regulator(load("huygens").undriven, ("joint_torques",))
+
+
+def test_motions_are_no_inputs_beside_feedback() -> None:
+    with pytest.raises(SceneError, match="is a motion: beside feedback"):
+        state_space(LOOPS["force on the cart"][0], ("cart_acceleration",))
+
+
+def test_derivatives_of_closed_loops_are_refused() -> None:
+    """They would need left vectors that are not the shapes."""
+    with pytest.raises(SceneError, match="a derivative of modes does not close loops of feedback"):
+        sensitivities(natural_modes(LOOPS["force on the cart"][0]), 1)
