@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
@@ -78,13 +78,13 @@ class Crowd:
                 y[:, k] = self.at(k).change(t, due, y[:, k], slope[:, k], state[:, k])
         return replace(task, lanes=self, initial=y, switches=self, state=state)
 
-    def rates(self, numbers: Numbers) -> Callable[[Sequence[Any]], Rates]:
+    def rates(self, numbers: Numbers) -> Callable[[Any], Rates]:
         """The rates of so many members as these numbers are of, from the inputs of contacts."""
         module, name = self.equations
         constants = module.constants(self.switches.form.numbers(numbers.entries, numbers.constants))
         sticking, sliding = (module.function(text, constants, self.lanes.target) for text in (name, "rates"))
 
-        def rates_in(contact_inputs: Sequence[Any]) -> Rates:
+        def rates_in(contact_inputs: Any) -> Rates:
             sticks = any(np.any(stuck) for stuck in contact_inputs[len(contact_inputs) // 2 :])
             rates = sticking if sticks else sliding
 

@@ -17,7 +17,7 @@ it ends there (`meeting`).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import inf
@@ -186,7 +186,9 @@ class Front:
     def rates_of(self, columns: Ints) -> Rates:
         """The rates of the lanes in some columns, with what the state of switches adds to their inputs."""
         is_all = len(columns) == len(self.member)
-        rates = self.rates_without_contacts if is_all else self.task.lanes.rates(self.numbers.at(columns))
+        rates: Callable[..., Any] = (
+            self.rates_without_contacts if is_all else self.task.lanes.rates(self.numbers.at(columns))
+        )
         if self.task.switches is None:
             return rates
         contact_inputs = [
@@ -230,7 +232,8 @@ class Front:
         if self.task.switches and len(columns):
             motion, now = (self._motion(y), self._motion(rows), self.state[:, columns]), self._now(columns)
             later = now + np.maximum(INPUT_ASIDE * self.usual[columns], BREAK_ULPS * np.spacing(now))
-            values = self._switches_of(columns).values(*self._inputs_with_rates(now, now, later), *motion)
+            u, w = self._inputs_with_rates(now, now, later)
+            values = self._switches_of(columns).values(u, w, *motion)
             self.value[:, columns], self.rise[:, columns] = values
 
     def _motion(self, y: Floats) -> Floats:
@@ -255,7 +258,8 @@ class Front:
             fill(self.rates(z, inputs=inputs[stage - 1]), stages[stage])
             if stage in seen:
                 motion = self._motion(z), self._motion(stages[stage]), self.state
-                looks.append(self.switches.values(*seen[stage], *motion))
+                u, w = seen[stage]
+                looks.append(self.switches.values(u, w, *motion))
         error, factor = self._error()
         self.tried = self.h * factor
         step.taken = (error < 1) & (self.h > 0)
@@ -277,9 +281,7 @@ class Front:
         parts = np.array([NODES[stage] for stage in stages])[:, None]
         side_times = step.times(parts - INPUT_ASIDE), step.times(parts + INPUT_ASIDE)
         inputs, rates = self._inputs_with_rates(step.times(parts), *side_times)
-        return {
-            stage: ([u[k] for u in inputs], [w[k] for w in rates]) for k, stage in enumerate(stages)
-        }
+        return {stage: ([u[k] for u in inputs], [w[k] for w in rates]) for k, stage in enumerate(stages)}
 
     def _error(self) -> tuple[Floats, Floats]:
         work, sums, scale = self.sums
@@ -347,6 +349,8 @@ class Front:
         columns = np.flatnonzero(changing & ~self.through)
         which = np.where(self.met, self.which, self.task.switches.count)[columns]
         self._seek_none(np.flatnonzero(self.met))
+        if not len(columns):
+            return
         now = self.t.copy()
         now[self.came] = self._now(self.came)
         for _ in range(SWITCHES_AT_ONCE):
