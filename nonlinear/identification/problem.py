@@ -86,7 +86,7 @@ def require_fittable(scene: Scene, free: Sequence[Parameter] = ()) -> None:
         raise SceneError(reasons)
 
 
-class Evaluation(NamedTuple):
+class EvaluatedMotions(NamedTuple):
     """The motions and their derivatives at unknowns of a problem."""
 
     problem: FitProblem
@@ -114,7 +114,7 @@ class FitProblem(Displayed):
     tightness: float = GAP_STD
     steps: int = MOTION_STEPS_MAX
     shifted: bool = False
-    evaluations: list[Evaluation] = field(default_factory=list)
+    evaluations: list[EvaluatedMotions] = field(default_factory=list)
 
     @cached_property
     def system(self) -> System:
@@ -376,7 +376,7 @@ class FitProblem(Displayed):
         flow = self._evaluated(u)
         if flow is None:
             flow = self._flow(u, self.layout.numbers + self.layout.width)
-            self.evaluations[:] = [*self.evaluations[-1:], Evaluation(self, u.tobytes(), flow)]
+            self.evaluations[:] = [*self.evaluations[-1:], EvaluatedMotions(self, u.tobytes(), flow)]
         return flow
 
     def _flow(self, u: Floats, columns: int) -> Readings:
