@@ -185,10 +185,9 @@ class Front:
 
     def rates_of(self, columns: Ints) -> Rates:
         """The rates of the lanes in some columns, with what the state of switches adds to their inputs."""
-        is_all = len(columns) == len(self.member)
-        rates: Callable[..., Any] = (
-            self.rates_without_contacts if is_all else self.task.lanes.rates(self.numbers.at(columns))
-        )
+        rates: Callable[..., Any] = self.rates_without_contacts
+        if not self._are_all(columns):
+            rates = self.task.lanes.rates(self.numbers.at(columns))
         if self.task.switches is None:
             return rates
         contact_inputs = [
@@ -198,8 +197,12 @@ class Front:
         rates_in_state: Rates = rates(contact_inputs)
         return rates_in_state
 
+    def _are_all(self, columns: Ints) -> bool:
+        """Whether these are all lanes, once each and in their order."""
+        return len(columns) == len(self.member) and bool(np.all(columns == np.arange(len(columns))))
+
     def _switches_of(self, columns: Ints) -> LaneSwitches:
-        if len(columns) == len(self.member):
+        if self._are_all(columns):
             return self.switches
         switches: LaneSwitches = self.task.switches.at(self.member[columns])
         return switches
@@ -269,7 +272,7 @@ class Front:
         return step
 
     def _inputs_of_stages(self, step: Step) -> list[Any]:
-        """The inputs at all stages of a step: looked up at once, and for one lane sooner than its equations."""
+        """The inputs at all stages of a step, looked up at once: of one lane, one by one takes as long as its rates."""
         if not self.task.lanes.inputs.count:
             return [()] * STAGES
         times = step.times(np.array(NODES[1 : STAGES + 1])[:, None])
