@@ -112,7 +112,7 @@ def main() -> None:
 
 def _fresh(problem: FitProblem, u: Floats) -> Floats:
     """The Jacobian, computed anew."""
-    problem.__dict__.pop("_last", None)
+    problem.evaluations.clear()
     return problem.jacobian(u)
 
 

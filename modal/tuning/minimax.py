@@ -191,7 +191,9 @@ def _quasi_newton(evaluate: Evaluate, start: Evaluation, low: Floats, high: Floa
     """Where BFGS leads with a search for the weak conditions of Wolfe, which needs no gradient to be continuous.
 
     So it goes along ridges on which modes meet, where gradients grow without bound and linear programs stop
-    [Lewis2013].  A point along a line is taken where the cost falls at all and its slope by a quarter.
+    [Lewis2013].  A point along a line is taken where the cost falls by a ten-thousandth of what its slope promises, and
+    the slope by a quarter: asked for any fall, where the cost is flat to rounding, a search halves its steps to the
+    last digit.
     """
 
     def merit(z: Floats) -> tuple[float, Floats, Evaluation]:
@@ -214,7 +216,7 @@ def _quasi_newton(evaluate: Evaluate, start: Evaluation, low: Floats, high: Floa
         lower, upper, part = 0.0, np.inf, 1.0
         while upper - lower > EDGE:
             new_value, new_slope, point = merit(z + part * way)
-            if new_value >= value:
+            if new_value > value + 1e-4 * part * (slope @ way):
                 upper = part
             elif new_slope @ way < 3 * (slope @ way) / 4:
                 lower = part

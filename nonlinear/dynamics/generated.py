@@ -126,7 +126,7 @@ class Generated(Written, Arranged):
 WRITTEN_LINKS_MAX = 32
 """Cost: links of a scene whose equations are written out; longer text takes longer to compile than it saves."""
 Rates = Callable[..., Sequence[Any]]
-"""The function that gives y' from y (size, S) and the times (s), one or a time each."""
+"""The function that gives y' from y (size, S) and the times (s), one or a time each, or their inputs where known."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,16 +189,16 @@ class Lanes:
         if self.is_written:
             rates = self.module.function("rates", self.constants(numbers), self.target)
             if not self.inputs.count:
-                return lambda y, times=0.0: rates(y)
-            return lambda y, times=0.0: rates(y, self.inputs.beside(times))
+                return lambda y, times=0.0, inputs=(): rates(y)
+            return lambda y, times=0.0, inputs=None: rates(y, self.inputs.beside(times) if inputs is None else inputs)
         system = numbers.arrays
         bodies = (None if self._winds(group) else Recursion(group) for group in system.groups)
         equations = Minimal(system, tuple(bodies), counts_work=self.layout.works)
-        inputs = replace(equations.inputs, drags=self.inputs.drags)
+        courses = replace(equations.inputs, drags=self.inputs.drags)
 
-        def by_recursion(y: Any, times: Any = 0.0) -> Any:
-            instant = inputs.instant(self.inputs.beside(np.broadcast_to(times, y.shape[1:])))
-            return equations.rates(y, instant)
+        def by_recursion(y: Any, times: Any = 0.0, inputs: Any = None) -> Any:
+            u = self.inputs.beside(np.broadcast_to(times, y.shape[1:])) if inputs is None else inputs
+            return equations.rates(y, courses.instant(u))
 
         return by_recursion
 

@@ -115,7 +115,11 @@ def integrate(
         *(ran.y, ran.error, ran.horizon, ran.gain, ran.largest, status, which, marks, before, after, stages, acting),
         *(np.zeros((max(task.lanes.inputs.count + held, 1), WIDTH)), _switching(switches, final)),
     )
-    rates = crowd.rates if crowd else task.lanes.rates
+
+    def rates_in(numbers: Numbers, contact_inputs: Floats) -> Rates:
+        rates: Rates = crowd.rates(numbers)(contact_inputs) if crowd else task.lanes.rates(numbers)
+        return rates
+
     filled = 0
     while filled >= 0:
         with make_ready(code), without_interrupts():
@@ -123,7 +127,7 @@ def integrate(
         kept = filled if filled >= 0 else -1 - filled
         if watches and kept:
             seen = (rows[..., :kept] for rows in (marks, before, after, stages, acting))
-            _see(task, [*beside, *watches.all], rates, which[:kept], *seen)
+            _see(task, [*beside, *watches.all], rates_in, which[:kept], *seen)
     if watches and watches.largest:
         watches.largest.angle = np.maximum(watches.largest.angle, ran.largest)
     for member in np.flatnonzero(status):
@@ -169,7 +173,7 @@ def _given(values: Sequence[Any], count: int) -> Floats:
 def _see(
     task: LaneTask,
     watches: Sequence[Watch],
-    rates: Callable[[Numbers], Rates],
+    rates: Callable[[Numbers, Floats], Rates],
     which: Ints,
     marks: Floats,
     before: Floats,
@@ -180,8 +184,7 @@ def _see(
     """Show steps to watches."""
 
     def rates_of(columns: Any) -> Rates:
-        rates_there = rates(task.numbers.at(which[columns]))
-        return rates_there if not len(acting) else lambda y, times=0.0: rates_there(y, times, acting[:, columns])
+        return rates(task.numbers.at(which[columns]), acting[:, columns])
 
     taken = np.ones(len(which), dtype=bool)
     step = Step(which, taken, marks[0], marks[1], before, after, stages, rates_of(slice(None)), rates_of)

@@ -322,7 +322,7 @@ class Search:
     def _noise(self, problem: FitProblem, u: Floats) -> Floats:
         """The standard deviation of every sensor's residuals; by their median for a robust loss."""
         noise = []
-        readings = problem.readings(u)
+        readings = problem.readings(u, with_derivatives=True)
         for c in range(len(problem.recording.sensors)):
             misses = [
                 r[:, c] - segment.values[:, c] for r, segment in zip(readings, problem.recording.segments, strict=True)

@@ -7,9 +7,9 @@ first, and the initial state of every segment.  A reading is scale · (value at 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -86,6 +86,14 @@ def require_fittable(scene: Scene, free: Sequence[Parameter] = ()) -> None:
         raise SceneError(reasons)
 
 
+class EvaluatedMotions(NamedTuple):
+    """The motions and their derivatives at unknowns of a problem."""
+
+    problem: FitProblem
+    unknowns: bytes
+    flow: Readings
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class FitProblem(Displayed):
     """A recording, and a scene of which these numbers are free; `scaled` frees the sensors' scales.
@@ -93,7 +101,8 @@ class FitProblem(Displayed):
     Where it is `shifted`, the first sensor has a delay too, behind what time prescribes to the scene.
 
     `noise` (C,) is the standard deviation of every sensor, `tightness` times that the one of a gap between a motion and
-    its continuation.  Motions of more than so many `steps` are not followed.
+    its continuation.  Motions of more than so many `steps` are not followed.  `evaluations` are the last two, of this
+    problem or of one that it replaces: a search asks for them again where it ends, or once a trial has failed.
     """
 
     scene: Scene
@@ -105,6 +114,7 @@ class FitProblem(Displayed):
     tightness: float = GAP_STD
     steps: int = MOTION_STEPS_MAX
     shifted: bool = False
+    evaluations: list[EvaluatedMotions] = field(default_factory=list)
 
     @cached_property
     def system(self) -> System:
@@ -222,9 +232,12 @@ class FitProblem(Displayed):
         """The scene with the numbers of these unknowns."""
         return scene_with(self.scene, numbers_at(self.parameters, u[: self.layout.numbers]))
 
-    def readings(self, u: Floats) -> list[Floats]:
-        """What the sensors would read, (K, C) for each segment; ComputationError where a motion cannot be followed."""
-        return self._readings(u, self._flow(u, 0))
+    def readings(self, u: Floats, with_derivatives: bool = False) -> list[Floats]:
+        """What the sensors would read, (K, C) for each segment; ComputationError where a motion cannot be followed.
+
+        With `with_derivatives` these are computed along, as for `residuals`.
+        """
+        return self._readings(u, self._motions(u, with_derivatives))
 
     def _readings(self, u: Floats, flow: Readings) -> list[Floats]:
         layout, readings = self.layout, []
@@ -238,7 +251,7 @@ class FitProblem(Displayed):
 
         With `with_derivatives` the derivatives are computed along, for a `jacobian` at the same unknowns.
         """
-        flow = self._flow_with_derivatives(u) if with_derivatives else self._flow(u, 0)
+        flow = self._motions(u, with_derivatives)
         rows = [
             ((values - segment.values) / self.noise)[np.isfinite(segment.values)]
             for values, segment in zip(self._readings(u, flow), self.recording.segments, strict=True)
@@ -337,16 +350,34 @@ class FitProblem(Displayed):
         half = self.coordinates
         return [SensorChannel(((row, 1.0),), times, None, False) for row in range(2 * half)]
 
-    @cached_property
-    def _last(self) -> dict[bytes, Readings]:
-        return {}
+    def _evaluated(self, u: Floats) -> Readings | None:
+        """The motions at these unknowns, where they are among the last evaluations."""
+        unknowns = u.tobytes()
+        for evaluation in self.evaluations:
+            if evaluation.unknowns == unknowns and self._has_motions_of(evaluation.problem):
+                return evaluation.flow
+        return None
+
+    def _has_motions_of(self, other: FitProblem) -> bool:
+        """Whether both have the same motions, whatever the noise."""
+        parts = zip(self._of_motions, other._of_motions, strict=True)
+        return all(part is other_part for part, other_part in parts)
+
+    @property
+    def _of_motions(self) -> tuple[object, ...]:
+        return self.scene, self.parameters, self.recording, self.tolerance, self.steps, self.shifted
+
+    def _motions(self, u: Floats, with_derivatives: bool) -> Readings:
+        if with_derivatives:
+            return self._flow_with_derivatives(u)
+        return self._evaluated(u) or self._flow(u, 0)
 
     def _flow_with_derivatives(self, u: Floats) -> Readings:
-        key = u.tobytes()
-        if key not in self._last:
-            self._last.clear()
-            self._last[key] = self._flow(u, self.layout.numbers + self.layout.width)
-        return self._last[key]
+        flow = self._evaluated(u)
+        if flow is None:
+            flow = self._flow(u, self.layout.numbers + self.layout.width)
+            self.evaluations[:] = [*self.evaluations[-1:], EvaluatedMotions(self, u.tobytes(), flow)]
+        return flow
 
     def _flow(self, u: Floats, columns: int) -> Readings:
         """The motions of all segments; with `columns` the derivatives by numbers and states in so many of them."""

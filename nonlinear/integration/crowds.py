@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
@@ -69,7 +70,7 @@ class Crowd:
         ).T
         slope, contact_inputs = np.empty_like(y), self.at(slice(None)).inputs(state)
         contact_inputs = [values if np.ndim(values) > 1 else align_lanes(values, y) for values in contact_inputs]
-        fill(self.rates(task.numbers)(y, align_lanes(starts, y), contact_inputs), slope)
+        fill(self.rates(task.numbers)(contact_inputs)(y, align_lanes(starts, y)), slope)
         motion_slope = slope if y.ndim < 3 else slope[..., 0].real
         for k, t in enumerate(starts.tolist()):
             due = self.of(k).due(motion[:size, k].tolist(), motion_slope[:size, k].tolist(), state[:, k].tolist())
@@ -77,12 +78,22 @@ class Crowd:
                 y[:, k] = self.at(k).change(t, due, y[:, k], slope[:, k], state[:, k])
         return replace(task, lanes=self, initial=y, switches=self, state=state)
 
-    def rates(self, numbers: Numbers) -> Rates:
-        """The rates of so many members as these numbers are of, with the inputs of contacts as a third argument."""
+    def rates(self, numbers: Numbers) -> Callable[[Any], Rates]:
+        """The rates of so many members as these numbers are of, from the inputs of contacts."""
         module, name = self.equations
         constants = module.constants(self.switches.form.numbers(numbers.entries, numbers.constants))
-        rates = module.function(name, constants, self.lanes.target)
-        return lambda y, times=0.0, contact_inputs=(): rates(y, (*self.inputs.beside(times), *contact_inputs))
+        sticking, sliding = (module.function(text, constants, self.lanes.target) for text in (name, "rates"))
+
+        def rates_in(contact_inputs: Any) -> Rates:
+            sticks = any(np.any(stuck) for stuck in contact_inputs[len(contact_inputs) // 2 :])
+            rates = sticking if sticks else sliding
+
+            def rates_with_contacts(y: Any, times: Any = 0.0, inputs: Any = None) -> Any:
+                return rates(y, (*(self.inputs.beside(times) if inputs is None else inputs), *contact_inputs))
+
+            return rates_with_contacts
+
+        return rates_in
 
     @cached_property
     def equations(self) -> tuple[Module, str]:
@@ -153,16 +164,13 @@ class Some:
         """The friction τ at every contact, as inputs say."""
         return partial(self._member_switches.function("friction", "arrays"), v=())
 
-    def values(self, t: Any, side_times: tuple[Any, Any], y: Floats, f: Floats, state: Floats) -> tuple[Floats, Floats]:
-        """The values (count, S) of all switches and their rates, for which inputs are seen at `side_times`."""
-        switches, inputs = self._member_switches, self.crowd.inputs
+    def values(self, u: Any, w: Any, y: Floats, f: Floats, state: Floats) -> tuple[Floats, Floats]:
+        """The values (count, S) of all switches and their rates, of inputs of time u with rates w."""
+        switches = self._member_switches
         values_and_rates = np.empty((2, switches.count, y.shape[1]))
-        u, w = (*inputs.beside(t), *switches.inputs(state)), list[Any]()
-        if inputs.count > 1 or not inputs.is_analytic:
-            early, late = map(inputs.beside, side_times)
-            w = [(b - a) / (side_times[1] - side_times[0]) for a, b in zip(early, late, strict=True)]
+        all_inputs = (*u, *switches.inputs(state))
         for rows, values in zip(
-            values_and_rates, switches.values(y[: self.crowd.lanes.layout.size], f, u, state, w), strict=True
+            values_and_rates, switches.values(y[: self.crowd.lanes.layout.size], f, all_inputs, state, w), strict=True
         ):
             for row, value in zip(rows, values, strict=True):
                 row[...] = value

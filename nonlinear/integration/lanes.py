@@ -6,7 +6,8 @@ the error, unless the `whole` does.  A lane takes the steps that it would take a
 
 A flow (`nonlinear.dynamics.Lanes` is one) gives, with `rates(numbers)` of the segments at hand, a function of y and of
 the times (s), an array like y without its first axis or one that broadcasts with it, for the rates (size, S, 1 + k);
-where there are switches its third argument is what their state adds to the inputs.  Numbers of columns have a last axis
+a third argument are the inputs of these times, where they are known.  Where there are switches, `rates(numbers)` is a
+function of what their state adds to the inputs, which gives that function.  Numbers of columns have a last axis
 of 1 or 1 + k.
 
 Whoever wants to know what happens within steps is a `Watch`, and gets every step of all lanes, with the method's own
@@ -16,7 +17,7 @@ it ends there (`meeting`).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import inf
@@ -64,11 +65,8 @@ class LaneSwitches(Protocol):
         """What a state adds to the inputs of the rates, arrays (S,)."""
         ...
 
-    def values(self, t: Any, side_times: tuple[Any, Any], y: Any, f: Any, state: Any) -> tuple[Any, Any]:
-        """The values (count, S) and their rates at times t (S,), of y and y' (size, S) of the motion.
-
-        The rates of inputs are those between `side_times` around it, on the same side of breaks.
-        """
+    def values(self, u: Any, w: Any, y: Any, f: Any, state: Any) -> tuple[Any, Any]:
+        """The values (count, S) and their rates, of y and y' (size, S) of the motion, inputs u and their rates w."""
         ...
 
     def change(self, t: float, j: int, y: Any, f: Any, state: Any) -> Any:
@@ -174,30 +172,55 @@ class Front:
         """Numbers and room for the lanes that are there now."""
         task, members = self.task, self.member
         self.numbers, self.until = task.numbers.at(members), task.ends[members]
-        self.rates = self._with_contact_inputs(task.lanes.rates(self.numbers), ALL)
+        if task.switches:
+            self.switches: LaneSwitches = task.switches.at(members)
+            self.value, self.rise = np.empty((2, task.switches.count, len(members)))
+        self.rates_without_contacts = task.lanes.rates(self.numbers)
+        self.rates = self.rates_of(np.arange(len(members)))
         self.relative, self.absolute = task.relative[members], task.absolute[:, members]
         self.room = np.empty((STAGES + 1 + EXTRA, *self.y.shape), self.y.dtype)
         self.stages = self.room[: STAGES + 1]
         self.next, self.work = np.empty_like(self.y), np.empty_like(self.y)
         self.sums = np.empty((3, *self._error_part(self.y).shape))
-        if task.switches:
-            self.switches: LaneSwitches = task.switches.at(members)
-            self.value, self.rise = np.empty((2, task.switches.count, len(members)))
 
     def rates_of(self, columns: Ints) -> Rates:
-        """The rates of the lanes in some columns."""
-        return self._with_contact_inputs(self.task.lanes.rates(self.numbers.at(columns)), columns)
-
-    def _with_contact_inputs(self, rates: Rates, columns: Any) -> Rates:
-        """The rates with what the state of switches adds to their inputs."""
+        """The rates of the lanes in some columns, with what the state of switches adds to their inputs."""
+        rates: Callable[..., Any] = self.rates_without_contacts
+        if not self._are_all(columns):
+            rates = self.task.lanes.rates(self.numbers.at(columns))
         if self.task.switches is None:
             return rates
-        switches = self.task.switches.at(self.member[columns])
         contact_inputs = [
             values if np.ndim(values) > 1 else align_lanes(values, self.y)
-            for values in switches.inputs(self.state[:, columns])
+            for values in self._switches_of(columns).inputs(self.state[:, columns])
         ]
-        return lambda y, times=0.0: rates(y, times, contact_inputs)
+        rates_in_state: Rates = rates(contact_inputs)
+        return rates_in_state
+
+    def _are_all(self, columns: Ints) -> bool:
+        """Whether these are all lanes, once each and in their order."""
+        return len(columns) == len(self.member) and bool(np.all(columns == np.arange(len(columns))))
+
+    def _switches_of(self, columns: Ints) -> LaneSwitches:
+        if self._are_all(columns):
+            return self.switches
+        switches: LaneSwitches = self.task.switches.at(self.member[columns])
+        return switches
+
+    def _inputs(self, times: Floats) -> list[Any]:
+        """The inputs at times (..., S), each an array of that shape."""
+        return [*self.task.lanes.inputs.beside(times)]
+
+    def _inputs_with_rates(self, times: Floats, early: Floats, late: Floats) -> tuple[list[Any], list[Any]]:
+        """The inputs that switches see at times (..., S), and their rates, as between times on the same side of breaks.
+
+        Of the time alone, or of nothing, they know the rates.
+        """
+        inputs = self.task.lanes.inputs
+        if not inputs.count or (inputs.count == 1 and inputs.is_analytic):
+            return self._inputs(times), []
+        now, before, after = zip(*self._inputs(np.array([times, early, late])), strict=True)
+        return [*now], [(b - a) / (late - early) for a, b in zip(before, after, strict=True)]
 
     def _now(self, columns: Any = ALL) -> Floats:
         """The times (s) of lanes that begin a step, after a break."""
@@ -210,10 +233,11 @@ class Front:
         fill(self.rates_of(columns)(y, align_lanes(self._now(columns), y)), rows)
         self.stages[0][:, columns] = rows
         if self.task.switches and len(columns):
-            switches = self.task.switches.at(self.member[columns])
             motion, now = (self._motion(y), self._motion(rows), self.state[:, columns]), self._now(columns)
-            side_times = now, now + np.maximum(INPUT_ASIDE * self.usual[columns], BREAK_ULPS * np.spacing(now))
-            self.value[:, columns], self.rise[:, columns] = switches.values(now, side_times, *motion)
+            later = now + np.maximum(INPUT_ASIDE * self.usual[columns], BREAK_ULPS * np.spacing(now))
+            u, w = self._inputs_with_rates(now, now, later)
+            values = self._switches_of(columns).values(u, w, *motion)
+            self.value[:, columns], self.rise[:, columns] = values
 
     def _motion(self, y: Floats) -> Floats:
         return y if self.y.ndim < 3 else y[..., 0].real
@@ -227,18 +251,18 @@ class Front:
         y, z, work, stages = self.y, self.next, self.work, self.stages
         step = Step(self.member, self.refused, self.t, self.h, y, z, stages, self.rates, self.rates_of)
         step.contact_inputs = self.switches.inputs(self.state) if self.task.switches else ()
-        step.room, step.breaks, has_inputs = self.room, bool(len(self.task.breaks)), self.task.lanes.inputs.count > 0
+        step.room, step.breaks = self.room, bool(len(self.task.breaks))
         start, *others = (array.view(float) for array in (y, stages, z, work))
         length, looks = spread(self.h, start), []
+        inputs = self._inputs_of_stages(step)
+        seen = self._inputs_of_looks(step) if self.task.switches else {}
         for stage in range(1, STAGES + 1):
             advance(stage, start, length, *others)
-            fill(
-                self.rates(z, align_lanes(step.times(NODES[stage]), y)) if has_inputs else self.rates(z), stages[stage]
-            )
-            if self.task.switches and stage in (*SEEN, STAGES):
-                motion, part = (self._motion(z), self._motion(stages[stage]), self.state), NODES[stage]
-                side_times = step.times(part - INPUT_ASIDE), step.times(part + INPUT_ASIDE)
-                looks.append(self.switches.values(step.times(part), side_times, *motion))
+            fill(self.rates(z, inputs=inputs[stage - 1]), stages[stage])
+            if stage in seen:
+                motion = self._motion(z), self._motion(stages[stage]), self.state
+                u, w = seen[stage]
+                looks.append(self.switches.values(u, w, *motion))
         error, factor = self._error()
         self.tried = self.h * factor
         step.taken = (error < 1) & (self.h > 0)
@@ -246,6 +270,21 @@ class Front:
         if looks:
             self._meet(step, looks)
         return step
+
+    def _inputs_of_stages(self, step: Step) -> list[Any]:
+        """The inputs at all stages of a step, looked up at once: of one lane, one by one takes as long as its rates."""
+        if not self.task.lanes.inputs.count:
+            return [()] * STAGES
+        times = step.times(np.array(NODES[1 : STAGES + 1])[:, None])
+        return [*zip(*self._inputs(align_lanes(times, self.y)), strict=True)]
+
+    def _inputs_of_looks(self, step: Step) -> dict[int, Any]:
+        """The inputs that switches see, and their rates, by the stage at which they look."""
+        stages = (*SEEN, STAGES)
+        parts = np.array([NODES[stage] for stage in stages])[:, None]
+        side_times = step.times(parts - INPUT_ASIDE), step.times(parts + INPUT_ASIDE)
+        inputs, rates = self._inputs_with_rates(step.times(parts), *side_times)
+        return {stage: ([u[k] for u in inputs], [w[k] for w in rates]) for k, stage in enumerate(stages)}
 
     def _error(self) -> tuple[Floats, Floats]:
         work, sums, scale = self.sums
@@ -313,6 +352,8 @@ class Front:
         columns = np.flatnonzero(changing & ~self.through)
         which = np.where(self.met, self.which, self.task.switches.count)[columns]
         self._seek_none(np.flatnonzero(self.met))
+        if not len(columns):
+            return
         now = self.t.copy()
         now[self.came] = self._now(self.came)
         for _ in range(SWITCHES_AT_ONCE):
@@ -333,7 +374,7 @@ class Front:
             due = (value > 0) & (rise > 0)
             which = np.argmax(np.where(due, value, -inf), axis=0)
             columns, which = columns[due.any(0)], which[due.any(0)]
-        self.rates = self._with_contact_inputs(self.task.lanes.rates(self.numbers), ALL)
+        self.rates = self.rates_of(np.arange(len(self.member)))
 
     @property
     def through(self) -> Booleans:

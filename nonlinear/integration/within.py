@@ -51,8 +51,8 @@ class Step:
         """When each lane ends (s)."""
         return np.asarray(self.start + self.length)
 
-    def times(self, part: float, columns: Any = ALL) -> Floats:
-        """The times (s) of a part of the step, strictly within it where it may begin or end at a break."""
+    def times(self, part: Any, columns: Any = ALL) -> Floats:
+        """The times (s) of a part of the step, or of parts (n, 1): within it where it may begin or end at a break."""
         start, length = self.start[columns], self.length[columns]
         times = start + part * length
         if not self.breaks:

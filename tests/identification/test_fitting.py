@@ -27,6 +27,8 @@ from nonlinear.identification import (
     read_recording,
     turning_points,
 )
+from nonlinear.identification import problem as problem_module
+from nonlinear.identification.flow import Readings, Segments, integrate_segments
 from nonlinear.identification.problem import FitProblem
 from nonlinear.identification.starting import spectral_lines
 
@@ -110,6 +112,28 @@ def test_free_swings_never_give_the_absolute_mass() -> None:
     known = fit(scene, record, free, priors=["pendulum[0].links[0].mass=1.0±0.01"])
     assert not len(known.held)
     assert known.stds[0] == pytest.approx(0.01, rel=0.05)
+
+
+def test_no_motion_is_integrated_twice(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A search asks for motions where it ends as well: for noise, covariance and residuals."""
+    asked: list[tuple[Any, ...]] = []
+
+    def count(segments: Segments, channels: Any, tolerance: float, max_steps: int) -> Readings:
+        numbers = tuple(np.ravel(entry)[0] for entry in segments.real.entries)
+        times = tuple(channel.times.tobytes() for channel in channels)
+        asked.append((numbers, segments.y[..., 0].real.tobytes(), times, tolerance))
+        return integrate_segments(segments, channels, tolerance, max_steps)
+
+    links = [{**TWO[0], "friction": 0.0}]
+    scene = scene_from({"gravity": 9.81, "pendulum": [{"links": links}]})
+    recording = made(scene, 4, segments=1, seconds=1.5)
+    monkeypatch.setattr(problem_module, "integrate_segments", count)
+    free = ["pendulum[0].links[0].length", "pendulum[0].links[0].damping"]
+    fitted = fit(wrong(scene, free, 5), recording, free)
+    assert np.abs(pulls(scene, fitted)).max() < 4
+    assert len(set(asked)) == len(asked)
+    fitted.problem.residuals(fitted.unknowns)
+    assert len(set(asked)) == len(asked)
 
 
 def test_a_sensors_scale_and_outliers_are_found() -> None:

@@ -15,6 +15,7 @@ from modal.identification import find_parameters, numbers_at, scene_with
 from modal.scene import load, scene_from
 from modal.types import Floats
 from nonlinear import State, simulate
+from nonlinear.dynamics.inputs import Inputs
 from nonlinear.identification.problem import FitProblem
 from nonlinear.identification.records import Recording, Segment, Sensor
 
@@ -67,7 +68,23 @@ SCENES["struck"] = {
         for link, angle in zip(TWO, (6.0, 3.0), strict=True)
     ],
 }
+CLOCK = np.linspace(-0.5, 2.5, 61)
+SCENES["turned"] = {
+    "gravity": 9.81,
+    "pendulum": [{"links": [{**link, "friction": 0.02} for link in TWO]}],
+    "force": [
+        {
+            "on": f"pendulum[0].links[{k}]",
+            "direction": "torque",
+            "kind": "record",
+            "time_s": CLOCK.tolist(),
+            "moment_nm": (0.4 * np.sin(4.0 * CLOCK + k) + 0.02 * np.cos(50.0 * CLOCK**2)).tolist(),
+        }
+        for k in range(2)
+    ],
+}
 FREE = {
+    "turned": ["pendulum[0].links[*].friction", "pendulum[0].links[*].damping", "pendulum[0].links[0].mass"],
     "escapement": ["pendulum[0].links[0].drive.impulse", "pendulum[0].links[*].mass", "pendulum[0].links[1].damping"],
     "rail_coefficient": ["support.friction_coefficient", "pendulum[0].links[0].mass"],
     "moved_vertical_and_drag": [
@@ -166,6 +183,20 @@ def test_many_segments_have_the_derivatives_of_each_alone(name: str) -> None:
         kept = np.r_[0 : single.layout.state(0).start, many.layout.state(s)]
         assert J[s][:, kept] == pytest.approx(alone, abs=1e-8 * float(np.abs(alone).max()))
     assert not J[0][:, many.layout.state(1).start :].any()
+
+
+def test_a_step_looks_up_recorded_torques_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Besides what it begins with after a knot of the record, and what its interpolation needs."""
+    scene = scene_from({**SCENES["turned"], "pendulum": [{"links": TWO}]})
+    problem, beside, times_of_calls = problem_of(scene, FREE["turned"][1:], tolerance=1e-8), Inputs.beside, []
+
+    def count(inputs: Inputs, times: Any) -> list[Any]:
+        times_of_calls.append(times)
+        return beside(inputs, times)
+
+    monkeypatch.setattr(Inputs, "beside", count)
+    problem.jacobian(unknowns_of(problem))
+    assert len(times_of_calls) < 5 * problem.evaluations[0].flow.steps
 
 
 def test_half_swings_lose_what_coulomb_says() -> None:

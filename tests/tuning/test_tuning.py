@@ -23,6 +23,8 @@ from modal.tuning import Tuned, den_hartog, exact_optimum, tune, tuned_record, t
 from modal.tuning.interpolation import interpolate
 from modal.tuning.minimax import Evaluation, Faces, descend
 from modal.tuning.model import Channel, TunedNumbers, channel_model, find_peaks
+from modal.tuning.objective import Objective
+from modal.types import Floats
 from modal.vibration import random_response
 from multipendula import cli
 
@@ -303,6 +305,22 @@ def test_the_residual_of_a_travel_is_least_where_the_period_fits() -> None:
         half = mp.findroot(lambda a: (3 - a * a) * mp.sin(a) - 3 * a * mp.cos(a), 5.763)
     assert tuned.numbers[LENGTH] == pytest.approx(G / float(2 * half / duration) ** 2, rel=1e-5)
     assert travel_swing(tuned.scene, Travel(2.0, 0.0, duration)) < 1e-5
+
+
+def test_a_number_that_changes_nothing_is_left_after_some_fifty_scenes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The other pendulum swings most: a search must not halve its steps where the cost changes by rounding alone."""
+    scenes, evaluate = [], Objective.evaluate
+
+    def count(objective: Objective, z: Floats, with_gradients: bool) -> Evaluation:
+        scenes.append(z)
+        return evaluate(objective, z, with_gradients)
+
+    monkeypatch.setattr(Objective, "evaluate", count)
+    pendula = [Pendulum(links=[Bob(mass=0.5, length=length)]) for length in (0.5, 0.9)]
+    scene = Scene(gravity=G, support=Cart(mass=M), pendulum=pendula)
+    tuning = tune(scene, [f"{LENGTH}=0.3:0.8"], minimize=["residual"], travel=2.0, over=3.0)
+    assert tuning.after == pytest.approx(travel_swing(scene, Travel(2.0, 0.0, 3.0)), rel=1e-12)
+    assert len(scenes) <= 60
 
 
 def test_robust_numbers_are_the_best_for_the_worst_masses() -> None:
