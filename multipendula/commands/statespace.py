@@ -474,8 +474,8 @@ COMMANDS = (
                 "ship_sway_force; export and response have the same default",
                 completion=words(("cart_acceleration", "cart_velocity", "cart_force"), ""),
             ),
-            "--travel, smoothly, or the CSV file of a travel: reports the residual swing with and without the shaper; a "
-            "CSV file has the shaped travel in place of the impulses",
+            "--travel, smoothly, or the CSV file of a travel: reports the residual swing with and without the shaper; "
+            "a CSV file has the shaped travel in place of the impulses",
             "--over (default that of the hoist)",
             *LIMITS,
             *text_file(drawn=True),
