@@ -164,6 +164,11 @@ class ComponentMatrices:
         return ((self.parted_rig.rig.blocks[heavy.block], heavy) for heavy in self.component.heavies)
 
     @property
+    def has_rotors(self) -> bool:
+        """Whether any joint has a rotor."""
+        return any(block.rotor[:, heavy.column].any() for block, heavy in self._chains)
+
+    @property
     def _has_negative_joints(self) -> bool:
         """Whether a law pushes any joint away from its equilibrium."""
         return any((block.stiffness[:, heavy.column] < 0).any() for block, heavy in self._chains)
@@ -254,8 +259,11 @@ class ComponentMatrices:
 
     @cached_property
     def tree(self) -> Tree | None:
-        """The component as a tree of coordinates with chains; None for any other."""
-        if self._has_negative_joints:
+        """The component as a tree of coordinates with chains; None for any other, and with rotors.
+
+        Counts would take κ − x J for the spring κ of a joint, in which digits cancel.
+        """
+        if self._has_negative_joints or self.has_rotors:
             return None
         place_of, d, chain_places = self._place_of_coordinate, len(self.component.eta), list[tuple[Heavy, int]]()
         for block, heavy in self._chains:
@@ -303,7 +311,10 @@ class StructureShapes:
 
     @property
     def energies(self) -> tuple[Floats, ...]:
-        """Twice the kinetic energy of each link of one copy over ω², (n, P, R); a mean over copies that move down."""
+        """Twice the kinetic energy of each link of one copy over ω², (n, P, R); a mean over copies that move down.
+
+        That of a rotor belongs to the link below its joint.
+        """
         energies = []
         for number, (block, angle) in enumerate(zip(self.parted_rig.rig.blocks, self.angles, strict=True)):
             pivot_displacement = self.parted_rig.pivots[number] @ self.eta
@@ -315,6 +326,9 @@ class StructureShapes:
                 descent = angle * (block.sinking * block.length)[:, :, None]
                 parts += [(0 * pivot_displacement.real, descent.real), (0 * pivot_displacement.real, descent.imag)]
             energy = sum((kinetic(block, joints(y, a), a) for y, a in parts), start=np.zeros(angle.shape))
+            if block.rotor.any():
+                bends = np.diff(angle, axis=0, prepend=(self.parted_rig.turning(number) @ self.eta)[None])
+                energy += block.rotor[:, :, None] * np.abs(bends) ** 2
             sunk = self.parted_rig.sinking[number]
             if sunk is not None:
                 energy += block.mass[:, :, None] * np.abs(np.einsum("pij,ir,jr->pr", sunk, self.eta, self.eta.conj()))

@@ -71,7 +71,8 @@ class OnStructure:
 
     @property
     def _is_product(self) -> bool:
-        return self.matrices.is_positive and not (self.is_damped or self._is_plain or self._is_counted)
+        has_factors = self.matrices.has_rotors or not self._is_plain
+        return has_factors and self.matrices.is_positive and not (self.is_damped or self._is_counted)
 
     @cached_property
     def is_singular(self) -> bool:
