@@ -163,7 +163,7 @@ def chains_of(scene: Scene, symbolic: tuple[str, ...]) -> tuple[Chain, ...]:
 
 def _chain_of(pendulum: Pendulum, prefix: str, symbolic: tuple[str, ...]) -> Chain:
     links = [link for link in pendulum.links for _ in range(link.count)]
-    mass, length, centre, inertia, _, sigma = map(list, zip(*exact_links(pendulum), strict=True))
+    mass, length, centre, inertia, _, rotor, sigma = map(list, zip(*exact_links(pendulum), strict=True))
     for i, link in enumerate(links):
         if "masses" in symbolic:
             mass[i] = symbol(f"m_{prefix}{i + 1}")
@@ -171,7 +171,7 @@ def _chain_of(pendulum: Pendulum, prefix: str, symbolic: tuple[str, ...]) -> Cha
             length[i] = symbol(f"l_{prefix}{i + 1}")
         centre[i], inertia[i] = link.proportions(mass[i], length[i], exact)
     damping, stiffness = ([exact(getattr(link, name)) for link in links] for name in ("damping", "stiffness"))
-    columns = (mass, length, centre, inertia, damping, stiffness, map(int, sigma))
+    columns = (mass, length, centre, inertia, rotor, damping, stiffness, map(int, sigma))
     return Chain(*(tuple(map(sp.sympify, values)) for values in columns))
 
 
