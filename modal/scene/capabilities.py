@@ -423,9 +423,9 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "compiled equations",
-            SHAPE | {"van_der_pol"} | STRUCTURED | {"dampers"},
+            SHAPE - {"rotor"} | {"van_der_pol"} | STRUCTURED | {"dampers"},
             refuses=_sentences(
-                FRICTION | DRAG | FORCED | _of("escapement space hoist moved_support damping_ratio load"),
+                FRICTION | DRAG | FORCED | _of("rotor escapement space hoist moved_support damping_ratio load"),
                 "do not cover {it}",
             ),
             unless=ENDS,

@@ -65,6 +65,8 @@ class Elimination:
         self.b = block.b.reshape(*block.b.shape, *[1] * tail)
         self.masses = block.mass.sum(0).reshape(*block.b.shape[1:], *[1] * tail)
         self.length = block.length
+        rotor = block.rotor.reshape(*block.b.shape, *[1] * tail)
+        self.rotor = rotor if group.has_rotors else None
 
     def square_rates(self, rates: Any, columns: Any = slice(None)) -> Any:
         """θ'², less l''/l where lengths change."""
@@ -76,8 +78,13 @@ class Elimination:
         return turns if self.winding is None else turns - 2.0 * self.winding[0] * rates / self.length
 
     @staticmethod
-    def equations(A: Any, s: Any, c: Any, ww: Any, side: list[Any]) -> tuple[list[list[Any]], list[Any]]:
-        """The lower half of A cos(θ_i − θ_j) of some pendula, and the right-hand side from their torques `side`."""
+    def equations(
+        A: Any, s: Any, c: Any, ww: Any, side: list[Any], rotor: Any = None
+    ) -> tuple[list[list[Any]], list[Any]]:
+        """The lower half of A cos(θ_i − θ_j) of some pendula, and the right-hand side from their torques `side`.
+
+        The reflected inertias `rotor` of joints are in the matrix, too.
+        """
         M: list[list[Any]] = []
         for i, row in enumerate(A):
             M.append([row[j] * (c[i] * c[j] + s[i] * s[j]) for j in range(i)])
@@ -85,6 +92,10 @@ class Elimination:
             for j in range(i):
                 thrown = row[j] * (s[i] * c[j] - c[i] * s[j])
                 side[i], side[j] = side[i] - thrown * ww[j], side[j] + thrown * ww[i]
+        for i, inertia in enumerate([] if rotor is None else rotor):
+            M[i][i] = M[i][i] + inertia
+            if i:
+                M[i - 1][i - 1], M[i][i - 1] = M[i - 1][i - 1] + inertia, M[i][i - 1] - inertia
         return M, side
 
     def _substitute(self, M: list[list[Any]], right: Iterable[Any]) -> list[Any]:
@@ -117,10 +128,14 @@ class Eliminated:
         body, (angles, rates, torques) = self.body, (part[:, columns] for part in self.parts)
         A, b, mass = body.A[:, :, columns], body.b[:, columns], body.masses[columns]
         s, c, ww = body.sine(angles), body.cosine(angles), body.square_rates(rates, columns)
-        M, side = body.equations(A, s, c, ww, list(torques - (b * bias[0]) * c + (b * bias[1]) * s))
+        rotor = None if body.rotor is None else body.rotor[:, columns]
+        turning, slopes = [turn for *_, turn in slopes], [slope[:2] for slope in slopes]
+        M, side = body.equations(A, s, c, ww, list(torques - (b * bias[0]) * c + (b * bias[1]) * s), rotor)
         couplings = [list(b * (c * x - s * z)) for x, z in slopes]
         thrown, counts = b * ww, range(len(slopes))
         force = [-(thrown * (s * x + c * z)).sum(0) for x, z in slopes]
+        for column, turn in zip(couplings, turning, strict=True) if rotor is not None else ():
+            column[0] = column[0] - turn * rotor[0]
         reductions: list[list[Any]] = [[0.0] * (k + 1) for k in counts]
         for k in reversed(range(len(M))):
             for j in range(k):
@@ -142,6 +157,8 @@ class Eliminated:
             [(mass * (x * v + z * w)).sum(0) - reductions[k][j].sum(0) for j, (v, w) in enumerate(slopes[: k + 1])]
             for k, (x, z) in enumerate(slopes)
         ]
+        for k, turn in enumerate(turning) if rotor is not None else ():
+            block[k][k] = block[k][k] + turn * (rotor[0] + 0.0 * s[0]).sum(0)
         return block, [
             (mass * (x * bias[0] + z * bias[1])).sum(0) + parts.sum(0)
             for (x, z), parts in zip(slopes, force, strict=True)

@@ -228,7 +228,7 @@ def body_of(group: Group, system: System) -> GroupBody:
     """The solver of one group in NumPy: a band for long chains, the recursion for many short ones."""
     # The recursion's time grows with the links of one pendulum, that of a band with all: twenty chains of twenty take a
     # third of the time by a band, two hundred chains of four half the time by the recursion.
-    if group.n < 4 or group.index.shape[1] >= FLOATS or loses_digits(group, system):
+    if group.has_rotors or group.n < 4 or group.index.shape[1] >= FLOATS or loses_digits(group, system):
         return Recursion(group)
     return Banded(group)
 

@@ -210,6 +210,11 @@ class Group:
         return np.diff(self.rest, axis=0, prepend=0.0)
 
     @cached_property
+    def has_rotors(self) -> bool:
+        """Whether any joint has a rotor."""
+        return bool(self.block.rotor.any())
+
+    @cached_property
     def sprung(self) -> bool:
         """Whether any joint has a spring, or a law with a potential."""
         return bool(self.block.stiffness.any()) or any(term.law.has_potential for term in self.laws)
