@@ -35,6 +35,7 @@ import scipy
 from modal import pair
 from modal.errors import ComputationError
 from modal.types import Floats
+from nonlinear.dynamics.forces import relative
 from nonlinear.dynamics.minimal import Projection
 from nonlinear.system import Group, System
 
@@ -73,9 +74,11 @@ class Elimination:
         squares = rates * rates
         return squares if self.winding is None else squares - self.winding[1][:, columns] / self.length[:, columns]
 
-    def unwound(self, rates: Any, turns: Any) -> Any:
+    def unwound(self, rates: Any, turns: Any, columns: Any = slice(None)) -> Any:
         """θ'' (n, P) from θ'' + 2 l' θ'/l."""
-        return turns if self.winding is None else turns - 2.0 * self.winding[0] * rates / self.length
+        if self.winding is None:
+            return turns
+        return turns - 2.0 * self.winding[0][:, columns] * rates / self.length[:, columns]
 
     @staticmethod
     def equations(
@@ -134,8 +137,16 @@ class Eliminated:
         couplings = [list(b * (c * x - s * z)) for x, z in slopes]
         thrown, counts = b * ww, range(len(slopes))
         force = [-(thrown * (s * x + c * z)).sum(0) for x, z in slopes]
-        for column, turn in zip(couplings, turning, strict=True) if rotor is not None else ():
-            column[0] = column[0] - turn * rotor[0]
+        for k, turn in enumerate(turning) if rotor is not None else ():
+            couplings[k][0] = couplings[k][0] - turn * rotor[0]
+        if rotor is not None and body.winding is not None:
+            excess = -body.unwound(rates, 0.0 * rates, columns)
+            torques_of_rotors = rotor * relative(excess)
+            for i, torque in enumerate(torques_of_rotors):
+                side[i] = side[i] + torque
+                if i:
+                    side[i - 1] = side[i - 1] - torque
+            force = [value + turn * torques_of_rotors[0] for value, turn in zip(force, turning, strict=True)]
         reductions: list[list[Any]] = [[0.0] * (k + 1) for k in counts]
         for k in reversed(range(len(M))):
             for j in range(k):
