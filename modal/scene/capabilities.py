@@ -369,6 +369,7 @@ CAPABILITIES: dict[str, Capability] = {
             "the live page",
             SHAPE | {"dampers", "moved_support", "force"} | DRAG | DRIVES | FRICTION | STRUCTURED,
             refuses=_sentences(_of("constant_force hoist space damping_ratio massless_cart loss"), "cannot show {it}"),
+            conflicts={("rotor", name): "the live page cannot show dry friction beside rotors" for name in FRICTION},
         ),
         Capability(
             "form minimal",

@@ -82,7 +82,7 @@ def sample_count(duration: float, swing: float) -> int:
 
 def _estimate(scene: Scene) -> Timescales:
     system = system_of(scene)
-    decay = max(float(np.max(group.block.damping / group.moment)) for group in system.groups)
+    decay = max(float(np.max(group.block.damping / (group.moment + group.block.rotor))) for group in system.groups)
     if system.cart and system.cart.mass:
         decay = max(decay, system.cart.damping / system.cart.mass)
     shortest = min(link.length for link in scene.links())
