@@ -14,8 +14,8 @@ From the sums of `answered` over all chains, `railed` on a cart and `held` on a 
 the power; their y = (x, x', force on the cart, support's acceleration along the rail and down).
 
 The linear equations are the same steps followed by their derivatives: every argument and result has its changes behind
-it (`directional_derivatives`).  Drives and quadratic drag are left out of them, and accelerations have no rotors at
-joints: with rotors the equations are recorded whole, as are those of a structure.  `paired` are the bilinear forms of
+it (`directional_derivatives`).  Drives and quadratic drag are left out of them, and rotors at joints of
+all but `paired`: with rotors the equations are recorded whole, as are those of a structure.  `paired` are the bilinear forms of
 small motions x and z from equilibrium, y = (x, z, both of the link above): u = (speeds x, z, x'Mz, x'Kz, x'Dz) with its
 link's share.
 
@@ -115,7 +115,7 @@ def _fall_step(link: Any, y: Any, u: Any, v: Any) -> list[Any]:
 
 def _energy_step(link: Any, y: Any, u: Any, v: Any) -> list[Any]:
     vx, vz = _lower_velocity(link.centre, y, u)
-    kinetic = (link.mass * (vx * vx + vz * vz) + link.inertia * y[1] ** 2 + link.rotor * (y[1] - y[3]) ** 2) / 2
+    kinetic = (link.mass * (vx * vx + vz * vz) + link.inertia * y[1] ** 2) / 2
     lift, gamma = ((y[0] - link.rest) / 2).sin(), y[0] - y[2] - link.bent
     potential = 2 * link.gravity * link.static * link.sigma * lift**2 + link.stiffness * gamma**2 / 2
     return [*_lower_velocity(link.length, y, u), u[2] + kinetic, u[3] + potential]
