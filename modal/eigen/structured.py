@@ -134,7 +134,8 @@ class OnStructure:
             assert matrices.tree is not None
             return matrices.tree.slack(self.squares) * structured_error(deepest, len(blocks)) + loss_error
         narrow = ERROR_OF_NARROW if not is_wide(matrices.size) else 1.0
-        return np.full(len(self._product[0]), narrow * (32 + 12 * matrices.size) * EPS / 2 + loss_error)
+        squares = matrices.size * (1 + matrices.has_rotors)
+        return np.full(len(self._product[0]), narrow * (32 + 12 * squares) * EPS / 2 + loss_error)
 
     @cached_property
     def _product(self) -> tuple[Floats, Floats]:

@@ -424,12 +424,13 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "compiled equations",
-            SHAPE - {"rotor"} | {"van_der_pol"} | STRUCTURED | {"dampers"},
+            SHAPE | {"van_der_pol"} | STRUCTURED | {"dampers"},
             refuses=_sentences(
-                FRICTION | DRAG | FORCED | _of("rotor escapement space hoist moved_support damping_ratio load"),
+                FRICTION | DRAG | FORCED | _of("escapement space hoist moved_support damping_ratio load"),
                 "do not cover {it}",
             ),
             unless=ENDS,
+            conflicts={("rotor", name): "compiled equations of structures have no rotors" for name in sorted(STRUCTURED)},
             instead=("form minimal", "method DOP853 takes it"),
         ),
         UNSWITCHED,

@@ -403,6 +403,11 @@ class System(Displayed):
         return cart is not None and not (np.any(cart.damping) or np.any(cart.stiffness) or has_push)
 
     @property
+    def has_rotors(self) -> bool:
+        """Whether any joint has a rotor."""
+        return any(group.has_rotors for group in self.groups)
+
+    @property
     def excites(self) -> bool:
         """Whether any joint is self-excited."""
         return self.has_escapements or any(group.has_active_laws for group in self.groups)
