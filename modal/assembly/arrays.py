@@ -59,7 +59,7 @@ class Block:
 
     @cached_property
     def is_plain(self) -> Booleans:
-        """Which chains (P,) have neither rotors, springs and dampers at joints nor drag nor inverted links, and hang straight."""
+        """Which chains (P,) hang straight, without rotors, springs and dampers at joints, drag and inverted links."""
         if self.rest is not None:
             return np.zeros(self.size, dtype=np.bool_)
         broken = (self.rotor != 0) | (self.damping != 0) | (self.stiffness != 0) | (self.drag > 0) | (self.sigma < 0)

@@ -2,10 +2,10 @@
 
     M = Σ m h hᵀ,      K = Σ k a aᵀ,      D = Σ d c cᵀ
 
-The row h of a centre of mass is its displacement along the rail or down, that of a moment of inertia an angle, that of a
-rotor the turn of a joint; a is the angle of a link, which gravity holds by g σ b or what constant forces make of it, the
-turn of a joint, or the extension of a spring; c is the turn of a joint, the displacement of a dragged centre, or the
-extension of a damper.  A modal support brings matrices: those are sums already, without rows.
+The row h of a centre of mass is its displacement along the rail or down, that of a moment of inertia an angle, that of
+a rotor the turn of a joint; a is the angle of a link, which gravity holds by g σ b or what constant forces make of it,
+the turn of a joint, or the extension of a spring; c is the turn of a joint, the displacement of a dragged centre, or
+the extension of a damper.  A modal support brings matrices: those are sums already, without rows.
 
 Rows and sizes are made from the numbers of the scene by products and sums alone, so that floats, decimals, fractions
 and symbols run the same lines.  `chain_squares` are those of a block of chains over their pivots and angles,

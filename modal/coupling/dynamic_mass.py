@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from modal.assembly import Block
 from modal.coupling.families import CHANGE_OF_FIRST_ORDER, STRONG_COUPLING, FamilyBranch
 from modal.coupling.reduced import ReducedStructure
 from modal.eigen import LIGHTEST, MOST_COORDINATES, Poles, at_infinity, degenerate_modes, inertial_mass, solve
@@ -323,6 +324,7 @@ class SecularEquation:
 
 
 def _residual_mass(block: Block) -> Floats:
+    """The mass (P,) that pivots feel of a block from inertia alone."""
     return inertial_mass(block) if block.rotor.any() else at_infinity(block)[0]
 
 

@@ -1,8 +1,8 @@
 """Pendula on a structure, parted into what moves together, with equal ones combined.
 
-N equal pendula on coordinates η hang from pivots Φ η (N, d), and feel angles Ω η where a first joint has a rotor,
-spring or damper.  With (Φ, Ω) = U diag(σ) Vᵀ the combinations U_kᵀ of the pendula hang from the pivots σ_k V_kᵀ η, and all
-orthogonal ones leave the structure still, with the pendulum's fixed-base frequencies.  The rank is that of the rows
+N equal pendula on coordinates η hang from pivots Φ η (N, d), and feel angles Ω η where a first joint has a rotor, a
+spring or a damper.  With (Φ, Ω) = U diag(σ) Vᵀ the combinations U_kᵀ of the pendula hang from pivots σ_k V_kᵀ η, and
+all orthogonal ones leave the structure still, with the pendulum's fixed-base frequencies.  The rank is that of the rows
 with columns divided by √inertia of the structure; where it is full, as on carts, every pendulum stays as it is.
 """
 

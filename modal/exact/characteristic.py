@@ -28,7 +28,7 @@ from modal.scene import Cart, Pendulum, Scene, require, validate_scene
 Variable = Literal["x", "lambda"]
 Clear = Callable[[list[Any]], list[Any]]
 Links = tuple[tuple[Fraction, ...], ...]
-"""One row (mass, length, centre, inertia, stiffness, reflected inertia, σ) per link, top first: a pendulum's exact parameters."""
+"""One row (mass, length, centre, inertia, stiffness, rotor, σ) per link, top first: a pendulum's exact parameters."""
 
 
 @dataclass(frozen=True, repr=False)

@@ -430,7 +430,9 @@ CAPABILITIES: dict[str, Capability] = {
                 "do not cover {it}",
             ),
             unless=ENDS,
-            conflicts={("rotor", name): "compiled equations of structures have no rotors" for name in sorted(STRUCTURED)},
+            conflicts={
+                ("rotor", name): "compiled equations of structures have no rotors" for name in sorted(STRUCTURED)
+            },
             instead=("form minimal", "method DOP853 takes it"),
         ),
         UNSWITCHED,

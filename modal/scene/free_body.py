@@ -272,7 +272,8 @@ class JointMoment(NamedTuple):
     """What makes the moment of a joint, each by the name of its letter, "" where it is not there.
 
     M = −J γ'' − k γ − d γ' + e (1 − (γ/γ₀)²) γ' + f + K + τ(γ, γ'), γ the angle of the link less that of the one
-    above and its value at equilibrium (`upright`: how many half turns that is).  f is dry friction, at most `friction`; K the kicks.
+    above and its value at equilibrium (`upright`: how many half turns that is).  f is dry friction, at most `friction`;
+    K the kicks.
     """
 
     rotor: str

@@ -142,7 +142,9 @@ class Link(Part):
     friction: float = field(NON_NEGATIVE, "dry friction at the upper joint, in the plane", "N m", default=0.0)
     drag: float = field(NON_NEGATIVE, "linear drag of the centre of mass against still air", "N s/m", default=0.0)
     quadratic_drag: float = field(NON_NEGATIVE, "quadratic drag of the same", "N s²/m²", default=0.0)
-    rotor_inertia: float = field(NON_NEGATIVE, "rotor of a drive at the upper joint, before its gear", "kg m²", default=0.0)
+    rotor_inertia: float = field(
+        NON_NEGATIVE, "rotor of a drive at the upper joint, before its gear", "kg m²", default=0.0
+    )
     gear_ratio: float = field(POSITIVE, "turns of that rotor for one turn of the joint", "", default=1.0)
     loss: Loss = field(LOSS_ANGLE, "loss angle of the spring at the joint, or a table", "rad", default=0.0)
     wire_loss: Loss = field(LOSS_ANGLE, "loss angle of the rope of a bob, diluted, or a table", "rad", default=0.0)

@@ -34,7 +34,11 @@ UNITS = {"m": "m", "rad": "rad"}
 
 def is_structural(scene: Scene) -> bool:
     """Whether the page has the equations of a scene as those of one structure: also with laws of joints and rotors."""
-    return scene.is_structured or not scene.features.isdisjoint({"law", "rotor"}) or any(link.point_force for link in scene.links())
+    return (
+        scene.is_structured
+        or not scene.features.isdisjoint({"law", "rotor"})
+        or any(link.point_force for link in scene.links())
+    )
 
 
 def structure_module(scene: Scene) -> str:

@@ -23,7 +23,6 @@ from nonlinear.dynamics.programs import programs_of, run_program
 from nonlinear.dynamics.recursion import (
     NOTHING_BELOW,
     Answer,
-    Geared,
     Turn,
     geared_response,
     link_acceleration,
@@ -77,6 +76,14 @@ def _joint(links, laws, angles, rates, i, top):  # type: ignore[no-untyped-def]
     return elastic + working, working * speed
 
 
+@in_place
+def _bare_response(links, i, is_tip, answer, s, c, w, Q):  # type: ignore[no-untyped-def]
+    """`link_response`, or `tip_response` of the last link."""
+    if is_tip:
+        return _tip_response(link_at(links, i), s, c, w, Q)
+    return _link_response(link_at(links, i), answer, s, c, w, Q)
+
+
 @partial(in_place, forceinline=True)
 def rate(  # type: ignore[no-untyped-def]
     y, links, laws, first, cart, gravity, has_joint_torques, works, structure, rotors, turns, derivative
@@ -113,10 +120,8 @@ def rate(  # type: ignore[no-untyped-def]
                 below, turn = _geared_response(link_at(links, i), rotors[i], below, sin[i], cos[i], rates[i], Q)
                 answer = Answer(below.xx, below.xz, below.zz, below.px, below.pz)
                 geared[i] = rotors[i] / turn.D
-            elif i == first[p + 1] - 1:
-                answer, turn = _tip_response(link_at(links, i), sin[i], cos[i], rates[i], Q)
             else:
-                answer, turn = _link_response(link_at(links, i), answer, sin[i], cos[i], rates[i], Q)
+                answer, turn = _bare_response(links, i, i == first[p + 1] - 1, answer, sin[i], cos[i], rates[i], Q)
             share = 1.0 / turn.D
             hx[i], hz[i], e[i] = share * turn.hx, share * turn.hz, share * turn.e
         mass, force = mass + answer.xx, force + (answer.px - gravity * answer.xz)

@@ -42,16 +42,21 @@ from nonlinear.system import Group, System
 CART_RATIO_MIN = 1e-2
 """Tolerance: cart mass over suspended mass below which the dense form would lose digits."""
 LINK_RATIO_MIN = 1e-3
-"""Tolerance: mass of a link over that of a heavier one below it, under which dense forms lose digits."""
+"""Tolerance: mass of a link over that of a heavier one below it, or inertia over J, under which digits are lost."""
 SINGULAR = "the mass matrix is singular in double precision"
 
 
 def loses_digits(group: Group, system: System) -> bool:
-    """Whether a carrier, or a link above a heavier one, is so light that dense matrices would lose digits."""
+    """Whether a carrier, a link above a heavier one or beside a rotor is so light that dense matrices lose digits."""
     heaviest = np.maximum.accumulate(group.block.mass[::-1])[::-1]
     masses = [0.0 if carrier.M is not None else carrier.mass for carrier in system.suspension.carriers if carrier.size]
     light = min(masses, default=np.inf) < CART_RATIO_MIN * float(system.mass.sum())
-    return bool(light or np.any(group.block.mass < LINK_RATIO_MIN * heaviest))
+    return bool(light or np.any(group.block.mass < LINK_RATIO_MIN * heaviest) or has_heavy_rotors(group))
+
+
+def has_heavy_rotors(group: Group) -> bool:
+    """Whether a rotor is so heavy beside its link and all below that dense matrices would lose digits."""
+    return bool(np.any(group.block.diagonal < LINK_RATIO_MIN * group.block.rotor))
 
 
 class Elimination:

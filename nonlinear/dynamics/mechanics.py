@@ -342,7 +342,8 @@ class LinkMotion(NamedTuple):
     """How the links of a group move, (n, P, ...), as if the first joints were at rest.
 
     Along each axis `rates` are those of their directions and `ropes` these themselves; `spin` are the squares of all
-    rates, `lifts` how far a metre of link is above its rest, `spring_energies` and `rotor_energies` those of joints (J).
+    rates, `lifts` how far a metre of link is above its rest, `spring_energies` and `rotor_energies` those of joints
+    (J).
     """
 
     rates: Sequence[Any]

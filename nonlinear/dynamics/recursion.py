@@ -11,8 +11,8 @@ In the basis (n, u) two of M's three numbers need no subtraction (as in `modal.e
 
     M_nn = (m I + (I + m (l−c)²) M'_nn)/D,   M_nu = (I − m c (l−c)) M'_nu / D,   M_uu = m + M'_uu − l² M'_nu²/D
 
-With rotors J at joints what hangs below turns with the link above, too, by its acceleration α: f = M ã + r α + p and the
-moment r·ã + s α + q on it; see `geared_response`.
+With rotors at joints all that hangs below feels the angular acceleration α of the link above, too: f = M ã + r α + p, and
+r·ã + s α + q is the moment on that link (`geared_response`).
 This is the articulated-body recursion [Featherstone2008, §7.2] of a planar chain.
 A bob whose rope changes its length has the accelerations β_u = l'' along it and β_n = 2 l' ω across it, too, as has all
 that hangs below: they add M'β to p' and m β to the force on the bob.
@@ -214,10 +214,12 @@ def geared_upward(
 def geared_response(
     link: RecursiveLink, rotor: Any, below: Geared, s: Any, c: Any, w: Any, Q: Any, bias: Bias | None = None
 ) -> tuple[Geared, Turn]:
-    """`link_response` with a rotor at the upper joint, and rotors below: in the basis (n, u), α' of the link above
+    """`link_response` with the inertia J of a `rotor` at the upper joint, and rotors below.
 
-    D = I + m c² + l² M'_nn + 2 l r'_n + σ,    σ = s' + J,    h = m c n + l M'n + r',    θ'' = −(h·ã + e − J α')/D
-    e = l n·(p' − l ω² M'u) − l ω² r'_u + q' − Q,    r = J h/D,    s = J (D − J)/D,    q = J e/D,    M, p as without
+    With α of the link above, σ = s' + J and primes for what is below,
+
+        D = I + m c² + l² M'_nn + 2 l r'_n + σ     h = m c n + l M'n + r'     θ'' = −(h·ã + e − J α)/D
+        e = l n·(p' − l ω² M'u) − l ω² r'_u + q' − Q     r = J h/D     s = J (D − J)/D     q = J e/D
     """
     l, mc = link.l, link.mc
     cc, ss, sc = c * c, s * s, s * c

@@ -263,9 +263,7 @@ def _join(rows: Sequence[Sequence[Any]]) -> tuple[Any, ...]:
 def _row(link: AnyLink, replacements: Mapping[tuple[Any, ...], Floats]) -> list[Any]:
     """The entries of one link, with other values at some of its places."""
     names = ("mass", "length", "rotor_inertia", "gear_ratio", "damping", "stiffness")
-    mass, length, rotor, gear, damping, stiffness = (
-        replacements.get((name,), getattr(link, name)) for name in names
-    )
+    mass, length, rotor, gear, damping, stiffness = (replacements.get((name,), getattr(link, name)) for name in names)
     if isinstance(link, Body):
         centre, inertia = (replacements.get((name,), getattr(link, name)) for name in ("centre", "inertia"))
     else:

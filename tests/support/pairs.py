@@ -289,7 +289,17 @@ UNDAMPED = (
         "quadratic_drag",
         "moved_vertical",
     ),
-    *("moved_horizontal", "moved_both_ways", "force", "constant_force", "joint_springs", "rotor", "inverted", "space", "load"),
+    *(
+        "moved_horizontal",
+        "moved_both_ways",
+        "force",
+        "constant_force",
+        "joint_springs",
+        "rotor",
+        "inverted",
+        "space",
+        "load",
+    ),
     *("joint_friction", "rail_friction", "rail_coefficient", "space_and_cart"),
 )
 """Kinds without anything that dissipates near the equilibrium."""
