@@ -160,7 +160,7 @@ class Compiled(Minimal):
 
     @property
     def scene(self) -> Arguments:
-        """Arguments of `rate`: constants, laws, first links, cart, gravity, whether joints act, y has work, structure, rotors.
+        """Arguments of `rate`: constants, laws, first links, cart, gravity, whether joints act, y has work, and more.
 
         The room of a structure and the rows of laws are the caller's own.
         """

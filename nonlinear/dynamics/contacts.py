@@ -27,8 +27,8 @@ With M', k', K', p', e' of all that hangs below a link, n = (cos θ, −sin θ) 
 
 and on the way down α = s (α_above + r) − w (h·ã + g), τ = s (h·ã + D α + g) ([Featherstone2008, §7.2], with joints of
 no freedom).  With a rotor J at the joint, D being as before, w is (1 − s)/(D + J); k, K and the g in e have s + J w in
-place of s, and on the way down h·ã + g − J α_above stands for h·ã + g, D + J for D.  One text serves every set of joints
-that stick.
+place of s, and on the way down h·ã + g − J α_above stands for h·ã + g, D + J for D.  One text serves every set of
+joints that stick.
 
 On a rail with a coefficient μ the limit is μ|N|.  Where N₀ and the response c₀ to a unit of friction on the rail are
 those with the others held,

@@ -11,7 +11,7 @@ In the basis (n, u) two of M's three numbers need no subtraction (as in `modal.e
 
     M_nn = (m I + (I + m (l−c)²) M'_nn)/D,   M_nu = (I − m c (l−c)) M'_nu / D,   M_uu = m + M'_uu − l² M'_nu²/D
 
-With rotors at joints all that hangs below feels the angular acceleration α of the link above, too: f = M ã + r α + p, and
+With rotors at joints all that hangs below feels the angular acceleration α of the link above: f = M ã + r α + p, and
 r·ã + s α + q is the moment on that link (`geared_response`).
 This is the articulated-body recursion [Featherstone2008, §7.2] of a planar chain.
 A bob whose rope changes its length has the accelerations β_u = l'' along it and β_n = 2 l' ω across it, too, as has all
