@@ -15,7 +15,6 @@ and symbols run the same lines.  `chain_squares` are those of a block of chains 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -252,35 +251,6 @@ def displacement_rows(arms: Any, reach: Any) -> Any:
     order = np.arange(len(arms))
     rows = np.where(order[:, None] > order, arms.T[:, None, :], 0 * arms.T[:, None, :])
     rows[:, order, order] = reach.T
-    return rows
-
-
-def centres(block: Block, column: int, way: Floats | None = None) -> Floats:
-    """The displacement of the centre of every link of a chain along the rail by every angle, (n, n).
-
-    A `way` is another direction: what the end of every link (n, P) moves there, per length and angle.
-    """
-    moves = block.across if way is None else way
-    arms, reach = (moves[:, [column]] * part[:, [column]] for part in (block.length, block.centre))
-    return np.asarray(displacement_rows(arms, reach)[0])
-
-
-def joints(block: Block, column: int) -> Floats:
-    """The same of the lower joint of every link."""
-    return centres(replace(block, centre=block.length), column)
-
-
-def displacements(columns: Columns, first: int, of: Callable[[Block, int], Floats] | None = None) -> Floats:
-    """The displacement along the rail of what `of` tells of every link, rows (links, first + links).
-
-    That is of its centre where nothing is given.  The `first` coordinates move everything alike.
-    """
-    n = sum(block.n for block, _ in columns)
-    rows, at = np.zeros((n, first + n)), 0
-    rows[:, :first] = 1.0
-    for block, column in columns:
-        rows[at : at + block.n, first + at : first + at + block.n] = (of or centres)(block, column)
-        at += block.n
     return rows
 
 

@@ -115,7 +115,7 @@ class ComponentMatrices:
         ]
         for start, matrices in self.modal:
             for elements, S in zip(squares, matrices, strict=True):
-                root, signs = square_root(S)
+                root, signs = deferred("modal.eigen.dense:square_root")(S)
                 at = tuple(range(start, start + len(S)))
                 elements += [
                     Element(at, tuple(row), sign) for row, sign in zip(root.tolist(), signs.tolist(), strict=True)
@@ -259,10 +259,7 @@ class ComponentMatrices:
 
     @cached_property
     def tree(self) -> Tree | None:
-        """The component as a tree of coordinates with chains; None for any other, and with rotors.
-
-        Counts would take κ − x J for the spring κ of a joint, in which digits cancel.
-        """
+        """The component as a tree of coordinates with chains; None for any other, as with rotors: κ − x J cancels."""
         if self._has_negative_joints or self.has_rotors:
             return None
         place_of, d, chain_places = self._place_of_coordinate, len(self.component.eta), list[tuple[Heavy, int]]()
@@ -311,10 +308,7 @@ class StructureShapes:
 
     @property
     def energies(self) -> tuple[Floats, ...]:
-        """Twice the kinetic energy of each link of one copy over ω², (n, P, R); a mean over copies that move down.
-
-        That of a rotor belongs to the link below its joint.
-        """
+        """Twice the energy of each link of one copy, with its rotor, over ω², (n, P, R); a mean of those that sink."""
         energies = []
         for number, (block, angle) in enumerate(zip(self.parted_rig.rig.blocks, self.angles, strict=True)):
             pivot_displacement = self.parted_rig.pivots[number] @ self.eta
@@ -384,20 +378,3 @@ def _tree(
         ),
     )
     return tree
-
-
-def square_root(S: Floats) -> tuple[Floats, Floats]:
-    """Rows F (R, d) and signs (R,) with S = Fᵀ diag(signs) F: Cholesky's factor where there is one."""
-    if not (S - np.diag(np.diag(S))).any():
-        is_nonzero = np.diag(S) != 0
-        return np.diag(np.sqrt(np.abs(np.diag(S))))[is_nonzero], np.sign(np.diag(S))[is_nonzero]
-    diagonal = np.diag(S)
-    scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
-    try:
-        L = np.linalg.cholesky(S * scale * scale[:, None])
-        return np.asarray((L / scale[:, None]).T), np.ones(len(S))
-    except np.linalg.LinAlgError:
-        values, vectors = np.linalg.eigh(S * scale * scale[:, None])
-        is_significant = np.abs(values) > 4 * len(S) * EPS * np.abs(values).max(initial=0.0)
-        rows = np.sqrt(np.abs(values[is_significant]))[:, None] * vectors.T[is_significant] / scale
-        return rows, np.sign(values[is_significant])

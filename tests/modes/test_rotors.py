@@ -69,10 +69,10 @@ def test_shapes_and_derivatives_on_structures_and_carts(seed: int) -> None:
 def test_the_coupling_has_them(seed: int) -> None:
     """In the coordinates of a structure and the fixed-base modes; the residual mass is the Schur complement."""
     scene = geared(structured_scene(seed, 0.5), seed)
-    own = reduced(without_damping(rig_of(scene)))
+    structure = reduced(without_damping(rig_of(scene)))
     parts = matrices(scene)
     squares = scipy.linalg.eigh(parts.K, parts.M, eigvals_only=True)
-    for square in scipy.linalg.eigh(own.K, own.M, eigvals_only=True):
+    for square in scipy.linalg.eigh(structure.K, structure.M, eigvals_only=True):
         assert np.abs(squares - square).min() < 1e-9 * np.abs(squares).max()
     hung = geared(mild_scene(4 * seed), seed)
     rig = rig_of(hung.replace(pendulum=[pendulum.replace(count=1) for pendulum in hung.pendulum]))
