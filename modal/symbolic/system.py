@@ -48,7 +48,7 @@ def _links(n: int, kind: str, symbolic: tuple[str, ...], sigma: tuple[int, ...])
     length = tuple(symbol(f"l_{i}") for i in range(1, n + 1)) if "lengths" in symbolic else (symbol("l"),) * n
     none = (sp.S.Zero,) * n
     centre, inertia = zip(*map(pair.proportions, (kind,) * n, mass, length), strict=True)
-    return Chain(mass, length, centre, inertia, none, none, sigma or (1,) * n)
+    return Chain(mass, length, centre, inertia, none, none, none, sigma or (1,) * n)
 
 
 def symbolic_structure(scene: Scene, symbolic: tuple[str, ...] = ()) -> SymbolicStructure:

@@ -218,7 +218,7 @@ class Bearing:
         mass = self.system.groups[group].block.mass if has_frame_power else None
         for bundle, moving in zip(self.carriers.bundles[group], self.moves[group], strict=True):
             bias = moving.bias[0] + self.felt[0], moving.bias[1] + self.felt[1]
-            slopes = moving.slopes
+            slopes: Any = moving.slopes
             if self.system.groups[group].has_rotors:
                 angle, first = self.structure.angle_of(bundle.carrier), self.structure.offsets[bundle.carrier]
                 slopes = [(*slope, float(first + k == angle)) for k, slope in enumerate(slopes)]

@@ -72,7 +72,7 @@ class Elimination:
         self.masses = block.mass.sum(0).reshape(*block.b.shape[1:], *[1] * tail)
         self.length = block.length
         rotor = block.rotor.reshape(*block.b.shape, *[1] * tail)
-        self.rotor = rotor if group.has_rotors else None
+        self.rotor: Any = rotor if group.has_rotors else None
 
     def square_rates(self, rates: Any, columns: Any = slice(None)) -> Any:
         """θ'², less l''/l where lengths change."""

@@ -375,7 +375,7 @@ class Recursion:
         self.sine, self.cosine, self.winding = sine, cosine, winding
         links, rotor = links_of(group), group.block.rotor
         self.links = [type(link)(*(v.reshape(-1, *[1] * tail) for v in link)) for link in links] if tail else links
-        self.rotors = rotor.reshape(*rotor.shape, *[1] * tail) if group.has_rotors else None
+        self.rotors: Any = rotor.reshape(*rotor.shape, *[1] * tail) if group.has_rotors else None
 
     def response(self, angles: Any, rates: Any, torques: Any) -> Projection:
         """What the pendula answer to motions of their first joints."""
