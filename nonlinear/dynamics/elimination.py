@@ -136,7 +136,7 @@ class Eliminated:
         body, (angles, rates, torques) = self.body, (part[:, columns] for part in self.parts)
         A, b, mass = body.A[:, :, columns], body.b[:, columns], body.masses[columns]
         s, c, ww = body.sine(angles), body.cosine(angles), body.square_rates(rates, columns)
-        rotor = None if body.rotor is None else body.rotor[:, columns]
+        rotor: Any = None if body.rotor is None else body.rotor[:, columns]
         turning, slopes = [turn for *_, turn in slopes], [slope[:2] for slope in slopes]
         M, side = body.equations(A, s, c, ww, list(torques - (b * bias[0]) * c + (b * bias[1]) * s), rotor)
         couplings = [list(b * (c * x - s * z)) for x, z in slopes]
