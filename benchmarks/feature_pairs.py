@@ -45,6 +45,7 @@ from nonlinear.system import initial_state
 
 FEATURES = (
     "friction", "rail", "drag", "ratios", "drives", "forces", "records", "hoists", "moved", "structures", "copies",
+    "rotors",
 )  # fmt: skip
 REFUSED = {
     ("friction", "structures"): "dry friction on structures is not solved",
@@ -198,6 +199,10 @@ class Drawn:
 
     def _ratios(self) -> None:
         self.scene["damping_ratio"] = self.number(0.005, 0.1)
+
+    def _rotors(self) -> None:
+        for link in self._some_links():
+            link.update(rotor_inertia=self.number(1e-3, 9e-3), gear_ratio=self.number(1, 9))
 
     def _drives(self) -> None:
         clocks = "hoists" not in self.features and "friction_coefficient" not in self.scene.get("support", ())

@@ -31,8 +31,11 @@ if TYPE_CHECKING:
     from modal.assembly.linearization import (
         Arrays,
         Matrices,
+        centres,
         coordinate_labels,
         differences,
+        displacements,
+        joints,
         matrices,
         matrices_of,
         shared_differences,
@@ -57,10 +60,7 @@ if TYPE_CHECKING:
         Columns,
         Element,
         SquareRows,
-        centres,
         chain_squares,
-        displacements,
-        joints,
     )
     from modal.assembly.stacks import Stack, can_stack, keep_form, single, stack_scenes, vary_scene
     from modal.assembly.structure import Hanging, SpringRow, assemble_pendula, modal_supports, null_space, scene_squares

@@ -23,7 +23,7 @@ from modal.scene import AnyLink, Cart, Pendulum, Scene, validate_scene
 from modal.structure import CarrierEnd, CarrierNumbers, Structure, is_damped, phi, scale_structure, structure_of, tied
 from modal.types import Booleans, Floats, Ints
 
-ARRAYS = ("mass", "length", "centre", "inertia", "damping", "stiffness", "drag", "sigma")
+ARRAYS = ("mass", "length", "centre", "inertia", "rotor", "damping", "stiffness", "drag", "sigma")
 ONE = np.zeros(1, dtype=np.int64)
 
 
@@ -39,6 +39,7 @@ class Block:
     length: Floats
     centre: Floats
     inertia: Floats
+    rotor: Floats
     damping: Floats
     stiffness: Floats
     drag: Floats
@@ -58,10 +59,10 @@ class Block:
 
     @cached_property
     def is_plain(self) -> Booleans:
-        """Which chains (P,) have neither joint springs nor dampers nor drag nor inverted links, and hang straight."""
+        """Which chains (P,) hang straight, without rotors, springs and dampers at joints, drag and inverted links."""
         if self.rest is not None:
             return np.zeros(self.size, dtype=np.bool_)
-        broken = (self.damping != 0) | (self.stiffness != 0) | (self.drag > 0) | (self.sigma < 0)
+        broken = (self.rotor != 0) | (self.damping != 0) | (self.stiffness != 0) | (self.drag > 0) | (self.sigma < 0)
         return np.asarray(~broken.any(0), dtype=np.bool_)
 
     @cached_property
@@ -109,7 +110,7 @@ class Block:
         """Chain p with factor[p] times the mass, dampers, springs and drag: that many equal copies moving as one."""
         if (factor == 1).all():
             return self
-        extensive = ("mass", "inertia", "damping", "stiffness", "drag")
+        extensive = ("mass", "inertia", "rotor", "damping", "stiffness", "drag")
         heavier = replace(self, **{name: getattr(self, name) * factor for name in extensive})
         return replace(heavier, rest=self.rest.scale(factor)) if self.rest else heavier
 
@@ -255,6 +256,7 @@ class Rig(Displayed):
                 length=block.length / units.length,
                 centre=block.centre / units.length,
                 inertia=block.inertia / moment,
+                rotor=block.rotor / moment,
                 damping=block.damping / (moment * units.rate),
                 stiffness=block.stiffness / (units.mass * units.gravity * units.length),
                 drag=block.drag / (units.mass * units.rate),
@@ -333,7 +335,7 @@ def _each_on(scene: Scene, structure: Structure) -> Iterator[_Entry]:
     rows, first = phi(structure), 0
     for pendulum in scene.pendulum:
         top, last = pendulum.links[0], first + pendulum.count
-        turning_row = rows.turning[first] * any(top.linear_coefficients)
+        turning_row = rows.turning[first] * any((*top.linear_coefficients, top.rotor_inertia))
         distinctions = *rows.rail[first].tolist(), *turning_row.tolist()
         single = range(first, last) if not tied_pendula.isdisjoint(range(first, last)) else ()
         for free, group in groupby(single, key=lambda k: k if k in tied_pendula else -1):
@@ -387,4 +389,5 @@ def _parameters(pendulum: Pendulum) -> list[float]:
 def _numbers(link: AnyLink) -> list[float]:
     """The ARRAYS of a link: what its laws are about equilibrium joins the spring and the damper of its joint."""
     stiffness, damping = link.linear_coefficients
-    return [link.mass, link.length, link.centre, link.inertia, damping, stiffness, link.linear_drag, 1.0]
+    numbers = link.mass, link.length, link.centre, link.inertia, link.reflected_inertia
+    return [*numbers, damping, stiffness, link.linear_drag, 1.0]

@@ -26,14 +26,15 @@ carriers: there the quotient of eight values p ± h, …, p ± 4h has an error o
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
-from modal.assembly.arrays import Rig, rig_of
+from modal.assembly.arrays import Block, Rig, rig_of
 from modal.assembly.modal_damping import modal_dampers
-from modal.assembly.squares import SceneSquares
+from modal.assembly.squares import Columns, SceneSquares, displacement_rows
 from modal.assembly.structure import scene_squares
 from modal.errors import ComputationError, SceneError
 from modal.report import Displayed, Summary, aligned, as_json, breadth, brief, counted, deferred, fits, folded
@@ -207,3 +208,35 @@ def _grid(matrix: Floats, labels: Sequence[str]) -> str:
     return aligned(
         [[name, *row] for name, row in zip(labels, cells, strict=True)], ["", *labels], ["right"] * (1 + len(labels))
     )
+
+
+# ---------------------------------------------------------------------------------------------- rows of displacements
+
+
+def centres(block: Block, column: int, way: Floats | None = None) -> Floats:
+    """The displacement of the centre of every link of a chain along the rail by every angle, (n, n).
+
+    A `way` is another direction: what the end of every link (n, P) moves there, per length and angle.
+    """
+    moves = block.across if way is None else way
+    arms, reach = (moves[:, [column]] * part[:, [column]] for part in (block.length, block.centre))
+    return np.asarray(displacement_rows(arms, reach)[0])
+
+
+def joints(block: Block, column: int) -> Floats:
+    """The same of the lower joint of every link."""
+    return centres(replace(block, centre=block.length), column)
+
+
+def displacements(columns: Columns, first: int, of: Callable[[Block, int], Floats] | None = None) -> Floats:
+    """The displacement along the rail of what `of` tells of every link, rows (links, first + links).
+
+    That is of its centre where nothing is given.  The `first` coordinates move everything alike.
+    """
+    n = sum(block.n for block, _ in columns)
+    rows, at = np.zeros((n, first + n)), 0
+    rows[:, :first] = 1.0
+    for block, column in columns:
+        rows[at : at + block.n, first + at : first + at + block.n] = (of or centres)(block, column)
+        at += block.n
+    return rows

@@ -2,10 +2,10 @@
 
     M = Σ m h hᵀ,      K = Σ k a aᵀ,      D = Σ d c cᵀ
 
-The row h of a centre of mass is its displacement along the rail or down, that of a moment of inertia an angle; a is the
-angle of a link, which gravity holds by g σ b or what constant forces make of it, the turn of a joint, or the extension
-of a spring; c is the turn of a joint, the displacement of a dragged centre, or the extension of a damper.  A modal
-support brings matrices: those are sums already, without rows.
+The row h of a centre of mass is its displacement along the rail or down, that of a moment of inertia an angle, that of
+a rotor the turn of a joint; a is the angle of a link, which gravity holds by g σ b or what constant forces make of it,
+the turn of a joint, or the extension of a spring; c is the turn of a joint, the displacement of a dragged centre, or
+the extension of a damper.  A modal support brings matrices: those are sums already, without rows.
 
 Rows and sizes are made from the numbers of the scene by products and sums alone, so that floats, decimals, fractions
 and symbols run the same lines.  `chain_squares` are those of a block of chains over their pivots and angles,
@@ -15,7 +15,6 @@ and symbols run the same lines.  `chain_squares` are those of a block of chains 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -190,8 +189,8 @@ def chain_squares(block: Block, gravity: float, number: Number | None = None) ->
     """Those of M, K and D of the chains of a block over their n angles, and a pivot before where they feel it."""
     number = number or floats
     n, P = block.mass.shape
-    names = ("mass", "length", "centre", "across", "inertia", "stiffness", "damping", "drag")
-    m, l, c, way, inertia, spring, damper, drag = (number(getattr(block, name)) for name in names)
+    names = ("mass", "length", "centre", "across", "inertia", "rotor", "stiffness", "damping", "drag")
+    m, l, c, way, inertia, rotor, spring, damper, drag = (number(getattr(block, name)) for name in names)
     links = angles = np.arange(n)[None].repeat(P, 0)
     order = np.arange(n)
 
@@ -232,6 +231,8 @@ def chain_squares(block: Block, gravity: float, number: Number | None = None) ->
     stiffness = [SquareRows(WIRE, links, angles, None, weights)]
     if np.count_nonzero(block.inertia):
         inertias.append(SquareRows(INERTIA, links, angles, None, inertia.T))
+    if np.count_nonzero(block.rotor):
+        inertias.append(joints(rotor))
     if np.count_nonzero(block.stiffness):
         stiffness.append(joints(spring))
     damping = [joints(damper)] if np.count_nonzero(block.damping) else []
@@ -250,35 +251,6 @@ def displacement_rows(arms: Any, reach: Any) -> Any:
     order = np.arange(len(arms))
     rows = np.where(order[:, None] > order, arms.T[:, None, :], 0 * arms.T[:, None, :])
     rows[:, order, order] = reach.T
-    return rows
-
-
-def centres(block: Block, column: int, way: Floats | None = None) -> Floats:
-    """The displacement of the centre of every link of a chain along the rail by every angle, (n, n).
-
-    A `way` is another direction: what the end of every link (n, P) moves there, per length and angle.
-    """
-    moves = block.across if way is None else way
-    arms, reach = (moves[:, [column]] * part[:, [column]] for part in (block.length, block.centre))
-    return np.asarray(displacement_rows(arms, reach)[0])
-
-
-def joints(block: Block, column: int) -> Floats:
-    """The same of the lower joint of every link."""
-    return centres(replace(block, centre=block.length), column)
-
-
-def displacements(columns: Columns, first: int, of: Callable[[Block, int], Floats] | None = None) -> Floats:
-    """The displacement along the rail of what `of` tells of every link, rows (links, first + links).
-
-    That is of its centre where nothing is given.  The `first` coordinates move everything alike.
-    """
-    n = sum(block.n for block, _ in columns)
-    rows, at = np.zeros((n, first + n)), 0
-    rows[:, :first] = 1.0
-    for block, column in columns:
-        rows[at : at + block.n, first + at : first + at + block.n] = (of or centres)(block, column)
-        at += block.n
     return rows
 
 

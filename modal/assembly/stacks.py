@@ -29,6 +29,7 @@ OTHERS = frozenset(
     {
         "inverted",
         "joint_springs",
+        "rotor",
         "dampers",
         "law",
         "linear_drag",
@@ -179,7 +180,7 @@ def _pendula_of(chosen: list[tuple[Pendulum, int]], numbers: Sequence[Floats]) -
     count = np.bincount(kinds, weights=[pendulum.count for pendulum, _ in chosen]).astype(np.int64)
     mass, length, centre, inertia = arrays if len(first) == len(chosen) else [values[:, first] for values in arrays]
     none, down = np.broadcast_to(0.0, mass.shape), np.broadcast_to(1.0, mass.shape)
-    return Block(mass, length, centre, inertia, damping=none, stiffness=none, drag=none, sigma=down, count=count)
+    return Block(mass, length, centre, inertia, none, none, none, none, down, count)
 
 
 class Single(NamedTuple):

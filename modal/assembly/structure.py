@@ -230,6 +230,8 @@ class Hanging:
         for (block, column, copies), pendulum in zip(self.rig.members, self.starts.tolist(), strict=True):
             row = self.phi.rail[pendulum]
             M += copies * self.rig.blocks[block].mass[:, column].sum() * np.multiply.outer(row, row)
+            turn = self.phi.turning[pendulum]
+            M += copies * self.rig.blocks[block].rotor[0, column] * np.multiply.outer(turn, turn)
         return M
 
     @cached_property

@@ -24,9 +24,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from modal.assembly import Block
 from modal.coupling.families import CHANGE_OF_FIRST_ORDER, STRONG_COUPLING, FamilyBranch
 from modal.coupling.reduced import ReducedStructure
-from modal.eigen import LIGHTEST, MOST_COORDINATES, Poles, at_infinity, degenerate_modes, solve
+from modal.eigen import LIGHTEST, MOST_COORDINATES, Poles, at_infinity, degenerate_modes, inertial_mass, solve
 from modal.errors import ComputationError
 from modal.modes import pair_rows
 from modal.report import Displayed
@@ -322,6 +323,11 @@ class SecularEquation:
         return m, steady and isfinite(m) and bool(mass.max() <= STRONG_COUPLING * abs(m))
 
 
+def _residual_mass(block: Block) -> Floats:
+    """The mass (P,) that pivots feel of a block from inertia alone."""
+    return inertial_mass(block) if block.rotor.any() else at_infinity(block)[0]
+
+
 def dynamic_mass(reduced: ReducedStructure, *, as_one_part: bool) -> DynamicMass:
     """The dynamic mass of at most one coordinate; of a fixed support that of a massless cart in its place.
 
@@ -333,7 +339,7 @@ def dynamic_mass(reduced: ReducedStructure, *, as_one_part: bool) -> DynamicMass
     chosen = np.arange(len(mass)) if as_one_part or not reduced.d else np.flatnonzero(reduced.push.any(0))
     groups = degenerate_modes((modes.omega[chosen] ** 2,))
     natural, units = rig.natural()
-    residual = np.concatenate([at_infinity(block)[0] * block.count for block in natural.blocks])
+    residual = np.concatenate([_residual_mass(block) * block.count for block in natural.blocks])
     carrier, spring = (float(S[0, 0]) if reduced.d else 0.0 for S in (reduced.own_inertia, reduced.own_stiffness))
     terms = float(reduced.hanging.elements.terms.sum()) if reduced.d else 0.0
     if spring < -NOISE_OF_SUM * terms:

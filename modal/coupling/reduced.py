@@ -203,11 +203,13 @@ class ReducedStructure:
         """Φ (kinds, d)."""
         return self.hanging.phi.rail[list(self.pivots)]
 
-    @cached_property
-    def joints(self) -> tuple[Floats, Floats]:
-        """√k_1 Ω of the first joint's springs (kinds, d) of one copy, and √(N k_1) φ_1 (K,) of the modes."""
+    def joints(self, name: str) -> tuple[Floats, Floats]:
+        """√k_1 Ω of the first joints (kinds, d) of one copy, and √(N k_1) φ_1 (K,) of the modes.
+
+        The `name` tells whether k_1 are springs ("stiffness") or rotors.
+        """
         turning, modes = self.hanging.phi.turning[list(self.pivots)], self.fixed_base
-        root = np.sqrt([self.rig.blocks[block].stiffness[0, column] for block, column in self.kinds])
+        root = np.sqrt([getattr(self.rig.blocks[block], name)[0, column] for block, column in self.kinds])
         first = np.array([shape[0] for shape in modes.shapes])
         return root[:, None] * turning, root[modes.kind] * np.sqrt(modes.count) * first
 
@@ -220,7 +222,8 @@ class ReducedStructure:
     def own_stiffness(self) -> Floats:
         """K_s (d, d)."""
         copies = np.array([float(self.rig.blocks[block].count[column]) for block, column in self.kinds])
-        return self.hanging.supporting[1] + (copies * self.joints[0].T) @ self.joints[0]
+        turns = self.joints("stiffness")[0]
+        return self.hanging.supporting[1] + (copies * turns.T) @ turns
 
     @property
     def own_damping(self) -> Floats:
@@ -237,8 +240,10 @@ class ReducedStructure:
     def only_pushes(self) -> bool:
         """Whether pendula feel each other only as they push what carries them: no spring ends on one or turns one."""
         rotations = self.hanging.phi.turning[list(self.pivots)]
-        first = ((self.rig.blocks[block], column) for block, column in self.kinds)
-        has_joint_forces = [bool(block.stiffness[0, column] or block.damping[0, column]) for block, column in first]
+        names = ("rotor", "stiffness", "damping")
+        has_joint_forces = [
+            any(getattr(self.rig.blocks[block], name)[0, column] for name in names) for block, column in self.kinds
+        ]
         return not (self.hanging.tied or rotations[has_joint_forces].any())
 
     @cached_property
@@ -246,14 +251,16 @@ class ReducedStructure:
         """Inertia (d + K, d + K)."""
         d = self.d
         M = np.eye(d + len(self.fixed_base.omega))
-        M[:d, :d], M[:d, d:], M[d:, :d] = self.hanging.inertia, self.push, self.push.T
+        rotations, first = self.joints("rotor")
+        cross = self.push - rotations[self.fixed_base.kind].T * first
+        M[:d, :d], M[:d, d:], M[d:, :d] = self.hanging.inertia, cross, cross.T
         return M
 
     @cached_property
     def K(self) -> Floats:
         """Stiffness (d + K, d + K)."""
         d, modes = self.d, self.fixed_base
-        rotations, first = self.joints
+        rotations, first = self.joints("stiffness")
         K = np.zeros_like(self.M)
         for element in self.hanging.elements.stiffness:
             vector = self.vector(zip(element.at, element.row, strict=True))

@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     )
     from modal.eigen.spectrum import ModalSpectrum, SpectrumPart, find_spectrum, notes
     from modal.eigen.squares import CLOSE, EVERYTHING, Limits, smallest_where, squares_of
+    from modal.eigen.trees import inertial_mass
 
 __all__ = [
     "CLOSE",
@@ -84,6 +85,7 @@ __all__ = [
     "degenerate_modes",
     "distortion",
     "find_spectrum",
+    "inertial_mass",
     "is_singular",
     "largest_angle",
     "notes",

@@ -115,7 +115,7 @@ class ComponentMatrices:
         ]
         for start, matrices in self.modal:
             for elements, S in zip(squares, matrices, strict=True):
-                root, signs = square_root(S)
+                root, signs = deferred("modal.eigen.dense:square_root")(S)
                 at = tuple(range(start, start + len(S)))
                 elements += [
                     Element(at, tuple(row), sign) for row, sign in zip(root.tolist(), signs.tolist(), strict=True)
@@ -162,6 +162,11 @@ class ComponentMatrices:
     @property
     def _chains(self) -> Iterator[tuple[Block, Heavy]]:
         return ((self.parted_rig.rig.blocks[heavy.block], heavy) for heavy in self.component.heavies)
+
+    @property
+    def has_rotors(self) -> bool:
+        """Whether any joint has a rotor."""
+        return any(block.rotor[:, heavy.column].any() for block, heavy in self._chains)
 
     @property
     def _has_negative_joints(self) -> bool:
@@ -254,8 +259,8 @@ class ComponentMatrices:
 
     @cached_property
     def tree(self) -> Tree | None:
-        """The component as a tree of coordinates with chains; None for any other."""
-        if self._has_negative_joints:
+        """The component as a tree of coordinates with chains; None for any other, as with rotors: κ − x J cancels."""
+        if self._has_negative_joints or self.has_rotors:
             return None
         place_of, d, chain_places = self._place_of_coordinate, len(self.component.eta), list[tuple[Heavy, int]]()
         for block, heavy in self._chains:
@@ -303,7 +308,7 @@ class StructureShapes:
 
     @property
     def energies(self) -> tuple[Floats, ...]:
-        """Twice the kinetic energy of each link of one copy over ω², (n, P, R); a mean over copies that move down."""
+        """Twice the energy of each link of one copy, with its rotor, over ω², (n, P, R); a mean of those that sink."""
         energies = []
         for number, (block, angle) in enumerate(zip(self.parted_rig.rig.blocks, self.angles, strict=True)):
             pivot_displacement = self.parted_rig.pivots[number] @ self.eta
@@ -315,6 +320,9 @@ class StructureShapes:
                 descent = angle * (block.sinking * block.length)[:, :, None]
                 parts += [(0 * pivot_displacement.real, descent.real), (0 * pivot_displacement.real, descent.imag)]
             energy = sum((kinetic(block, joints(y, a), a) for y, a in parts), start=np.zeros(angle.shape))
+            if block.rotor.any():
+                bends = np.diff(angle, axis=0, prepend=(self.parted_rig.turning(number) @ self.eta)[None])
+                energy += block.rotor[:, :, None] * np.abs(bends) ** 2
             sunk = self.parted_rig.sinking[number]
             if sunk is not None:
                 energy += block.mass[:, :, None] * np.abs(np.einsum("pij,ir,jr->pr", sunk, self.eta, self.eta.conj()))
@@ -370,20 +378,3 @@ def _tree(
         ),
     )
     return tree
-
-
-def square_root(S: Floats) -> tuple[Floats, Floats]:
-    """Rows F (R, d) and signs (R,) with S = Fᵀ diag(signs) F: Cholesky's factor where there is one."""
-    if not (S - np.diag(np.diag(S))).any():
-        is_nonzero = np.diag(S) != 0
-        return np.diag(np.sqrt(np.abs(np.diag(S))))[is_nonzero], np.sign(np.diag(S))[is_nonzero]
-    diagonal = np.diag(S)
-    scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
-    try:
-        L = np.linalg.cholesky(S * scale * scale[:, None])
-        return np.asarray((L / scale[:, None]).T), np.ones(len(S))
-    except np.linalg.LinAlgError:
-        values, vectors = np.linalg.eigh(S * scale * scale[:, None])
-        is_significant = np.abs(values) > 4 * len(S) * EPS * np.abs(values).max(initial=0.0)
-        rows = np.sqrt(np.abs(values[is_significant]))[:, None] * vectors.T[is_significant] / scale
-        return rows, np.sign(values[is_significant])

@@ -1,8 +1,8 @@
 """Pendula on a structure, parted into what moves together, with equal ones combined.
 
-N equal pendula on coordinates η hang from pivots Φ η (N, d), and feel angles Ω η where a first joint has a spring or
-damper.  With (Φ, Ω) = U diag(σ) Vᵀ the combinations U_kᵀ of the pendula hang from the pivots σ_k V_kᵀ η, and all
-orthogonal ones leave the structure still, with the pendulum's fixed-base frequencies.  The rank is that of the rows
+N equal pendula on coordinates η hang from pivots Φ η (N, d), and feel angles Ω η where a first joint has a rotor, a
+spring or a damper.  With (Φ, Ω) = U diag(σ) Vᵀ the combinations U_kᵀ of the pendula hang from pivots σ_k V_kᵀ η, and
+all orthogonal ones leave the structure still, with the pendulum's fixed-base frequencies.  The rank is that of the rows
 with columns divided by √inertia of the structure; where it is full, as on carts, every pendulum stays as it is.
 """
 
@@ -142,7 +142,7 @@ class PartedRig:
     def _rows(self, block: int, column: int) -> tuple[Floats, Floats]:
         """Φ and Ω (d,) of a column."""
         first, chains = self._columns[block, column], self.rig.blocks[block]
-        feels = chains.stiffness[0, column] != 0 or chains.damping[0, column] != 0
+        feels = any(getattr(chains, name)[0, column] for name in ("rotor", "stiffness", "damping"))
         return self.hanging.phi.rail[first], self.hanging.phi.turning[first] * feels
 
     # ------------------------------------------------------------------------------------------- what moves together
@@ -278,6 +278,11 @@ class PartedRig:
             for number, block in enumerate(self.rig.blocks)
         )
 
+    def turning(self, number: int) -> Floats:
+        """Ω (P, d) of every column of a block, whether its first joint feels it or not."""
+        first = [self._columns[number, column] for column in range(self.rig.blocks[number].size)]
+        return self.hanging.phi.turning[first]
+
     @cached_property
     def sinking(self) -> tuple[Floats | None, ...]:
         """The mean of ψ ψᵀ (P, d, d) over the copies of every column of each block; None where no pivot moves down."""
@@ -293,6 +298,8 @@ class PartedRig:
     @cached_property
     def accelerances(self) -> Floats:
         """Σ φ_η² over all modes (d,), φᵀMφ = 1: what a sudden force on each coordinate gives it, per unit of force."""
+        if any(block.rotor.any() for block in self.rig.blocks):
+            return np.diag(np.linalg.inv(self.hanging.squares().matrices[0]))[: self.size]
         M = self.hanging.supporting[0].copy()
         for number, block in enumerate(self.rig.blocks):
             pivot_mass = at_infinity(block)[0].ravel() * block.count

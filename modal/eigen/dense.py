@@ -338,3 +338,20 @@ def _correct_light_damping(values: Complexes, shape: Complexes, scaling: _Scaled
     dissipation = scaling.signs @ np.abs(scaling.friction @ shape) ** 2
     light = (values.imag != 0) & (np.abs(values.real) < LIGHT * np.abs(values))
     return np.where(light, -dissipation / (2 * inertia) + 1j * values.imag, values)
+
+
+def square_root(S: Floats) -> tuple[Floats, Floats]:
+    """Rows F (R, d) and signs (R,) with S = Fᵀ diag(signs) F: Cholesky's factor where there is one."""
+    if not (S - np.diag(np.diag(S))).any():
+        is_nonzero = np.diag(S) != 0
+        return np.diag(np.sqrt(np.abs(np.diag(S))))[is_nonzero], np.sign(np.diag(S))[is_nonzero]
+    diagonal = np.diag(S)
+    scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+    try:
+        L = np.linalg.cholesky(S * scale * scale[:, None])
+        return np.asarray((L / scale[:, None]).T), np.ones(len(S))
+    except np.linalg.LinAlgError:
+        values, vectors = np.linalg.eigh(S * scale * scale[:, None])
+        is_significant = np.abs(values) > 4 * len(S) * EPS * np.abs(values).max(initial=0.0)
+        rows = np.sqrt(np.abs(values[is_significant]))[:, None] * vectors.T[is_significant] / scale
+        return rows, np.sign(values[is_significant])

@@ -79,7 +79,9 @@ def chain_response(
         of_joints, of_wires = (numbers.number(angle) for angle in losses)
         joint = joint + numbers.imaginary(numbers.number(block.stiffness[..., None]) * of_joints)
         k = k + numbers.imaginary(k * of_wires)
-    is_sprung = bool(block.stiffness.any() or block.damping.any())
+    if block.rotor.any():
+        joint = joint - numbers.number(block.rotor[..., None]) * square
+    is_sprung = bool(block.stiffness.any() or block.damping.any() or block.rotor.any())
     torque, force = _unit_loads(block, loads)
     torques, forces = numbers.number(torque) * sigma[:, :, None] / length[:, :, None], numbers.number(force)
     mu: Any = numbers.number(np.zeros((block.size, 1)))

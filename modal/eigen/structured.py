@@ -71,11 +71,17 @@ class OnStructure:
 
     @property
     def _is_product(self) -> bool:
-        return self.matrices.is_positive and not (self.is_damped or self._is_plain or self._is_counted)
+        has_factors = self.matrices.has_rotors or not self._is_plain
+        return (
+            has_factors and self.matrices.is_positive and not (self.is_damped or self._is_counted or self.is_singular)
+        )
 
     @cached_property
     def is_singular(self) -> bool:
         """Whether M is known to be singular, by a massless cart over bobs."""
+        if self.matrices.has_rotors:
+            is_held = any(_inertial_mass(block).any() for block in self.matrices.parted_rig.rig.blocks)
+            return self._is_plain and self.matrices.is_massless and not is_held
         tree = self.matrices.tree if self._is_plain and self.matrices.is_massless else None
         return tree is not None and not tree.bare.all()
 
@@ -133,7 +139,8 @@ class OnStructure:
             assert matrices.tree is not None
             return matrices.tree.slack(self.squares) * structured_error(deepest, len(blocks)) + loss_error
         narrow = ERROR_OF_NARROW if not is_wide(matrices.size) else 1.0
-        return np.full(len(self._product[0]), narrow * (32 + 12 * matrices.size) * EPS / 2 + loss_error)
+        squares = matrices.size * (1 + matrices.has_rotors)
+        return np.full(len(self._product[0]), narrow * (32 + 12 * squares) * EPS / 2 + loss_error)
 
     @cached_property
     def _product(self) -> tuple[Floats, Floats]:
@@ -338,6 +345,9 @@ class OnStructure:
         weight = np.sqrt((M.size[:, None] * M.rows**2).sum(0))[:, None]
         sizes = np.abs(shape) * weight
         return np.where(sizes > 4 * len(shape) * EPS * sizes.max(0), shape, 0.0)
+
+
+_inertial_mass = deferred("modal.eigen.trees:inertial_mass")
 
 
 def _product_modes(stiffness: SquareSum, inertia: SquareSum, free: int) -> tuple[Floats, Floats]:

@@ -394,6 +394,20 @@ def sprung_count_and_mass(block: Block, x: Floats) -> tuple[Ints, Floats]:
     return count, link.mass
 
 
+def inertial_mass(block: Block) -> Floats:
+    """The mass (P,) that pivots feel from inertia alone: μ of `eliminate` as x grows, with s = −x J of rotors."""
+    mu, h, f, delta = np.zeros((4, block.size))
+    turn_signs = turns(block)
+    arrays = block.mass, block.length, block.centre, block.inertia, block.rotor, turn_signs
+    for m, l, c, inertia, J, sign in zip(*(values[::-1] for values in arrays), strict=True):
+        r, H = l - c, l * mu + h + m * c
+        N = delta + mu * (inertia + m * r * r) + 2 * m * r * h + m * (f + inertia)
+        B = f + inertia + m * c * c + l * (l * mu + 2 * h)
+        D = B + J
+        mu, h, f, delta = (N + J * (mu + m)) / D, sign * (J / D) * H, J / D * B, J / D * N
+    return mu
+
+
 def _link(block: Block, i: int) -> list[Floats]:
     """Mass, length, centre, inertia and spring of the links in row i, (P, 1) each."""
     arrays = (block.mass, block.length, block.centre, block.inertia, block.stiffness)

@@ -28,7 +28,7 @@ from modal.scene import Cart, Pendulum, Scene, require, validate_scene
 Variable = Literal["x", "lambda"]
 Clear = Callable[[list[Any]], list[Any]]
 Links = tuple[tuple[Fraction, ...], ...]
-"""One row (mass, length, centre, inertia, stiffness, σ) per link, top first: a pendulum's exact parameters."""
+"""One row (mass, length, centre, inertia, stiffness, rotor, σ) per link, top first: a pendulum's exact parameters."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -149,7 +149,8 @@ def exact_links(pendulum: Pendulum) -> Links:
     rows = []
     for link in pendulum.links:
         m, l, stiffness = map(exact, (link.mass, link.length, link.linear_coefficients[0]))
-        rows += [(m, l, *link.proportions(m, l, exact), stiffness)] * link.count
+        rotor = exact(link.rotor_inertia) * exact(link.gear_ratio) ** 2
+        rows += [(m, l, *link.proportions(m, l, exact), stiffness, rotor)] * link.count
     sigma = (Fraction(1 if way == "down" else -1) for way in pendulum.ways)
     return tuple((*row, sign) for row, sign in zip(rows, sigma, strict=True))
 
@@ -168,9 +169,10 @@ def eliminate_links(links: Sequence[pair.Constants], clear: Clear) -> tuple[list
 
 def _pivot(links: Links, gravity: Fraction) -> tuple[list[int], list[int]]:
     """(d, N) of one pendulum on a moving joint; in the coordinates σ_i θ_i an inverted link has −k for k."""
-    mass, length, centre, inertia, stiffness, sigma = zip(*links, strict=True)
-    if any(stiffness):
-        return eliminate_sprung_links((mass, length, centre, inertia), stiffness, sigma, gravity)
+    mass, length, centre, inertia, stiffness, rotor, sigma = zip(*links, strict=True)
+    if any(stiffness) or any(rotor):
+        joints = [[spring, -J] if J else [spring] for spring, J in zip(stiffness, rotor, strict=True)]
+        return eliminate_sprung_links((mass, length, centre, inertia), joints, sigma, gravity)
     hanging = pair.constants(mass, length, centre, inertia, gravity)
     return eliminate_links(pair.standing(hanging, sigma), integers)
 
@@ -194,7 +196,7 @@ def _primitive(ascending: Sequence[int]) -> Polynomial:
 
 def eliminate_sprung_links(
     parameters: Sequence[Sequence[Fraction]],
-    stiffness: Sequence[Fraction],
+    joints: Sequence[list[Fraction]],
     sigma: Sequence[Fraction],
     gravity: Fraction,
 ) -> tuple[list[int], list[int]]:
@@ -203,7 +205,7 @@ def eliminate_sprung_links(
     What hangs from a joint takes the force and the moment Z (u, φ) where the joint is displaced by u along the rail and
     the link above it turns by φ.  With Z = [p, q; q, r]/d below a link and its b, in its own angle θ,
 
-        S_uu = p/d − x m,    S_uθ = σ l p/d + q/d − x σ m c,
+        S_uu = p/d − x m,    k = κ − x J of a spring and a rotor,    S_uθ = σ l p/d + q/d − x σ m c,
         S_θθ = k + g σ b − x (m c² + I) + (l² p + 2 σ l q + r)/d
 
     and θ is eliminated: d' = d S_θθ, p' = d' (S_uu − S_uθ²/S_θθ), q' = d' k S_uθ/S_θθ, r' = d' (k − k²/S_θθ), which are
@@ -212,13 +214,14 @@ def eliminate_sprung_links(
     mass, length, centre, _ = parameters
     b = pair.first_moments(mass, length, centre)
     d, p, q, r = [1], [0], [0], [0]
-    for m, l, c, I, k, sign, moment in reversed(list(zip(*parameters, stiffness, sigma, b, strict=True))):
+    for m, l, c, I, k, sign, moment in reversed(list(zip(*parameters, joints, sigma, b, strict=True))):
         S_uu = total(p, multiple(-m, [0, *d]))
         S_ut = total(total(multiple(sign * l, p), q), multiple(-sign * m * c, [0, *d]))
         load = total(total(multiple(l**2, p), multiple(2 * sign * l, q)), r)
-        S_tt = total(product([k + gravity * sign * moment, -(m * c**2 + I)], d), load)
+        S_tt = total(product(total(k, [gravity * sign * moment, -(m * c**2 + I)]), d), load)
         next_p = quotient(total(product(S_uu, S_tt), multiple(-1, product(S_ut, S_ut))), d)
-        parts = S_tt, next_p, multiple(k, S_ut), total(multiple(k, S_tt), multiple(-(k**2), d))
+        next_r = total(product(k, S_tt), multiple(-1, product(product(k, k), d)))
+        parts = S_tt, next_p, product(k, S_ut), next_r
         coefficients = iter(integers(value for part in parts for value in part))
         d, p, q, r = ([next(coefficients) for _ in part] for part in parts)
     return d, multiple(-1, p[1:])

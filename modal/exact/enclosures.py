@@ -10,7 +10,8 @@ occurs once in
 
     D = 1 − t (r + μ),    μ' = p − 1/t + (1 + t q)²/(t D),
 
-so the balls grow no faster than the rounding does.  Where a sign remains undecided the precision is doubled.
+so the balls grow no faster than the rounding does; with springs or rotors at joints it is that of `modal.eigen.trees`.
+Where a sign remains undecided the precision is doubled.
 """
 
 from __future__ import annotations
@@ -26,14 +27,16 @@ import numpy as np
 
 from modal import pair
 from modal.errors import ComputationError, MissingExtraError
-from modal.exact.characteristic import exact
 from modal.report import deferred, silent
 from modal.scene import AnyLink, Cart, Fixed, Pendulum, Scene, require
 from modal.scene.doors import checked, checked_index
+from modal.scene.features import holds_still
 from modal.types import EPS, NEWTON_ROUNDS
 
 Ball = Any
 Links = tuple[AnyLink, ...]
+Elimination = Callable[[list[Any], Ball], tuple[list[Ball], Ball]]
+"""From the constants of a chain and x to the pivots of its links and the mass felt at the pivot."""
 
 MOST_BITS = 1 << 17
 """Limit: bits with which a sign is decided, refused beyond: four times those of the most digits."""
@@ -50,7 +53,7 @@ class ChainsInBalls:
     gravity: float
     support: Fixed | Cart
     chains: dict[Links, int]
-    _constants_by_bits: dict[int, list[tuple[list[pair.Constants], int]]] = field(default_factory=dict, repr=False)
+    _constants_by_bits: dict[int, list[tuple[Elimination, list[Any], int]]] = field(default_factory=dict, repr=False)
 
     def count(self, x: Ball, bits: int) -> int:
         """Number of oscillatory modes with ω² < x: proved, at whatever precision it takes."""
@@ -65,24 +68,30 @@ class ChainsInBalls:
         )
 
     def _count(self, x: Ball, bits: int) -> int:
-        total, effective_mass = 0, flint().arb(0)
-        for links, count in self._constants(bits):
-            mu = 0
-            for c in reversed(links):
-                D = 1 - x * (c.r + mu) / c.k
-                total += _is_negative(D)
-                mu = c.p - c.k / x + (c.k + c.q * x) ** 2 / (c.k * x * D)
-            effective_mass += count * mu
-        if isinstance(self.support, Cart):
-            spring = self.support.stiffness
-            total += (not _is_negative(effective_mass + self.support.mass - spring / x)) - (spring == 0)
+        pivots, cart_mass = self._eliminate(x, bits)
+        total = sum(map(_is_negative, pivots))
+        if cart_mass is not None and isinstance(self.support, Cart):
+            total += (not _is_negative(cart_mass)) - (self.support.stiffness == 0)
         return total
+
+    def _eliminate(self, x: Ball, bits: int) -> tuple[list[Ball], Ball | None]:
+        """The pivots of all links at x, a ball or a series, and the mass felt by a cart with its own and its spring."""
+        pivots, mass = list[Ball](), flint().arb(0)
+        for eliminate, links, count in self._constants(bits):
+            of_chain, felt = eliminate(links, x)
+            pivots, mass = pivots + of_chain, mass + count * felt
+        if isinstance(self.support, Cart):
+            return pivots, mass + self.support.mass - self.support.stiffness / x
+        return pivots, None
 
     def newton(self, x: Ball, width: Ball, bits: int) -> Ball:
         """An approximate zero of the determinant near x, to be verified by the count."""
         with flint().ctx.workprec(bits):
             for _ in range(NEWTON_ROUNDS):
-                step = 1 / self._logarithmic_derivative(x, bits)
+                try:
+                    step = 1 / self._logarithmic_derivative(x, bits)
+                except ValueError:  # a pivot that may be 0 has no inverse
+                    break
                 if not step.is_finite():
                     break
                 x = (x - step).mid()
@@ -92,37 +101,56 @@ class ChainsInBalls:
 
     def _logarithmic_derivative(self, x: Ball, bits: int) -> Ball:
         """d/dx log |det(K − x M)|: Σ D_x/D, and of the mass felt by the cart."""
-        total = effective_mass = slope = flint().arb(0)
-        for links, count in self._constants(bits):
-            mu = mu_x = 0
-            for c in reversed(links):
-                D, D_x = 1 - x * (c.r + mu) / c.k, -(c.r + mu + x * mu_x) / c.k
-                total += D_x / D
-                w, w_x = (c.k + c.q * x) ** 2 / (c.k * x), ((c.q * x) ** 2 - c.k**2) / (c.k * x**2)
-                mu_x = c.k / x**2 + (w_x - w * D_x / D) / D
-                mu = c.p - c.k / x + w / D
-            effective_mass, slope = effective_mass + count * mu, slope + count * mu_x
-        if isinstance(self.support, Cart):
-            spring = self.support.stiffness
-            total += (slope + spring / x**2) / (effective_mass + self.support.mass - spring / x)
-        return total
+        pivots, cart_mass = self._eliminate(flint().arb_series([x, 1], 2), bits)
+        factors = pivots if cart_mass is None else [*pivots, cart_mass]
+        return sum(D[1] / D[0] for D in factors)
 
-    def _constants(self, bits: int) -> list[tuple[list[pair.Constants], int]]:
-        """Every chain's constants as balls of this precision, and its count."""
+    def _constants(self, bits: int) -> list[tuple[Elimination, list[Any], int]]:
+        """How every chain is eliminated, its constants as balls of this precision, and its count."""
         if bits not in self._constants_by_bits:
             self._constants_by_bits[bits] = [
-                (constants(chain, self.gravity), count) for chain, count in self.chains.items()
+                (*constants(chain, self.gravity), count) for chain, count in self.chains.items()
             ]
         return self._constants_by_bits[bits]
 
 
-def constants(chain: Links, gravity: float) -> list[pair.Constants]:
-    """The recursion's constants as balls, centre and inertia included."""
+def constants(chain: Links, gravity: float) -> tuple[Elimination, list[Any]]:
+    """How a chain is eliminated, and the constants as balls, centre and inertia included."""
     arb = flint().arb
     mass, length = [arb(link.mass) for link in chain], [arb(link.length) for link in chain]
     parts = [link.proportions(m, l, arb) for link, m, l in zip(chain, mass, length, strict=True)]
     centre, inertia = zip(*parts, strict=True)
-    return pair.constants(mass, length, centre, inertia, arb(gravity))
+    if not any(link.stiffness or link.rotor_inertia for link in chain):
+        return _free_links, pair.constants(mass, length, centre, inertia, arb(gravity))
+    weight = [arb(gravity) * b for b in pair.first_moments(mass, length, centre)]
+    joints = [(arb(link.stiffness), arb(link.rotor_inertia) * arb(link.gear_ratio) ** 2) for link in chain]
+    return _joined_links, list(zip(mass, length, centre, inertia, weight, joints, strict=True))
+
+
+def _free_links(links: list[Any], x: Ball) -> tuple[list[Ball], Ball]:
+    """The pivots D of a chain, and its effective mass μ."""
+    pivots, mu = list[Ball](), 0
+    for c in reversed(links):
+        D = 1 - x * (c.r + mu) / c.k
+        gain = c.k + c.q * x
+        mu = c.p - c.k / x + gain * gain / (c.k * x * D)
+        pivots.append(D)
+    return pivots, mu
+
+
+def _joined_links(links: list[Any], x: Ball) -> tuple[list[Ball], Ball]:
+    """The same with springs κ and rotors J at joints: `modal.eigen.trees` with s = κ − x J."""
+    pivots = list[Ball]()
+    mu = h = F = delta = 0
+    for m, l, c, inertia, weight, (spring, J) in reversed(links):
+        s, r = spring - x * J, l - c
+        H = l * mu + h + m * c
+        N = delta + mu * (weight - x * (inertia + m * r * r)) - x * (2 * m * r * h) + m * (weight + F - x * inertia)
+        B = weight + F - x * (inertia + m * c * c + l * (l * mu + 2 * h))
+        D = B + s
+        mu, h, F, delta = (N + s * (mu + m)) / D, s * H / D, s * B / D, s * N / D
+        pivots.append(D)
+    return pivots, mu
 
 
 def _is_negative(ball: Ball) -> bool:
@@ -173,8 +201,8 @@ def enclose(scene: Scene, digits: int = 30, report: Callable[[float], object] = 
     """Every natural frequency, ascending, in an interval of relative width at most 10^−digits.
 
     Rows of different labels may overlap: no interval proves two frequencies equal.  The rigid translation of a free
-    cart is exact.  `report` is called with the fraction done.  Raises SceneError for dampers, joint springs and
-    inverted links, ComputationError where no precision decides a sign, MissingExtraError without python-flint.
+    cart is exact.  `report` is called with the fraction done.  Raises SceneError for dampers, laws of joints
+    and inverted links, ComputationError where no precision decides a sign, MissingExtraError without python-flint.
     """
     checked_index("digits", digits, 1, MOST_DIGITS)
     flint()
@@ -216,7 +244,7 @@ class _ProblemInBalls:
         links = sum(map(len, self.system.chains))
         if not isinstance(self.system.support, Cart):
             return links
-        inert = self.system.support.mass > 0 or any(_has_residual_mass(chain) for chain in self.system.chains)
+        inert = self.system.support.mass > 0 or not all(map(holds_still, self.system.chains))
         return links + (self.system.support.stiffness > 0) - (not inert)
 
     def guesses(self) -> list[float]:
@@ -277,15 +305,6 @@ def _problems(scene: Scene) -> Iterator[_ProblemInBalls]:
         label = f"{'cart still' if on_cart else 'fixed support'}: pendulum {names[chain]}"
         if multiplicity:
             yield _ProblemInBalls(ChainsInBalls(scene.gravity, Fixed(), {chain: 1}), multiplicity, label)
-
-
-def _has_residual_mass(chain: Links) -> bool:
-    """Whether α > 0 in `modal.eigen.recursion.at_infinity`, the mass from inertia alone: α' = (p α + m J)/(r + α)."""
-    alpha = False
-    for link in reversed(chain):
-        inertia = link.proportions(exact(link.mass), exact(link.length), exact)[1]
-        alpha = inertia > 0 or (alpha and link.centre != link.length)
-    return alpha
 
 
 def _decimal(x: Ball, digits: int, *, up: bool) -> str:

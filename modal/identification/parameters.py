@@ -25,9 +25,10 @@ from modal.scene.parameters import Place, Variable, law_parameter, number_at, un
 from modal.scene.unknowns import OfUnknown, Unknown, find_unknowns, unknowns_of
 from modal.types import Floats
 
-POSITIVE = ("mass", "length", "centre", "inertia", "gravity", "angle_deg")
+POSITIVE = ("mass", "length", "centre", "inertia", "gear_ratio", "gravity", "angle_deg")
 CAN_VANISH = (
     *("damping", "stiffness", "friction", "friction_coefficient", "drag", "quadratic_drag", "strength", "impulse"),
+    "rotor_inertia",
 )
 PLACED = ("position", "centre")
 """Keys of places in a scene, along and below, whose numbers may have either sign."""
@@ -219,6 +220,7 @@ def natural_unit(scene: Scene, place: Place) -> float:
     rate, turns = sqrt(scene.gravity / length), "rad" in unit_at(scene, place)
     if place[0] in {"support", "spring"}:
         mass += sum(getattr(support, "mass", 0.0) for support in scene.supports)
+    gear = number_at(scene, (*place[:-1], "gear_ratio")) if place[-1] == "rotor_inertia" else 1.0
     joint = length if turns or place[0] not in {"support", "spring"} else 1.0
     units = {
         "mass": mass,
@@ -226,6 +228,8 @@ def natural_unit(scene: Scene, place: Place) -> float:
         "centre": length,
         "position": length,
         "inertia": mass * length**2,
+        "rotor_inertia": mass * length**2 / gear**2,
+        "gear_ratio": 1.0,
         "gravity": scene.gravity,
         "angle_deg": 1.0,
         "damping": mass * rate * joint**2,

@@ -59,6 +59,7 @@ class Sensitivities(Displayed):
     length          rad/s per m; a bob's c = l, a rod's c = l/2 and I = m l²/12 follow, a body's c and I do not
     centre          rad/s per m, of a centre of mass along its link, all else held
     inertia         rad/s per kg m², all else held
+    rotor           rad/s per kg m², of the reflected inertia J of the rotor at a link's upper joint
     stiffness       rad/s per N m/rad, of the torsion spring at a link's upper joint
     cart_mass       rad/s per kg, 0 on a fixed support
     cart_stiffness  rad/s per N/m, 0 on a fixed support
@@ -72,6 +73,7 @@ class Sensitivities(Displayed):
     length: Floats
     centre: Floats
     inertia: Floats
+    rotor: Floats
     stiffness: Floats
     cart_mass: float
     cart_stiffness: float
@@ -135,14 +137,15 @@ def sensitivities(modes: Modes, number: int) -> Sensitivities:
         of_cart = cart * (2 * value * support.mass + support.damping) if support else 0.0
         pencil = of_cart + complex(columns.pop().sum())
     factor = -value.conjugate() / abs(value) / pencil
-    mass, length, centre, inertia, stiffness, gravity, damping, drag = (
-        (factor * entries).real for entries in columns[:8]
+    mass, length, centre, inertia, rotor, stiffness, gravity, damping, drag = (
+        (factor * entries).real for entries in columns[:9]
     )
     return Sensitivities(
         mass,
         length,
         centre,
         inertia,
+        rotor,
         stiffness,
         (factor * square * cart).real,
         (factor * cart).real,
@@ -186,6 +189,7 @@ class _Chain(NamedTuple):
     length: Floats
     centre: Floats
     inertia: Floats
+    rotor: Floats
     sigma: Floats
     damping: Floats
     drag: Floats
@@ -198,9 +202,9 @@ def _chains_with_angles(modes: Modes, shape: Shape) -> Iterator[tuple[_Chain, Co
     for pendulum, (block, column, copies) in zip(modes.scene.pendulum, modes.rig.members, strict=True):
         arrays = modes.rig.blocks[block]
         m, l, c, I = (values[:, column] for values in (arrays.mass, arrays.length, arrays.centre, arrays.inertia))
-        sigma, damping, drag = (values[:, column] for values in (arrays.sigma, arrays.damping, arrays.drag))
+        J, sigma, damping, drag = (getattr(arrays, name)[:, column] for name in ("rotor", "sigma", "damping", "drag"))
         size = copies * arrays.n
-        chain = _Chain(m, l, c, I, sigma, damping, drag, _follows(pendulum))
+        chain = _Chain(m, l, c, I, J, sigma, damping, drag, _follows(pendulum))
         yield chain, angles[at : at + size].reshape(copies, arrays.n)
         at += size
 
@@ -232,7 +236,7 @@ def _of_chains(chain: _Chain, phi: Complexes, z: Complexes, value: complex, g: f
 
     The last is the part of φᵀ(2λM + D)φ that each link adds.
     """
-    m, l, c, I, sigma, d, e, follows = chain
+    m, l, c, I, J, sigma, d, e, follows = chain
     square, turn = value**2, phi**2
     h = _sum_above(sigma * l * turn) + sigma * c * turn
     push = (square * m + value * e) * z
@@ -245,11 +249,12 @@ def _of_chains(chain: _Chain, phi: Complexes, z: Complexes, value: complex, g: f
         length + follows * (c * centre + 2 * I * inertia) / l,
         centre,
         inertia,
+        square * bend,
         bend,
         m * h,
         value * bend,
         value * z**2,
-        2 * value * (m * z**2 + I * turn) + d * bend + e * z**2,
+        2 * value * (m * z**2 + I * turn + J * bend) + d * bend + e * z**2,
     )
 
 
@@ -418,6 +423,10 @@ def _places(modes: Modes, omega: float, slopes: Sensitivities) -> Iterator[tuple
             yield from _one(f"{name}.damping", link.damping, total(slopes.damping), omega)
             yield from _one(f"{name}.stiffness", link.stiffness, total(slopes.stiffness), omega)
             yield from _one(f"{name}.drag", link.drag, total(slopes.drag), omega)
+            reflected, gear = total(slopes.rotor), link.gear_ratio
+            yield from _one(f"{name}.rotor_inertia", link.rotor_inertia, gear**2 * reflected, omega)
+            if link.rotor_inertia:
+                yield from _one(f"{name}.gear_ratio", gear, 2 * link.rotor_inertia * gear * reflected, omega)
             spring, damper = total(slopes.stiffness), total(slopes.damping)
             for steps, part in link.placed_laws:
                 for parameter, (stiffness, damping) in part.coefficient_slopes.items():

@@ -44,7 +44,7 @@ Keys = list[tuple[str, int, int]]
 
 LINEARIZED = frozenset(
     {"gravity", "mass", "length", "centre", "inertia", "damping", "stiffness", "drag", "position", "links", "pendulum"}
-    | {"support", "spring", "sway", "heave", "roll"}
+    | {"support", "spring", "sway", "heave", "roll", "rotor_inertia", "gear_ratio"}
 )
 """Keys of numbers, and of what holds them, on which M, K and D depend."""
 

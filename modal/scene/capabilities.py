@@ -62,7 +62,7 @@ def _of(words: str) -> frozenset[str]:
 
 # ------------------------------------------------------------------------------------------------------- features
 
-SHAPE = _of("cart copies inverted joint_springs")
+SHAPE = _of("cart copies inverted joint_springs rotor")
 STRUCTURED = _of("structure springs")
 LINEAR = SHAPE | LOSS | {"massless_cart", "space"}
 FORCED = _of("force constant_force")
@@ -263,6 +263,7 @@ LIKE = {"law": (), "active_law": ("van_der_pol",), "kinked_law": ()}
 SPATIAL_LAWS = {("space", "law"): "a joint in space bends about two axes, and a law has one"}
 LEANING_LAWS = {("law", "constant_force"): "the equilibrium under a force is found without laws"}
 """What laws of joints do not meet."""
+SPATIAL_ROTORS = {("space", "rotor"): "a joint in space bends about two axes, and a rotor turns about one"}
 
 
 def _with_laws(capability: Capability) -> Capability:
@@ -279,7 +280,7 @@ def _with_laws(capability: Capability) -> Capability:
             taken.add(name)
         for kind, why in reasons[:1]:
             sentences[kind][name] = why
-    conflicts = {**SPATIAL_LAWS, **LEANING_LAWS, **capability.conflicts}
+    conflicts = {**SPATIAL_LAWS, **SPATIAL_ROTORS, **LEANING_LAWS, **capability.conflicts}
     return capability._replace(takes=taken, conflicts=conflicts, **sentences)
 
 
@@ -383,13 +384,13 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "an enclosure",
-            LINEAR - LOSS - {"inverted", "joint_springs"},
+            LINEAR - LOSS - {"inverted"},
             leaves={**OMITTED, **LOSSLESS, **UNDAMPED},
             refuses={
                 **LOSSES,
                 **SHIFTED,
                 "inverted": "counts modes of hanging links",
-                "joint_springs": "counts modes of free joints",
+                "law": "reads numbers of springs alone",
                 **BODILESS,
             },
         ),
@@ -397,6 +398,7 @@ CAPABILITIES: dict[str, Capability] = {
             "the live page",
             SHAPE | {"dampers", "moved_support", "force"} | DRAG | DRIVES | FRICTION | STRUCTURED,
             refuses=_sentences(_of("constant_force hoist space damping_ratio massless_cart loss"), "cannot show {it}"),
+            conflicts={("rotor", name): "the live page cannot show dry friction beside rotors" for name in FRICTION},
         ),
         Capability(
             "form minimal",
@@ -459,6 +461,9 @@ CAPABILITIES: dict[str, Capability] = {
                 "do not cover {it}",
             ),
             unless=ENDS,
+            conflicts={
+                ("rotor", name): "compiled equations of structures have no rotors" for name in sorted(STRUCTURED)
+            },
             instead=("form minimal", "method DOP853 takes it"),
         ),
         UNSWITCHED,

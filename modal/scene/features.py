@@ -125,11 +125,13 @@ def _value_text(value: Any) -> str:
 
 def _stays_behind(scene: Described) -> bool:
     """Whether a cart can move while all mass below it is at rest: each pendulum begins with joints that bobs hold."""
-    return all(_holds(pendulum.links) for pendulum in scene.pendulum)
+    return all(holds_still(pendulum.links) for pendulum in scene.pendulum)
 
 
-def _holds(links: tuple[AnyLink, ...]) -> bool:
-    return next((link.inertia == 0 for link in links if link.inertia or link.centre == link.length), True)
+def holds_still(links: Sequence[AnyLink]) -> bool:
+    """Whether all mass below a pivot, and every rotor, may rest while the pivot moves."""
+    last = next((i for i, link in enumerate(links) if link.inertia or link.centre == link.length), len(links) - 1)
+    return not (links[last].inertia or any(link.rotor_inertia for link in links[: last + 2]))
 
 
 def _ratio(ratios: float | tuple[float, ...]) -> bool:
@@ -235,6 +237,7 @@ FEATURES: dict[str, Feature] = {
         "inverted links", "let all links hang", lambda ways: "up" in (ways or ()), pendulum="equilibrium"
     ),
     "joint_springs": Feature("springs at joints", "remove the springs", _springs, link=("stiffness", "law")),
+    "rotor": Feature("rotors at joints", "remove the rotor_inertia", link=("rotor_inertia",)),
     "dampers": Feature(
         "dampers", "remove the dampers", _damps, support=("damping", "D"), spring="damping", link=("damping", "law")
     ),

@@ -206,8 +206,8 @@ def force_names(letters: str, index: tuple[int, ...]) -> tuple[str, str, int]:
 
 
 def has_moment(link: AnyLink) -> bool:
-    """Whether a moment acts at the upper joint of a link: of a spring, a damper, dry friction, a drive or a law."""
-    return bool(link.stiffness or link.damping or link.friction or link.drive or link.law)
+    """Whether a moment acts at the upper joint of a link: of a rotor, a spring, a damper, friction, a drive, a law."""
+    return bool(link.rotor_inertia or link.stiffness or link.damping or link.friction or link.drive or link.law)
 
 
 def _joint(letters: str, index: tuple[int, ...], link: AnyLink, on_lower: bool, at: Where, p: int) -> Iterator[Effort]:
@@ -271,10 +271,12 @@ def normal(letters: str) -> str:
 class JointMoment(NamedTuple):
     """What makes the moment of a joint, each by the name of its letter, "" where it is not there.
 
-    M = −k γ − d γ' + e (1 − (γ/γ₀)²) γ' + f + K + τ(γ, γ'), γ the angle of the link less that of the one above and its
-    value at equilibrium (`upright`: how many half turns that is).  f is dry friction, at most `friction`; K the kicks.
+    M = −J γ'' − k γ − d γ' + e (1 − (γ/γ₀)²) γ' + f + K + τ(γ, γ'), γ the angle of the link less that of the one
+    above and its value at equilibrium (`upright`: how many half turns that is).  f is dry friction, at most `friction`;
+    K the kicks.
     """
 
+    rotor: str
     spring: str
     damper: str
     drive: str
@@ -295,6 +297,7 @@ def joint_law(bodies: FreeBodies, part: FreeBody) -> JointMoment | None:
     i = part.place[1]
     drives = isinstance(link.drive, VanDerPol)
     return JointMoment(
+        part.with_index("J") if link.rotor_inertia else "",
         part.with_index("k") if link.stiffness else "",
         part.with_index("d") if link.damping else "",
         part.with_index("e") if drives else "",

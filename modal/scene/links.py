@@ -142,6 +142,10 @@ class Link(Part):
     friction: float = field(NON_NEGATIVE, "dry friction at the upper joint, in the plane", "N m", default=0.0)
     drag: float = field(NON_NEGATIVE, "linear drag of the centre of mass against still air", "N s/m", default=0.0)
     quadratic_drag: float = field(NON_NEGATIVE, "quadratic drag of the same", "N s²/m²", default=0.0)
+    rotor_inertia: float = field(
+        NON_NEGATIVE, "rotor of a drive at the upper joint, before its gear", "kg m²", default=0.0
+    )
+    gear_ratio: float = field(POSITIVE, "turns of that rotor for one turn of the joint", "", default=1.0)
     loss: Loss = field(LOSS_ANGLE, "loss angle of the spring at the joint, or a table", "rad", default=0.0)
     wire_loss: Loss = field(LOSS_ANGLE, "loss angle of the rope of a bob, diluted, or a table", "rad", default=0.0)
     drive: Drive | None = field(optional(any_kind(VanDerPol, Escapement)), "at the upper joint", default=None)
@@ -154,7 +158,9 @@ class Link(Part):
 
     is_uniform: ClassVar[bool] = True
     """Whether the centre scales with the length and the inertia with mass times length²."""
-    extensive: ClassVar[tuple[str, ...]] = ("mass", "damping", "stiffness", "friction", "drag", "quadratic_drag")
+    extensive: ClassVar[tuple[str, ...]] = (
+        *("mass", "damping", "stiffness", "friction", "drag", "quadratic_drag", "rotor_inertia"),
+    )
 
     @property
     def laws(self) -> tuple[JointPart, ...]:
@@ -190,6 +196,11 @@ class Link(Part):
         """Those of `law` that stay."""
         laws = self.law if isinstance(self.law, tuple) else (self.law,) if self.law else ()
         return tuple(part for part in laws if stays(part.law)) or None
+
+    @property
+    def reflected_inertia(self) -> float:
+        """The inertia J = rotor_inertia · gear_ratio² (kg m²) that the upper joint feels of its rotor."""
+        return self.rotor_inertia * self.gear_ratio**2
 
     @property
     def linear_coefficients(self) -> tuple[float, float]:

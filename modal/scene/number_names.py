@@ -65,7 +65,7 @@ ENDINGS = {"_rate_deg": "°/s", "_deg": "°", "_hz": "Hz"}
 DIMENSIONLESS = "–"
 PHYSICAL = {
     *("gravity", "mass", "length", "centre", "inertia", "stiffness", "damping"),
-    *("friction", "drag", "quadratic_drag"),
+    *("friction", "drag", "quadratic_drag", "rotor_inertia"),
 }
 COURSES = {"start", "hoist", "motion"}
 """Keys of what a scene is made of, and of parts that say how it moves."""

@@ -47,6 +47,7 @@ UNITS = {
     "length": "m",
     "centre": "m",
     "inertia": "kg m²",
+    "rotor_inertia": "kg m²",
     "damping": "N m s/rad",
     "stiffness": "N m/rad",
     "friction": "N m",
@@ -272,7 +273,7 @@ def _numbers(part: Any, at: Place = ()) -> Iterator[Place]:
 
 Vary = Mapping[str, ArrayLike] | str | Sequence[str] | Sequence["Variation"]
 """What is varied: numbers at places, or a grid of the texts `PLACE=VALUES`, of which one may stand alone."""
-ANY_POSITIVE = {"gravity", "mass", "length", "centre", "inertia", "stiffness"}
+ANY_POSITIVE = {"gravity", "mass", "length", "centre", "inertia", "rotor_inertia", "stiffness"}
 """Numbers that may be anything from NUMBER_SIZE_MIN to NUMBER_SIZE_MAX."""
 
 

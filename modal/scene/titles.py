@@ -145,7 +145,7 @@ def _number(count: int) -> str:
 TABLE_ITEMS_MAX = 4
 """Format: items of a cell that are written one by one."""
 HEADINGS = ("pendulum", "links", "mass (kg)", "length (m)", "also")
-ALSO = ("damping", "stiffness", "friction", "drag", "quadratic_drag", "drive", "hoist")
+ALSO = ("damping", "stiffness", "friction", "drag", "quadratic_drag", "rotor_inertia", "drive", "hoist")
 CART = (("mass", "kg"), ("damping", "N s/m"), ("stiffness", "N/m"), ("friction", "N"), ("friction_coefficient", ""))
 
 

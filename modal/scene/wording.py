@@ -17,6 +17,8 @@ OTHER_NAMES = {
     **dict.fromkeys(("c", "damper", "friction_viscous", "viscous"), "damping"),
     **dict.fromkeys(("k", "spring_constant"), "stiffness"),
     **dict.fromkeys(("i", "moment_of_inertia", "j"), "inertia"),
+    **dict.fromkeys(("armature", "rotor", "motor_inertia"), "rotor_inertia"),
+    **dict.fromkeys(("gear", "gearing", "reduction"), "gear_ratio"),
     **dict.fromkeys(("cg", "com", "center", "centre_of_mass", "center_of_mass"), "centre"),
     **dict.fromkeys(("zeta", "damping_ratios"), "damping_ratio"),
     **dict.fromkeys(("mu", "friction_coeff", "coulomb"), "friction_coefficient"),

@@ -75,6 +75,7 @@ class Chain(NamedTuple):
     length: tuple[Any, ...]
     centre: tuple[Any, ...]
     inertia: tuple[Any, ...]
+    rotor: tuple[Any, ...]
     damping: tuple[Any, ...]
     stiffness: tuple[Any, ...]
     sigma: tuple[int, ...]

@@ -44,6 +44,7 @@ from modal.symbolic.structures import SymbolicStructure, indices
 from modal.symbolic.typesetting import Line, Section
 
 TITLE = "Hamilton's equations"
+WITH_ROTORS = "M^-1 is not written out: beside rotors M is no sum of constants times cosines of differences of angles"
 WITHOUT_INVERSE = "a massless cart above bobs: M, b, A have no inverse, and momenta do not determine velocities at rest"
 
 
@@ -80,6 +81,8 @@ def _border(system: SymbolicStructure, b: Any, A: Any) -> Any:
 
 def inverse(system: SymbolicStructure) -> Any | None:
     """W = N⁻¹; None where N is singular, or too large with symbols to be written."""
+    if system.rotor_energy != 0:
+        return None
     if all(map(_of_bobs, system.chains)):
         return _by_neighbours(system)
     N = numbers(system)
@@ -155,6 +158,7 @@ def mass_matrix(system: SymbolicStructure) -> Any:
     angles = [angle.q for angle in system.angles]
     n = len(angles)
     M = sp.Matrix(n, n, lambda i, j: system.A[i, j] * sp.cos(angles[min(i, j)] - angles[max(i, j)]))
+    M += sp.hessian(system.rotor_energy, [angle.v for angle in system.angles])
     return _border(system, [b * sp.cos(angle) for b, angle in zip(system.b, angles, strict=True)], M)
 
 
@@ -173,6 +177,8 @@ def _squares(M: Any) -> dict[Any, Any]:
 def _no_inverse(system: SymbolicStructure) -> str:
     if rail(system) and system.carriers[0].mass == 0:
         return WITHOUT_INVERSE
+    if system.rotor_energy != 0:
+        return WITH_ROTORS
     return "W, the inverse of M, b, A, is written for at most 4 links with a symbol each, and for bobs"
 
 

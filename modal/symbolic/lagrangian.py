@@ -24,7 +24,7 @@ import sympy as sp
 
 from modal.errors import SceneError
 from modal.scene.doors import require_type
-from modal.symbolic.carriers import Coordinate, coordinate, lagrange_equations
+from modal.symbolic.carriers import Coordinate, coordinate, lagrange_equations, time_derivative
 from modal.symbolic.structures import SymbolicStructure, indices
 
 NOT_IN_SPACE = "joint springs and dampers in space: only the linearized equations are derived"
@@ -113,7 +113,11 @@ def joint_moments(system: SymbolicStructure) -> list[Any]:
 
 def equations(system: SymbolicStructure) -> list[Any]:
     """Expressions that vanish in a plane motion, one for each coordinate."""
-    angles, joints = system.angles, joint_moments(system)
+    angles, rotors = system.angles, system.rotor_energy
+    joints = [
+        moment + time_derivative(sp.expand(sp.diff(rotors, angle.v)), angles)
+        for angle, moment in zip(angles, joint_moments(system), strict=True)
+    ]
     forms = [
         sum(
             A * (sp.cos(theta.q - other_angle.q) * other_angle.a + sp.sin(theta.q - other_angle.q) * other_angle.v**2)
@@ -158,7 +162,7 @@ def vector_equations(system: SymbolicStructure) -> list[tuple[Any, Any]]:
 def _sum_energy(system: SymbolicStructure, rail_rates: list[Any], product: Callable[[int, int], Any]) -> Any:
     n, A = len(rail_rates), system.A
     T = sum((A[i, i] * product(i, i) / 2 for i in range(n)), start=sp.S.Zero)
-    T += sum(A[i, j] * product(i, j) for i in range(n) for j in range(i))
+    T += sum(A[i, j] * product(i, j) for i in range(n) for j in range(i)) + system.rotor_energy
     for x in rail(system):
         T += system.total_mass * x.v**2 / 2 + x.v * sum(b * rate for b, rate in zip(system.b, rail_rates, strict=True))
     return T

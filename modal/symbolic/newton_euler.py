@@ -161,7 +161,8 @@ class NewtonEuler(Displayed):
         theta = self.motion(part)[2]
         upper = self.motion(upper_part)[2] if upper_part else Coordinate(sp.S.Zero, sp.S.Zero, sp.S.Zero)
         bend, rate = theta.q - upper.q - law.upright * sp.pi, theta.v - upper.v
-        terms = [-sp.Symbol(law.spring) * bend] if law.spring else []
+        terms = [-sp.Symbol(law.rotor) * (theta.a - upper.a)] if law.rotor else []
+        terms += [-sp.Symbol(law.spring) * bend] if law.spring else []
         terms += [-sp.Symbol(law.damper) * rate] if law.damper else []
         if law.drive:
             terms.append(sp.Symbol(law.drive) * (1 - bend**2 / sp.Symbol(law.width) ** 2) * rate)

@@ -161,8 +161,9 @@ class SymbolicStructure(Displayed):
 
     @property
     def has_joint_forces(self) -> bool:
-        """Whether there is a spring, a damper or a law at a joint."""
-        return any(any(chain.stiffness) or any(chain.damping) for chain in self.chains) or bool(self.laws)
+        """Whether there is a rotor, a spring, a damper or a law at a joint."""
+        joints = (row for chain in self.chains for row in (chain.rotor, chain.stiffness, chain.damping))
+        return any(map(any, joints)) or bool(self.laws)
 
     @cached_property
     def b(self) -> list[Any]:
@@ -306,6 +307,7 @@ class SymbolicStructure(Displayed):
             T += b[i] * carrier.speed_across(pivot_end.where, angle.q) * angle.v + A[i, i] * angle.v**2 / 2
             T += sp.Add(*(A[i, j] * sp.cos(angle.q - angles[j].q) * angle.v * angles[j].v for j in range(i)))
             V -= self.gravity * b[i] * sp.cos(angle.q)
+        T += self.at_joints(p, chain.rotor, "v")
         V += self.joint_energy(p)
         where = f" on {carrier.name}" if carrier.coordinates else ""
         return Energy(f"pendulum {p + 1}{where}", sp.expand(T), V)
@@ -338,6 +340,11 @@ class SymbolicStructure(Displayed):
         return sp.Add(*(k * gamma**2 / 2 for k, gamma in zip(strength, self.joints(p, part), strict=True)))
 
     @cached_property
+    def rotor_energy(self) -> Any:
+        """½ Σ J (rate)² of the rotors at joints."""
+        return sp.Add(*(self.at_joints(p, chain.rotor, "v") for p, chain in enumerate(self.chains)))
+
+    @cached_property
     def dissipation(self) -> Any:
         """R = ½ η'ᵀ D η' of all carriers + Σ ½ d (rate)² of joints and springs; of a stretched one by the symbol ℓ'."""
         return sp.Add(*self._dissipations())
@@ -367,7 +374,7 @@ class SymbolicStructure(Displayed):
         turning += [(c.inertia, c.angle.v) for c in self.carriers if c.angle is not None]
         T = sp.Add(*(m * self.rate(part) ** 2 / 2 for m, place in self.masses() for part in place))
         T += sp.Add(*(c.kinetic for c in self.carriers if c.masses is not None))
-        return T + sp.Add(*(I * rate**2 / 2 for I, rate in turning))
+        return T + self.rotor_energy + sp.Add(*(I * rate**2 / 2 for I, rate in turning))
 
     # ---------------------------------------------------------------------------------------------------- equations
 
@@ -434,6 +441,7 @@ class SymbolicStructure(Displayed):
             at += d
         for i, (p, link) in enumerate(self.links):
             M[at + i, at + i] += self.chains[p].inertia[link]
+        self._add_curvature(M, sp.expand(self.rotor_energy), "v")
 
     @cached_property
     def _places(self) -> dict[Any, int]:

@@ -52,7 +52,7 @@ def _links(n: int, kind: str, symbolic: tuple[str, ...], sigma: tuple[int, ...])
     length = tuple(symbol(f"l_{i}") for i in range(1, n + 1)) if "lengths" in symbolic else (symbol("l"),) * n
     none = (sp.S.Zero,) * n
     centre, inertia = zip(*map(pair.proportions, (kind,) * n, mass, length), strict=True)
-    return Chain(mass, length, centre, inertia, none, none, sigma or (1,) * n)
+    return Chain(mass, length, centre, inertia, none, none, none, sigma or (1,) * n)
 
 
 class Letters:
@@ -214,7 +214,7 @@ def _chains_of(scene: Scene, letters: Letters) -> tuple[Chain, ...]:
 
 def _chain_of(pendulum: Pendulum, prefix: str, letters: Letters) -> Chain:
     links = [link for link in pendulum.links for _ in range(link.count)]
-    mass, length, centre, inertia, _, sigma = map(list, zip(*exact_links(pendulum), strict=True))
+    mass, length, centre, inertia, _, rotor, sigma = map(list, zip(*exact_links(pendulum), strict=True))
     for i, link in enumerate(links):
         if "masses" in letters:
             mass[i] = letters("m", mass[i], f"m_{prefix}{i + 1}")
@@ -225,7 +225,7 @@ def _chain_of(pendulum: Pendulum, prefix: str, letters: Letters) -> Chain:
     if letters.are_shared:
         for letter, values in (("c", centre), ("I", inertia), ("d_j", damping), ("k_j", stiffness)):
             values[:] = [letters(letter, v) if isinstance(v, Fraction) and v else v for v in values]
-    columns = (mass, length, centre, inertia, damping, stiffness, map(int, sigma))
+    columns = (mass, length, centre, inertia, rotor, damping, stiffness, map(int, sigma))
     return Chain(*(tuple(map(sp.sympify, values)) for values in columns))
 
 

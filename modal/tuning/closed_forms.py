@@ -168,7 +168,7 @@ def absorbers(scene: Scene, free: Sequence[FreeNumber]) -> tuple[Absorber, ...]:
 def values_for(scene: Scene, p: int, omega: float, zeta: float) -> dict[str, float] | None:
     """The length and the damper of a pendulum of one bob or rod with this frequency and damping ratio of its own."""
     link = scene.pendulum[p].links[0]
-    if link.kind == "body" or link.linear_coefficients[0]:
+    if link.kind == "body" or link.linear_coefficients[0] or link.rotor_inertia:
         return None
     share = 1.0 if link.kind == "bob" else 2.0 / 3.0
     length = scene.gravity / omega**2 / share

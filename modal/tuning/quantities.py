@@ -27,8 +27,8 @@ from modal.scene.parameters import Place, find_places, law_parameter, number_at,
 from modal.scene.unknowns import OfUnknown, Unknown, unknowns_of
 
 KINDS = ("peak", "rms", "residual", "damping", "settling")
-POSITIVE = ("mass", "length", "centre", "inertia", "gravity")
-CAN_VANISH = ("damping", "stiffness", "drag")
+POSITIVE = ("mass", "length", "centre", "inertia", "gear_ratio", "gravity")
+CAN_VANISH = ("damping", "stiffness", "drag", "rotor_inertia")
 DIRECTIONS = ("sway", "heave", "roll")
 WORDS = re.compile(r"\s*(?:(?P<weight>[^*:]+)\*)?\s*(?P<kind>[a-z][a-z0-9_-]*)\s*(?::(?P<of>.+))?\s*", re.ASCII)
 FACTOR_MAX = 100.0

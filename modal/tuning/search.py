@@ -172,7 +172,7 @@ def _begin(scene: Scene, place: Place) -> float:
     M, K, _ = (np.diag(part) for part in present)
     with np.errstate(all="ignore"):
         sizes = {
-            "mass": 0.1 * np.abs(M / dM),
+            **dict.fromkeys(("mass", "rotor_inertia"), 0.1 * np.abs(M / dM)),
             "stiffness": 0.1 * np.abs(K / dK),
         }.get(key_of(place), 0.2 * np.sqrt(np.abs(M * K)) / np.abs(dD))
     finite_sizes = sizes[np.isfinite(sizes) & (sizes > 0)]

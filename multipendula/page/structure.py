@@ -33,8 +33,12 @@ UNITS = {"m": "m", "rad": "rad"}
 
 
 def is_structural(scene: Scene) -> bool:
-    """Whether the page has the equations of a scene as those of one structure: also with laws of joints."""
-    return scene.is_structured or "law" in scene.features or any(link.point_force for link in scene.links())
+    """Whether the page has the equations of a scene as those of one structure: also with laws of joints and rotors."""
+    return (
+        scene.is_structured
+        or not scene.features.isdisjoint({"law", "rotor"})
+        or any(link.point_force for link in scene.links())
+    )
 
 
 def structure_module(scene: Scene) -> str:

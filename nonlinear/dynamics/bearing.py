@@ -218,7 +218,11 @@ class Bearing:
         mass = self.system.groups[group].block.mass if has_frame_power else None
         for bundle, moving in zip(self.carriers.bundles[group], self.moves[group], strict=True):
             bias = moving.bias[0] + self.felt[0], moving.bias[1] + self.felt[1]
-            block, force = response.project_on_carrier(bundle.columns, moving.slopes, bias, bundle.move_alike)
+            slopes: Any = moving.slopes
+            if self.system.groups[group].has_rotors:
+                angle, first = self.structure.angle_of(bundle.carrier), self.structure.offsets[bundle.carrier]
+                slopes = [(*slope, float(first + k == angle)) for k, slope in enumerate(slopes)]
+            block, force = response.project_on_carrier(bundle.columns, slopes, bias, bundle.move_alike)
             self._add(bundle, moving, block, force, pulls)
             self._react(bundle, reaction, external)
             if mass is not None:

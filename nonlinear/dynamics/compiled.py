@@ -20,24 +20,31 @@ from nonlinear.dynamics.compiling import available, compiled, in_place
 from nonlinear.dynamics.forces import joint_law
 from nonlinear.dynamics.minimal import Minimal
 from nonlinear.dynamics.programs import programs_of, run_program
-from nonlinear.dynamics.recursion import Answer, Turn, link_acceleration, link_response, links_of, tip_response
+from nonlinear.dynamics.recursion import (
+    NOTHING_BELOW,
+    Answer,
+    Turn,
+    geared_response,
+    link_acceleration,
+    link_response,
+    links_of,
+    tip_response,
+)
 from nonlinear.dynamics.text import sincos
 from nonlinear.system import System
 
 LINK_NUMBERS = 12
 """Format: constants of a link in a row of a compiled scene."""
-TURN_ROWS = 5
+TURN_ROWS = 6
 """Format: rows of what turning links have at an instant."""
-Arguments = tuple[Floats, Floats, Ints, Floats, float, bool, bool, FlatStructure | None]
+Arguments = tuple[Floats, Floats, Ints, Floats, float, bool, bool, FlatStructure | None, Floats | None]
 SINCOS_ANGLE_MAX = 1e6
 """Tolerance: rad, up to which `sincos` reduces angles exactly; beyond the library does."""
 
 
 _joint_law, _sincos = in_place(joint_law), in_place(sincos)
-_tip_response, _link_response, _link_acceleration = (
-    in_place(tip_response),
-    in_place(link_response),
-    in_place(link_acceleration),
+_tip_response, _link_response, _geared_response, _link_acceleration = map(
+    in_place, (tip_response, link_response, geared_response, link_acceleration)
 )
 
 
@@ -69,15 +76,24 @@ def _joint(links, laws, angles, rates, i, top):  # type: ignore[no-untyped-def]
     return elastic + working, working * speed
 
 
+@in_place
+def _bare_response(links, i, is_tip, answer, s, c, w, Q):  # type: ignore[no-untyped-def]
+    """`link_response`, or `tip_response` of the last link."""
+    if is_tip:
+        return _tip_response(link_at(links, i), s, c, w, Q)
+    return _link_response(link_at(links, i), answer, s, c, w, Q)
+
+
 @partial(in_place, forceinline=True)
 def rate(  # type: ignore[no-untyped-def]
-    y, links, laws, first, cart, gravity, has_joint_torques, works, structure, turns, derivative
+    y, links, laws, first, cart, gravity, has_joint_torques, works, structure, rotors, turns, derivative
 ):
     """The whole of `Minimal.derivative`, into `derivative`.
 
     `laws` are the programs of the joints, `first` the first links of the pendula, `cart` holds mass, damper and spring,
-    or is empty; where not `has_joint_torques`, no joint has a spring, damper or law.  `turns` (5, L) is room for sin,
-    cos, and hx, hz, e over D, whose divisions overlap on the way up.
+    or is empty; where not `has_joint_torques`, no joint has a spring, damper or law; `rotors` (L,) are those of all
+    joints, or None.  `turns` (6, L) is room for sin, cos, and hx, hz, e, J over D, whose divisions overlap on the way
+    up.
     """
     if structure is not None:
         d, half = len(structure.kind), len(structure.kind) + len(links)
@@ -87,23 +103,25 @@ def rate(  # type: ignore[no-untyped-def]
     on_cart = int(cart.size > 0)
     half = on_cart + len(links)
     angles, rates, accelerations = y[on_cart:half], y[half + on_cart : 2 * half], derivative[half + on_cart : 2 * half]
-    sin, cos, hx, hz, e = turns[0], turns[1], turns[2], turns[3], turns[4]
+    sin, cos, hx, hz, e, geared = turns[0], turns[1], turns[2], turns[3], turns[4], turns[5]
     _sines(angles, sin, cos)
     slopes = y[half : 2 * half]
     for i in range(half):
         derivative[i] = slopes[i]
     mass, force, power, x2 = 0.0, 0.0, 0.0, 0.0
     for p in range(len(first) - 1):
-        answer, hinge_below = Answer(0.0, 0.0, 0.0, 0.0, 0.0), 0.0
+        answer, below, hinge_below = Answer(0.0, 0.0, 0.0, 0.0, 0.0), NOTHING_BELOW, 0.0
         for i in range(first[p + 1] - 1, first[p] - 1, -1):
             Q = 0.0
             if has_joint_torques:
                 hinge, joint_power = _joint(links, laws, angles, rates, i, i == first[p])
                 Q, hinge_below, power = hinge - hinge_below, hinge, power + joint_power
-            if i == first[p + 1] - 1:
-                answer, turn = _tip_response(link_at(links, i), sin[i], cos[i], rates[i], Q)
+            if rotors is not None:
+                below, turn = _geared_response(link_at(links, i), rotors[i], below, sin[i], cos[i], rates[i], Q)
+                answer = Answer(below.xx, below.xz, below.zz, below.px, below.pz)
+                geared[i] = rotors[i] / turn.D
             else:
-                answer, turn = _link_response(link_at(links, i), answer, sin[i], cos[i], rates[i], Q)
+                answer, turn = _bare_response(links, i, i == first[p + 1] - 1, answer, sin[i], cos[i], rates[i], Q)
             share = 1.0 / turn.D
             hx[i], hz[i], e[i] = share * turn.hx, share * turn.hz, share * turn.e
         mass, force = mass + answer.xx, force + (answer.px - gravity * answer.xz)
@@ -115,6 +133,8 @@ def rate(  # type: ignore[no-untyped-def]
     for p in range(len(first) - 1):
         ax, az = x2, -gravity
         for i in range(first[p], first[p + 1]):
+            if rotors is not None and i > first[p]:
+                e[i] -= geared[i] * accelerations[i - 1]
             turn = Turn(hx[i], hz[i], e[i], 1.0, sin[i], cos[i], rates[i])
             accelerations[i], ax, az = _link_acceleration(link_at(links, i), turn, ax, az)
     if works:
@@ -140,13 +160,13 @@ class Compiled(Minimal):
 
     @property
     def scene(self) -> Arguments:
-        """Arguments of `rate`: constants, laws, first links, cart, gravity, whether joints act, y has work, structure.
+        """Arguments of `rate`: constants, laws, first links, cart, gravity, whether joints act, y has work, and more.
 
         The room of a structure and the rows of laws are the caller's own.
         """
-        links, laws, first, cart, gravity, has_joint_torques, works, structure = self._constants
+        links, laws, *numbers, structure, rotors = self._constants
         own_structure = None if structure is None else with_own_room(structure)
-        return links, laws.copy(), first, cart, gravity, has_joint_torques, works, own_structure
+        return links, laws.copy(), *numbers, own_structure, rotors  # type: ignore[return-value]
 
     @cached_property
     def _constants(self) -> Arguments:
@@ -161,6 +181,7 @@ class Compiled(Minimal):
             any(group.has_joint_torques for group in self.system.groups),
             self.layout.works,
             None if self.system.structure is None else flat_of(self.system),
+            self.system.by_link("rotor") if self.system.has_rotors else None,
         )
 
     @cached_property

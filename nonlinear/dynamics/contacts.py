@@ -26,7 +26,9 @@ With M', k', K', p', e' of all that hangs below a link, n = (cos θ, −sin θ) 
     M = m + M' − w h hᵀ    k = s h    K = s D    p = p' + (s r − w g) h    e = s (g + D r)
 
 and on the way down α = s (α_above + r) − w (h·ã + g), τ = s (h·ã + D α + g) ([Featherstone2008, §7.2], with joints of
-no freedom).  One text serves every set of joints that stick.
+no freedom).  With a rotor J at the joint, D being as before, w is (1 − s)/(D + J); k, K and the g in e have s + J w in
+place of s, and on the way down h·ã + g − J α_above stands for h·ã + g, D + J for D.  One text serves every set of
+joints that stick.
 
 On a rail with a coefficient μ the limit is μ|N|.  Where N₀ and the response c₀ to a unit of friction on the rail are
 those with the others held,
@@ -212,7 +214,7 @@ class Articulated(NamedTuple):
 
 
 class Joint(NamedTuple):
-    """One link and the joint above it, on the way down: l n, h, D, g, s and w."""
+    """One link and the joint above it, on the way down: l n, h, D, g, s, w and J."""
 
     x: Any
     z: Any
@@ -222,10 +224,11 @@ class Joint(NamedTuple):
     g: Any
     s: Any
     w: Any
+    rotor: Any
 
 
 def sticking_response(
-    link: RecursiveLink, below: Articulated, s: Any, c: Any, sticks: Any, r: Any
+    link: RecursiveLink, below: Articulated, s: Any, c: Any, sticks: Any, r: Any, rotor: Any
 ) -> tuple[Articulated, Joint]:
     """The response at the upper joint of a link whose sine and cosine are s and c."""
     l, M = link.l, below
@@ -233,30 +236,30 @@ def sticking_response(
     D = link.J + (l * l * (c * mx - s * mz) + 2 * l * (c * M.kx - s * M.kz) + M.K)
     hx, hz = c * link.mc + l * mx + M.kx, l * mz + M.kz - s * link.mc
     g = l * (c * M.px - s * M.pz) + M.e
-    w = (1.0 - sticks) / D
-    push, wx = sticks * r - w * g, w * hx
+    w = (1.0 - sticks) / (D + rotor)
+    push, wx, share = sticks * r - w * g, w * hx, sticks + rotor * w
     answer = Articulated(
         xx=link.m + M.xx - wx * hx,
         xz=M.xz - wx * hz,
         zz=link.m + M.zz - w * hz * hz,
-        kx=sticks * hx,
-        kz=sticks * hz,
-        K=sticks * D,
+        kx=share * hx,
+        kz=share * hz,
+        K=share * D,
         px=M.px + push * hx,
         pz=M.pz + push * hz,
-        e=sticks * (g + D * r),
+        e=share * g + sticks * (D * r),
     )
-    return answer, Joint(l * c, -l * s, hx, hz, D, g, sticks, w)
+    return answer, Joint(l * c, -l * s, hx, hz, D, g, sticks, w, rotor)
 
 
 def chain_accelerations(joints: Sequence[Joint], a: Any, push: Any) -> tuple[list[Any], list[Any]]:
     """The accelerations a + α of links, top first, whose first joints have `push` (m/s²) added, and τ."""
     accelerations, torques = list[Any](), list[Any]()
-    ax, az, above = push, 0.0, 0.0
-    for (x, z, hx, hz, D, g, s, w), free in zip(joints, a, strict=True):
-        load = hx * ax + hz * az + g
+    ax, az, above, alpha = push, 0.0, 0.0, 0.0
+    for (x, z, hx, hz, D, g, s, w, rotor), free in zip(joints, a, strict=True):
+        load = hx * ax + hz * az + g - rotor * alpha
         alpha = s * (above - free) - w * load
-        torques.append(s * (load + D * alpha))
+        torques.append(s * (load + (D + rotor) * alpha))
         above = s * above + ((1.0 - s) * free - w * load)
         accelerations.append(above)
         ax, az = ax + x * alpha, az + z * alpha
@@ -279,7 +282,8 @@ class Sticking:
             free, sin, cos = a[index], np.sin(q[index]), np.cos(q[index])
             r = -free
             r[1:] = free[:-1] - free[1:]
-            for link, *rest in reversed([*zip(links_of(group), sin, cos, self.sticks[index], r, strict=True)]):
+            links = zip(links_of(group), sin, cos, self.sticks[index], r, group.block.rotor, strict=True)
+            for link, *rest in reversed([*links]):
                 answer, joint = sticking_response(link, answer, *rest)
                 joints.append(joint)
             self.mass, self.force = self.mass + answer.xx.sum(0), self.force + answer.px.sum(0)

@@ -35,22 +35,28 @@ import scipy
 from modal import pair
 from modal.errors import ComputationError
 from modal.types import Floats
+from nonlinear.dynamics.forces import relative
 from nonlinear.dynamics.minimal import Projection
 from nonlinear.system import Group, System
 
 CART_RATIO_MIN = 1e-2
 """Tolerance: cart mass over suspended mass below which the dense form would lose digits."""
 LINK_RATIO_MIN = 1e-3
-"""Tolerance: mass of a link over that of a heavier one below it, under which dense forms lose digits."""
+"""Tolerance: mass of a link over that of a heavier one below it, or inertia over J, under which digits are lost."""
 SINGULAR = "the mass matrix is singular in double precision"
 
 
 def loses_digits(group: Group, system: System) -> bool:
-    """Whether a carrier, or a link above a heavier one, is so light that dense matrices would lose digits."""
+    """Whether a carrier, a link above a heavier one or beside a rotor is so light that dense matrices lose digits."""
     heaviest = np.maximum.accumulate(group.block.mass[::-1])[::-1]
     masses = [0.0 if carrier.M is not None else carrier.mass for carrier in system.suspension.carriers if carrier.size]
     light = min(masses, default=np.inf) < CART_RATIO_MIN * float(system.mass.sum())
-    return bool(light or np.any(group.block.mass < LINK_RATIO_MIN * heaviest))
+    return bool(light or np.any(group.block.mass < LINK_RATIO_MIN * heaviest) or has_heavy_rotors(group))
+
+
+def has_heavy_rotors(group: Group) -> bool:
+    """Whether a rotor is so heavy beside its link and all below that dense matrices would lose digits."""
+    return bool(np.any(group.block.diagonal < LINK_RATIO_MIN * group.block.rotor))
 
 
 class Elimination:
@@ -65,19 +71,28 @@ class Elimination:
         self.b = block.b.reshape(*block.b.shape, *[1] * tail)
         self.masses = block.mass.sum(0).reshape(*block.b.shape[1:], *[1] * tail)
         self.length = block.length
+        rotor = block.rotor.reshape(*block.b.shape, *[1] * tail)
+        self.rotor: Any = rotor if group.has_rotors else None
 
     def square_rates(self, rates: Any, columns: Any = slice(None)) -> Any:
         """θ'², less l''/l where lengths change."""
         squares = rates * rates
         return squares if self.winding is None else squares - self.winding[1][:, columns] / self.length[:, columns]
 
-    def unwound(self, rates: Any, turns: Any) -> Any:
+    def unwound(self, rates: Any, turns: Any, columns: Any = slice(None)) -> Any:
         """θ'' (n, P) from θ'' + 2 l' θ'/l."""
-        return turns if self.winding is None else turns - 2.0 * self.winding[0] * rates / self.length
+        if self.winding is None:
+            return turns
+        return turns - 2.0 * self.winding[0][:, columns] * rates / self.length[:, columns]
 
     @staticmethod
-    def equations(A: Any, s: Any, c: Any, ww: Any, side: list[Any]) -> tuple[list[list[Any]], list[Any]]:
-        """The lower half of A cos(θ_i − θ_j) of some pendula, and the right-hand side from their torques `side`."""
+    def equations(
+        A: Any, s: Any, c: Any, ww: Any, side: list[Any], rotor: Any = None
+    ) -> tuple[list[list[Any]], list[Any]]:
+        """The lower half of A cos(θ_i − θ_j) of some pendula, and the right-hand side from their torques `side`.
+
+        The reflected inertias `rotor` of joints are in the matrix, too.
+        """
         M: list[list[Any]] = []
         for i, row in enumerate(A):
             M.append([row[j] * (c[i] * c[j] + s[i] * s[j]) for j in range(i)])
@@ -85,6 +100,10 @@ class Elimination:
             for j in range(i):
                 thrown = row[j] * (s[i] * c[j] - c[i] * s[j])
                 side[i], side[j] = side[i] - thrown * ww[j], side[j] + thrown * ww[i]
+        for i, inertia in enumerate([] if rotor is None else rotor):
+            M[i][i] = M[i][i] + inertia
+            if i:
+                M[i - 1][i - 1], M[i][i - 1] = M[i - 1][i - 1] + inertia, M[i][i - 1] - inertia
         return M, side
 
     def _substitute(self, M: list[list[Any]], right: Iterable[Any]) -> list[Any]:
@@ -117,10 +136,22 @@ class Eliminated:
         body, (angles, rates, torques) = self.body, (part[:, columns] for part in self.parts)
         A, b, mass = body.A[:, :, columns], body.b[:, columns], body.masses[columns]
         s, c, ww = body.sine(angles), body.cosine(angles), body.square_rates(rates, columns)
-        M, side = body.equations(A, s, c, ww, list(torques - (b * bias[0]) * c + (b * bias[1]) * s))
+        rotor: Any = None if body.rotor is None else body.rotor[:, columns]
+        turning, slopes = [turn for *_, turn in slopes], [slope[:2] for slope in slopes]
+        M, side = body.equations(A, s, c, ww, list(torques - (b * bias[0]) * c + (b * bias[1]) * s), rotor)
         couplings = [list(b * (c * x - s * z)) for x, z in slopes]
         thrown, counts = b * ww, range(len(slopes))
         force = [-(thrown * (s * x + c * z)).sum(0) for x, z in slopes]
+        for k, turn in enumerate(turning) if rotor is not None else ():
+            couplings[k][0] = couplings[k][0] - turn * rotor[0]
+        if rotor is not None and body.winding is not None:
+            excess = -body.unwound(rates, 0.0 * rates, columns)
+            torques_of_rotors = rotor * relative(excess)
+            for i, torque in enumerate(torques_of_rotors):
+                side[i] = side[i] + torque
+                if i:
+                    side[i - 1] = side[i - 1] - torque
+            force = [value + turn * torques_of_rotors[0] for value, turn in zip(force, turning, strict=True)]
         reductions: list[list[Any]] = [[0.0] * (k + 1) for k in counts]
         for k in reversed(range(len(M))):
             for j in range(k):
@@ -142,6 +173,8 @@ class Eliminated:
             [(mass * (x * v + z * w)).sum(0) - reductions[k][j].sum(0) for j, (v, w) in enumerate(slopes[: k + 1])]
             for k, (x, z) in enumerate(slopes)
         ]
+        for k, turn in enumerate(turning) if rotor is not None else ():
+            block[k][k] = block[k][k] + turn * (rotor[0] + 0.0 * s[0]).sum(0)
         return block, [
             (mass * (x * bias[0] + z * bias[1])).sum(0) + parts.sum(0)
             for (x, z), parts in zip(slopes, force, strict=True)

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from nonlinear.dynamics.elimination import CART_RATIO_MIN, LINK_RATIO_MIN
+from nonlinear.dynamics.elimination import CART_RATIO_MIN, LINK_RATIO_MIN, has_heavy_rotors
 from nonlinear.dynamics.forms import Form, form_of, module_of
 from nonlinear.dynamics.inputs import Inputs
 from nonlinear.dynamics.minimal import Arranged, Minimal, Recursion
@@ -208,10 +208,11 @@ class Lanes:
 
 
 def _frail(numbers: Numbers, group: Group) -> bool:
-    """Whether any member has so light a cart, or a link so light beside one below it, that matrices lose digits."""
+    """Whether any member has so light a cart, or a link beside one below it or its rotor, that matrices lose digits."""
     system = numbers.arrays
-    mass = next(candidate for candidate in system.groups if candidate.index is group.index).block.mass
+    members = next(candidate for candidate in system.groups if candidate.index is group.index)
+    mass = members.block.mass
     heaviest = np.maximum.accumulate(mass[::-1])[::-1]
     total = sum(candidate.block.mass.sum((0, 1)) for candidate in system.groups)
     light = system.cart is not None and np.any(np.asarray(system.cart.mass) < CART_RATIO_MIN * total)
-    return bool(light or np.any(mass < LINK_RATIO_MIN * heaviest))
+    return bool(light or np.any(mass < LINK_RATIO_MIN * heaviest) or has_heavy_rotors(members))

@@ -311,10 +311,11 @@ class Saddle:
         entries = np.concatenate((self.still, self.arm)) / roots[columns]
         self.scale = np.concatenate((1 / roots, 1 / np.sqrt(np.bincount(rows, entries**2))))
         diagonal, self.size = np.arange(pivots.size), len(self.scale)
-        self.rows = np.concatenate((diagonal, pivots.size + rows, columns))
-        self.columns = np.concatenate((diagonal, columns, pivots.size + rows))
+        below, above, joining = _rotors(pivots)
+        self.rows = np.concatenate((diagonal, below, above, pivots.size + rows, columns))
+        self.columns = np.concatenate((diagonal, above, below, columns, pivots.size + rows))
         self.weight = self.scale[self.rows] * self.scale[self.columns]
-        self.masses = masses
+        self.masses = np.concatenate((masses, joining, joining))
         order = np.arange(1, len(self.rows) + 1)
         self.pattern = scipy.sparse.coo_array((order, (self.rows, self.columns)), shape=(self.size, self.size)).tocsc()
 
@@ -356,10 +357,19 @@ def _masses(pivots: Pivots) -> tuple[Floats, Floats]:
     """The diagonal of M, and the root of each coordinate's inertia, never zero."""
     system, mass, inertia = pivots.system, pivots.system.mass, pivots.system.by_link("inertia")
     cart = [system.cart.mass] * 2 if system.cart else []
+    rotor, inner = system.by_link("rotor"), pivots.above >= 0
+    inertia = inertia + rotor + np.bincount(pivots.above[inner], rotor[inner], len(rotor))
     links = np.column_stack((mass, mass, inertia))
     turning = np.column_stack((mass, mass, inertia + mass * pivots.centre**2))
     cart_loads = [mass_of_cart + float(mass.sum()) for mass_of_cart in cart]
     return np.concatenate((cart, links.ravel())), np.sqrt(np.concatenate((cart_loads, turning.ravel())))
+
+
+def _rotors(pivots: Pivots) -> tuple[Ints, Ints, Floats]:
+    """The entries of M beside its diagonal: angles of links with a rotor, those of the links above, and −J."""
+    rotor = pivots.system.by_link("rotor")
+    joined = np.flatnonzero((rotor != 0) & (pivots.above >= 0))
+    return pivots.first + 3 * joined + 2, pivots.first + 3 * pivots.above[joined] + 2, -rotor[joined]
 
 
 def _entries(pivots: Pivots) -> tuple[Ints, Ints, Floats, Floats, Ints]:

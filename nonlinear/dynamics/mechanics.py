@@ -22,7 +22,7 @@ from modal.errors import ComputationError
 from modal.report import Displayed
 from modal.types import Booleans, Floats
 from nonlinear.dynamics.bearing import Bearing
-from nonlinear.dynamics.forces import forces_of, resultants, spread, spring_energy
+from nonlinear.dynamics.forces import forces_of, relative, resultants, spread, spring_energy
 from nonlinear.dynamics.inputs import with_lengths
 from nonlinear.dynamics.spatial import joint_energy
 from nonlinear.dynamics.structure import carriers_of
@@ -342,7 +342,8 @@ class LinkMotion(NamedTuple):
     """How the links of a group move, (n, P, ...), as if the first joints were at rest.
 
     Along each axis `rates` are those of their directions and `ropes` these themselves; `spin` are the squares of all
-    rates, `lifts` how far a metre of link is above its rest, `spring_energies` those of joints (J).
+    rates, `lifts` how far a metre of link is above its rest, `spring_energies` and `rotor_energies` those of joints
+    (J).
     """
 
     rates: Sequence[Any]
@@ -350,6 +351,7 @@ class LinkMotion(NamedTuple):
     spin: Any
     lifts: Any
     spring_energies: Any
+    rotor_energies: Any = 0.0
 
 
 def energies(system: System, q: Any, v: Any, times: Any = 0.0) -> Energies:
@@ -385,7 +387,7 @@ def kinetic_energy(group: Group, swing: LinkMotion, speed: tuple[Any, Any], wind
     sideways = [0.0] * (len(swing.rates) - 2)
     for rates, ropes, pivot in zip(swing.rates, swing.ropes, (speed[0], *sideways, speed[1]), strict=True):
         energy = energy + mass * (along_chain(group, rates, winding * ropes) + pivot) ** 2
-    return energy / 2
+    return energy / 2 + swing.rotor_energies
 
 
 def along_chain(group: Group, values: Any, extra: Any = 0.0) -> Any:
@@ -399,7 +401,9 @@ def _in_plane(group: Group, angles: Any, rates: Any, base: Any) -> LinkMotion:
     half = np.sin((angles - spread(group.rest, angles)) / 2)
     spring_energies = spring_energy(group, angles, base and base[0]) if group.sprung else 0.0
     lifts = 2 * spread(group.block.sigma, angles) * (half * half)
-    return LinkMotion((c * rates, -(s * rates)), (s, c), rates * rates, lifts, spring_energies)
+    turn = relative(rates, base and base[1]) if group.has_rotors else 0.0
+    rotor_energies = spread(group.block.rotor, rates) * (turn * turn) / 2
+    return LinkMotion((c * rates, -(s * rates)), (s, c), rates * rates, lifts, spring_energies, rotor_energies)
 
 
 def _in_space(group: Group, u: Any, w: Any, base: Any) -> LinkMotion:

@@ -34,7 +34,18 @@ from nonlinear.dynamics.forces import (
     plane_drag,
 )
 from nonlinear.dynamics.inputs import Inputs, Instant, Lengths, with_lengths
-from nonlinear.dynamics.recursion import Answer, Bias, downward, lift_force, links_of, tensions, upward
+from nonlinear.dynamics.recursion import (
+    Answer,
+    Bias,
+    Geared,
+    downward,
+    geared_downward,
+    geared_upward,
+    lift_force,
+    links_of,
+    tensions,
+    upward,
+)
 from nonlinear.dynamics.structure import carriers_of
 from nonlinear.system import Group, Layout, Load, Motion, State, System
 
@@ -54,7 +65,8 @@ class Projection(Protocol):
         """The inertia (lower half) and the force on each coordinate of the carrier of the pendula in these columns.
 
         First joints move by these slopes (m, or m/rad, along the rail and down), all by the same where they
-        `move_alike`, and `bias` is their acceleration, less gravity, without that of the coordinates.
+        `move_alike`, and `bias` is their acceleration, less gravity, without that of the coordinates.  Of a group with
+        rotors each slope has a third entry, 1 for the coordinate that turns the carrier, else 0.
         """
 
     def fall(self, pushes: Sequence[Sequence[Any]], accelerations: Any) -> Any:
@@ -372,13 +384,17 @@ class Recursion:
         self, group: Group, tail: int = 0, sine: Any = np.sin, cosine: Any = np.cos, winding: Any = None
     ) -> None:
         self.sine, self.cosine, self.winding = sine, cosine, winding
-        links = links_of(group)
+        links, rotor = links_of(group), group.block.rotor
         self.links = [type(link)(*(v.reshape(-1, *[1] * tail) for v in link)) for link in links] if tail else links
+        self.rotors: Any = rotor.reshape(*rotor.shape, *[1] * tail) if group.has_rotors else None
 
     def response(self, angles: Any, rates: Any, torques: Any) -> Projection:
         """What the pendula answer to motions of their first joints."""
         bias = self._bias(rates)
-        return Recursed(self, *upward(self.links, self.sine(angles), self.cosine(angles), rates, torques, bias), bias)
+        at = self.sine(angles), self.cosine(angles), rates, torques, bias
+        if self.rotors is not None:
+            return RecursedWithRotors(self, *geared_upward(self.links, self.rotors, *at), bias)
+        return Recursed(self, *upward(self.links, *at), bias)
 
     def _bias(self, rates: Any) -> list[Bias] | None:
         if self.winding is None:
@@ -413,6 +429,40 @@ class Recursed:
         """θ'' (n, P, ...) under accelerations (m/s²) of first joints along the rail and down, less gravity."""
         ax, az = accelerations
         return np.array(downward(self.body.links, self.turns, ax, az, self.bias))
+
+
+class RecursedWithRotors:
+    """The same with rotors at joints, by f = M ã + r α + p and the moment r·ã + s α + q, α of the carrier."""
+
+    def __init__(self, body: Recursion, answer: Geared, turns: Any, bias: Any) -> None:
+        self.body, self.answer, self.turns, self.bias = body, answer, turns, bias
+        self.turning: list[tuple[Any, list[float]]] = []
+
+    def project_on_carrier(self, columns: Any, slopes: Sequence[Any], bias: tuple[Any, Any], move_alike: bool) -> Any:
+        """The lower half of the inertia, and the forces, of the pendula in these columns, summed."""
+        self.turning.append((columns, [turn for *_, turn in slopes]))
+        parts = [part + 0.0 * self.turns[0].sin for part in self.answer]
+        answer = Geared(*(np.add.reduce(part[columns], 0) if move_alike else part[columns] for part in parts))
+        fx, fz, moment = answer.to(*bias)
+        block, force = [], []
+        for k, (*slope, turn) in enumerate(slopes):
+            mx = inner(slope, answer.xx, answer.xz) + turn * answer.rx
+            mz = inner(slope, answer.xz, answer.zz) + turn * answer.rz
+            twist = inner(slope, answer.rx, answer.rz) + turn * answer.s
+            block.append([inner((x, z), mx, mz) + also * twist for x, z, also in slopes[: k + 1]])
+            force.append(inner(slope, fx, fz) + turn * moment)
+        if not move_alike:
+            block, force = [[part.sum(0) for part in row] for row in block], [part.sum(0) for part in force]
+        return block, force
+
+    def fall(self, pushes: Sequence[Sequence[Any]], accelerations: Any) -> Any:
+        """θ'' (n, P, ...) under accelerations (m/s²) of first joints along the rail and down, less gravity."""
+        alpha = np.zeros_like(self.turns[0].e)
+        for (columns, turns), push in zip(self.turning, pushes, strict=True):
+            for turn, acceleration in zip(turns, push, strict=True):
+                alpha[columns] = alpha[columns] + turn * acceleration
+        base = (*accelerations, alpha)
+        return np.array(geared_downward(self.body.links, self.body.rotors, self.turns, base, self.bias))
 
 
 class Minimal(Suspended):

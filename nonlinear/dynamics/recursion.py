@@ -11,6 +11,8 @@ In the basis (n, u) two of M's three numbers need no subtraction (as in `modal.e
 
     M_nn = (m I + (I + m (l−c)²) M'_nn)/D,   M_nu = (I − m c (l−c)) M'_nu / D,   M_uu = m + M'_uu − l² M'_nu²/D
 
+With rotors at joints all that hangs below feels the angular acceleration α of the link above: f = M ã + r α + p, and
+r·ã + s α + q is the moment on that link (`geared_response`).
 This is the articulated-body recursion [Featherstone2008, §7.2] of a planar chain.
 A bob whose rope changes its length has the accelerations β_u = l'' along it and β_n = 2 l' ω across it, too, as has all
 that hangs below: they add M'β to p' and m β to the force on the bob.
@@ -54,6 +56,31 @@ class Answer(NamedTuple):
     def to(self, x: Any, z: Any) -> tuple[Any, Any]:
         """The force under an acceleration ã = (x, z)."""
         return self.px + inner((x, z), self.xx, self.xz), self.pz + inner((x, z), self.xz, self.zz)
+
+
+class Geared(NamedTuple):
+    """The force f = M ã + r α + p and the moment r·ã + s α + q of everything below a joint.
+
+    The link above has the angular acceleration α.
+    """
+
+    xx: Any
+    xz: Any
+    zz: Any
+    px: Any
+    pz: Any
+    rx: Any = 0.0
+    rz: Any = 0.0
+    s: Any = 0.0
+    q: Any = 0.0
+
+    def to(self, x: Any, z: Any) -> tuple[Any, Any, Any]:
+        """The force, and the moment on the link above, under an acceleration ã = (x, z) of the joint alone."""
+        fx, fz = Answer(*self[:5]).to(x, z)
+        return fx, fz, self.q + inner((x, z), self.rx, self.rz)
+
+
+NOTHING_BELOW = Geared(0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def driven(xx: Any, xz: Any, zz: Any, x: Any, z: Any) -> tuple[Any, Any]:
@@ -164,6 +191,88 @@ def link_response(
         pz=c * pu - s * pn,
     )
     return answer, Turn(c * hn + s * hu, c * hu - s * hn, e, D, s, c, w)
+
+
+def geared_upward(
+    links: Sequence[RecursiveLink],
+    rotors: Sequence[Any],
+    sin: Sequence[Any],
+    cos: Sequence[Any],
+    rate: Sequence[Any],
+    torque: Sequence[Any],
+    bias: Sequence[Bias] | None = None,
+) -> tuple[Geared, list[Turn]]:
+    """The same as `upward` with rotors at joints, of the reflected inertia `rotors` (kg m²)."""
+    answer, turns = NOTHING_BELOW, []
+    extra = [None] * len(links) if bias is None else bias
+    for link, rotor, *at in reversed([*zip(links, rotors, sin, cos, rate, torque, extra, strict=True)]):
+        answer, turn = geared_response(link, rotor, answer, *at)
+        turns.append(turn)
+    return answer, turns[::-1]
+
+
+def geared_response(
+    link: RecursiveLink, rotor: Any, below: Geared, s: Any, c: Any, w: Any, Q: Any, bias: Bias | None = None
+) -> tuple[Geared, Turn]:
+    """`link_response` with the inertia J of a `rotor` at the upper joint, and rotors below.
+
+    With α of the link above, σ = s' + J and primes for what is below,
+
+        D = I + m c² + l² M'_nn + 2 l r'_n + σ     h = m c n + l M'n + r'     θ'' = −(h·ã + e − J α)/D
+        e = l n·(p' − l ω² M'u) − l ω² r'_u + q' − Q     r = J h/D     s = J (D − J)/D     q = J e/D
+    """
+    l, mc = link.l, link.mc
+    cc, ss, sc = c * c, s * s, s * c
+    nn = cc * below.xx - 2 * sc * below.xz + ss * below.zz
+    uu = ss * below.xx + 2 * sc * below.xz + cc * below.zz
+    nu = sc * (below.xx - below.zz) + (cc - ss) * below.xz
+    pn, pu, ww = c * below.px - s * below.pz, s * below.px + c * below.pz, w * w
+    rn, ru, q = c * below.rx - s * below.rz, s * below.rx + c * below.rz, below.q
+    if bias is not None:
+        Q, q = Q - mc * bias.across, q + rn * bias.across + ru * bias.along
+        pn, pu = pn + nn * bias.across + nu * bias.along, pu + nu * bias.across + uu * bias.along
+    own, sigma = link.J + l * l * nn + 2 * l * rn + below.s, below.s + rotor
+    D = own + rotor
+    hn, hu = mc + l * nn + rn, l * nu + ru
+    pn = pn - l * ww * nu
+    e = l * pn - l * ww * ru + q - Q
+    nn_ = (link.m * link.I + link.far * nn + (link.m + nn) * sigma + 2 * (link.m * l - mc) * rn - rn * rn) / D
+    nu_ = (nu * (link.cross + l * rn + sigma) - ru * hn) / D
+    uu_ = link.m + (uu - hu * hu / D)
+    pn, pu = pn - hn * e / D, pu - ww * (mc + l * uu) - hu * e / D
+    if bias is not None:
+        pn, pu = pn + link.m * bias.across, pu + link.m * bias.along
+    hx, hz, share = c * hn + s * hu, c * hu - s * hn, rotor / D
+    answer = Geared(
+        xx=cc * nn_ + 2 * sc * nu_ + ss * uu_,
+        xz=sc * (uu_ - nn_) + (cc - ss) * nu_,
+        zz=ss * nn_ - 2 * sc * nu_ + cc * uu_,
+        px=c * pn + s * pu,
+        pz=c * pu - s * pn,
+        rx=share * hx,
+        rz=share * hz,
+        s=share * own,
+        q=share * e,
+    )
+    return answer, Turn(hx, hz, e, D, s, c, w)
+
+
+def geared_downward(
+    links: Sequence[RecursiveLink],
+    rotors: Sequence[Any],
+    turns: Sequence[Turn],
+    base: tuple[Any, Any, Any],
+    bias: Sequence[Bias] | None = None,
+) -> list[Any]:
+    """θ'' (rad/s²) of every link where the first joint has ã and what it is on turns by α, `base` = (ã_x, ã_z, α)."""
+    ax, az, alpha = base
+    accelerations = []
+    extra = [None] * len(links) if bias is None else bias
+    for link, rotor, turn, link_bias in zip(links, rotors, turns, extra, strict=True):
+        driven_turn = turn._replace(e=turn.e - rotor * alpha)
+        alpha, ax, az = link_acceleration(link, driven_turn, ax, az, link_bias)
+        accelerations.append(alpha)
+    return accelerations
 
 
 def downward(

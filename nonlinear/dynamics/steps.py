@@ -14,9 +14,10 @@ From the sums of `answered` over all chains, `railed` on a cart and `held` on a 
 the power; their y = (x, x', force on the cart, support's acceleration along the rail and down).
 
 The linear equations are the same steps followed by their derivatives: every argument and result has its changes behind
-it (`directional_derivatives`).  Drives and quadratic drag are left out of them.  `paired` are the bilinear forms of
-small motions x and z from equilibrium, y = (x, z, both of the link above): u = (speeds x, z, x'Mz, x'Kz, x'Dz) with its
-link's share.
+it (`directional_derivatives`).  Drives and quadratic drag are left out of them, and rotors of all but `paired`: with
+rotors the equations are recorded whole, as are those of a structure.  `paired` are the bilinear forms of small motions
+x and z from equilibrium, y = (x, z, both of the link above): u = (speeds x, z, x'Mz, x'Kz, x'Dz) with its link's
+share.
 
 The equations of one structure are recorded whole.  The functions of `structure_steps` take the numbers p of the scene,
 y = (η, θ, η', θ', work), and u and v as follows:
@@ -58,7 +59,7 @@ from nonlinear.system import System, constants_of, entries_of
 from nonlinear.system.numbers import BEFORE, FIELDS, dampers_of
 
 LINK = (
-    *("mass", "length", "centre", "inertia", "damping", "stiffness", "drag", "quadratic"),
+    *("mass", "length", "centre", "inertia", "rotor", "damping", "stiffness", "drag", "quadratic"),
     *("strength", "angle_deg", "static", "sigma", "rest", "bent", "gravity"),
 )
 """The numbers p of a link; `static` is the first moment of it and all below, `bent` the relaxed angle at its joint."""
@@ -127,7 +128,7 @@ def _pair_step(link: Any, y: Any, u: Any, v: Any) -> list[Any]:
     bends = x - above_x, z - above_z
     spring, damper = joint_law(bends[0], bends[0], link.stiffness, link.damping)
     (drag_force,) = drag_law(np.array([upper], dtype=object), link.drag)
-    M = u[2] + link.mass * upper * upper_z + link.inertia * turns[0] * turns[1]
+    M = u[2] + link.mass * upper * upper_z + link.inertia * turns[0] * turns[1] + link.rotor * bends[0] * bends[1]
     K = u[3] + link.gravity * link.static * link.sigma * x * z - spring * bends[1]
     D = u[4] - damper * bends[1] - drag_force * upper_z
     return [*(speed + link.length * turn for speed, turn in zip(u[:2], turns, strict=True)), M, K, D]

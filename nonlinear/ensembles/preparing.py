@@ -162,7 +162,7 @@ def _codes(scene: Scene, tolerance: float, measures: Sequence[str]) -> Iterator[
         for each in carriers
         if not each.is_compiled
     ]
-    kernel = partial(integrator, on_structure=system.structure is not None)
+    kernel = partial(integrator, system)
     yield _ready(ONE, COMPILED, problems, kernel, compiled)
     yield _ready(ONE, "heyoka", refusals(scene, "method taylor"), series, expanded)
     starts = [[0.5] * scene.n_links] * 2

@@ -189,7 +189,7 @@ class CompiledStepper(DOP853Stepper[Compiled]):
     _last_steps: tuple[Floats, Floats, Floats]
 
     def __init__(self, equations: Compiled, *arguments: Any, **options: Any) -> None:
-        with make_ready(integrator(on_structure=equations.system.structure is not None)):
+        with make_ready(integrator(equations.system)):
             super().__init__(equations, *arguments, **options)
             cast("CompiledDOP853", self._solver).advance(NOTHING_DUE, 0)
 

@@ -28,6 +28,7 @@ from nonlinear.integration.crowds import Crowd
 from nonlinear.integration.loops import CLOCK, SIZES, TABLES, looping
 from nonlinear.integration.method import FIFTH, NODES, ROWS, SEEN, STAGES, THIRD, weighted_sum
 from nonlinear.integration.readiness import Code, folder, look_up, made_private, temporary
+from nonlinear.system import System
 
 COMPILING_SECONDS = 6.0
 """Cost: seconds to compile an integrator, as expected before one was measured (benchmarks/engines.py)."""
@@ -143,15 +144,14 @@ def code_of_text(lanes: Lanes, text: str, *, has_switches: bool) -> Code:
     )
 
 
-def integrator(*, on_structure: bool = False) -> Code:
-    """The compiled integrator, or that of structures, and how far it is."""
+def integrator(system: System | None = None) -> Code:
+    """The compiled integrator, or that of such systems on structures or with rotors, and how far it is."""
+    kind = "" if system is None else " on structures" if system.structure else " with rotors" * system.has_rotors
 
     def steps() -> Any:
         return getattr(sys.modules.get("nonlinear.integration.compiled"), "steps", None)
 
-    return look_up(
-        "numba", "DOP853 on structures" if on_structure else "DOP853", COMPILING_SECONDS, "the integrator", steps
-    )
+    return look_up("numba", f"DOP853{kind}", COMPILING_SECONDS, "the integrator", steps)
 
 
 def module_of(text: str) -> ModuleType:

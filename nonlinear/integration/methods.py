@@ -207,9 +207,11 @@ def offers(scene: Scene, system: System, duration: float, tolerance: float, size
     steps = step_count(periods, tolerance) + 2 * periods * system.kicks_a_period  # one cut short, one to the kick
     in_floats = links <= FLOATS or system.rubs or system.has_escapements
     step_seconds = 1.5e-5 + links * (1e-5 + 6e-7 * min(longest, 32)) if in_floats else 2e-3 + 6e-6 * links
+    if system.has_rotors and not in_floats:  # no band, but the recursion link by link
+        step_seconds = 2e-3 * links
     if system.rubs or system.has_escapements:
         return {"DOP853": Offer(steps * step_seconds)}
-    kernel = integrator(on_structure=system.structure is not None)
+    kernel = integrator(system)
     ways = {"DOP853": Offer(steps * step_seconds), "compiled": Offer(steps * (5e-6 + 8e-7 * links), kernel)}
     if taylor.takes(system):
         step_seconds = 3e-6 + links * (1e-6 if links <= taylor.UNROLLED_LINKS else 1.5e-6 + 2e-7 * longest)
@@ -228,7 +230,7 @@ def body_of(group: Group, system: System) -> GroupBody:
     """The solver of one group in NumPy: a band for long chains, the recursion for many short ones."""
     # The recursion's time grows with the links of one pendulum, that of a band with all: twenty chains of twenty take a
     # third of the time by a band, two hundred chains of four half the time by the recursion.
-    if group.n < 4 or group.index.shape[1] >= FLOATS or loses_digits(group, system):
+    if group.has_rotors or group.n < 4 or group.index.shape[1] >= FLOATS or loses_digits(group, system):
         return Recursion(group)
     return Banded(group)
 

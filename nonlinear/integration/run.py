@@ -246,8 +246,7 @@ class Request:
         if (self.load or self.system.prescribed_motions) and self.system.rubs:
             # A load on what sticks is looked at within a radian of the fastest oscillation.
             pace = replace(pace, longest=min(pace.longest, 1 / estimate_timescales(self.scene).swing))
-        on_structure = self.reduced_system.structure is not None
-        with make_ready(integrator(on_structure=on_structure)) if choice.compiled else nullcontext():
+        with make_ready(integrator(self.reduced_system)) if choice.compiled else nullcontext():
             equations = equations_of(self.system, choice, self.load, self.smaller)
             return prepare(self.scene, equations, choice, self.start, self.times, self.size, self.before, pace)
 

@@ -18,7 +18,7 @@ from nonlinear.system import system_of
 SURVEYED_LINKS_MAX = 2000
 """Cost: links of a scene up to which its modes are computed for its time scales (benchmarks/simulation.py)."""
 DENSE_LINKS_MAX = 300
-"""Cost: likewise on a structure, whose matrices are dense (benchmarks/simulation.py)."""
+"""Cost: likewise on a structure and with rotors, whose matrices are dense (benchmarks/simulation.py)."""
 SAMPLES_PER_PERIOD = 24
 """Cost: default samples in a period of the fastest oscillation, between which cubics are right to 1e-5 of an angle."""
 SAMPLES_MIN = 1000
@@ -56,7 +56,8 @@ def estimate_timescales(scene: Scene) -> Timescales:
             return _timescales_of(np.linalg.eigvals(A).astype(complex), scene)
         except np.linalg.LinAlgError:  # masses so far apart that rounding leaves M singular
             return _estimate(scene)
-    if scene.n_links <= SURVEYED_LINKS_MAX and not scene.is_structured:
+    most = DENSE_LINKS_MAX if "rotor" in scene.features else SURVEYED_LINKS_MAX
+    if scene.n_links <= most and not scene.is_structured:
         try:
             try:
                 eigenvalue = modes_of(scene).eigenvalue
@@ -82,7 +83,7 @@ def sample_count(duration: float, swing: float) -> int:
 
 def _estimate(scene: Scene) -> Timescales:
     system = system_of(scene)
-    decay = max(float(np.max(group.block.damping / group.moment)) for group in system.groups)
+    decay = max(float(np.max(group.block.damping / (group.moment + group.block.rotor))) for group in system.groups)
     if system.cart and system.cart.mass:
         decay = max(decay, system.cart.damping / system.cart.mass)
     shortest = min(link.length for link in scene.links())

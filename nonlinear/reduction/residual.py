@@ -25,7 +25,7 @@ import numpy as np
 
 from modal.scene.doors import require_type
 from modal.types import Floats
-from nonlinear.dynamics.forces import cart_force, drag, link_torques, modal_drag, plane_drag
+from nonlinear.dynamics.forces import cart_force, drag, link_torques, modal_drag, plane_drag, relative
 from nonlinear.dynamics.spatial import generalized_forces, joint_moments
 from nonlinear.dynamics.variational import Variational
 from nonlinear.reduction.two_planes import SERIES_ANGLE, factors
@@ -87,6 +87,10 @@ def _planar(group: Group, deflections: list[Floats], start: Floats, cart_rate: F
     second[1] -= inward * tangent[0]
     sideways, up = tangent * _inertial(group, second, start)
     forces = sideways + up
+    if group.has_rotors:
+        torques = group.block.rotor[..., None] * relative(turn)
+        forces += torques
+        forces[:-1] -= torques[1:]
     if group.has_joint_torques:
         forces -= link_torques(group, theta, rate)
     braking: Any = 0.0

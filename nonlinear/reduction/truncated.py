@@ -41,9 +41,11 @@ class Turning:
 
     @cached_property
     def constant(self) -> Floats:
-        """Σ A_ii F_iᵀ F_i, (R, R)."""
-        F = self.F.reshape(len(self.F), -1)
-        return np.asarray((F * self.group.block.diagonal.T.ravel()) @ F.T)
+        """Σ A_ii F_iᵀ F_i, and of rotors Σ J (F_i − F_{i−1})ᵀ (F_i − F_{i−1}), (R, R)."""
+        block, bends = self.group.block, np.diff(self.F, axis=-1, prepend=0.0)
+        parts = ((self.F, block.diagonal), (bends, block.rotor))
+        rows = ((part.reshape(len(part), -1), size.T.ravel()) for part, size in parts)
+        return np.asarray(sum((row * size) @ row.T for row, size in rows))
 
     @cached_property
     def b(self) -> Floats:

@@ -203,7 +203,7 @@ def own_shapes(group: Group, gravity: float, count: int) -> OwnShapes:
     sigma = block.sigma.T
     joint = np.eye(n) - np.eye(n, k=-1)
     springs = joint.T @ (block.stiffness.T[:, :, None] * joint)
-    A = A * sigma[:, :, None] * sigma[:, None]
+    A = A * sigma[:, :, None] * sigma[:, None] + joint.T @ (block.rotor.T[:, :, None] * joint)
     K = springs + np.eye(n) * (gravity * sigma * block.b.T)[:, None]
     try:
         L = np.linalg.cholesky(K)

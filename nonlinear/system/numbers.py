@@ -1,7 +1,7 @@
 """The numbers of a scene as a list, of which many members may each have their own.
 
-The list is gravity, then of every link in the order of the file its mass, length, centre, inertia, damper, spring and
-its drag, field by field; then those of what carries the pendula: of every
+The list is gravity, then of every link in the order of the file its mass, length, centre, inertia, the reflected
+inertia of its rotor, damper, spring and drag, field by field; then those of what carries the pendula: of every
 carrier its place, mass, inertia, rods, centre, springs and dampers (of a modal one M, K, D and its points), of
 every entry of pendula where it hangs, of every spring its two numbers and its ends; last the parameters of laws of
 joints, term by term.  Beside it
@@ -30,7 +30,7 @@ from nonlinear.system.system import Group, JointTerm, System, system_of
 
 BEFORE = 1
 """Format: entries before those of links: gravity."""
-FIELDS = ("mass", "length", "centre", "inertia", "damping", "stiffness", "drag", "quadratic_drag")
+FIELDS = ("mass", "length", "centre", "inertia", "rotor", "damping", "stiffness", "drag", "quadratic_drag")
 DRAG = ("drag", "quadratic_drag")
 WORKING = ("damping", *DRAG)
 Values = Mapping[Place, Floats]
@@ -268,15 +268,14 @@ def _join(rows: Sequence[Sequence[Any]]) -> tuple[Any, ...]:
 
 def _row(link: AnyLink, replacements: Mapping[tuple[Any, ...], Floats]) -> list[Any]:
     """The entries of one link, with other values at some of its places."""
-    mass, length, damping, stiffness = (
-        replacements.get((name,), getattr(link, name)) for name in ("mass", "length", "damping", "stiffness")
-    )
+    names = ("mass", "length", "rotor_inertia", "gear_ratio", "damping", "stiffness")
+    mass, length, rotor, gear, damping, stiffness = (replacements.get((name,), getattr(link, name)) for name in names)
     if isinstance(link, Body):
         centre, inertia = (replacements.get((name,), getattr(link, name)) for name in ("centre", "inertia"))
     else:
         centre, inertia = link.proportions(mass, length)
     drag = (replacements.get((name,), getattr(link, name)) for name in DRAG)
-    return [mass, length, centre, inertia, damping, stiffness, *drag]
+    return [mass, length, centre, inertia, rotor * gear**2, damping, stiffness, *drag]
 
 
 def system_with(system: System, entries: Sequence[Any], tail: bool = False) -> System:

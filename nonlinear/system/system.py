@@ -211,6 +211,11 @@ class Group:
         return np.diff(self.rest, axis=0, prepend=0.0)
 
     @cached_property
+    def has_rotors(self) -> bool:
+        """Whether any joint has a rotor."""
+        return bool(self.block.rotor.any())
+
+    @cached_property
     def sprung(self) -> bool:
         """Whether any joint has a spring, or a law with a potential."""
         return bool(self.block.stiffness.any()) or any(term.law.has_potential for term in self.laws)
@@ -399,6 +404,11 @@ class System(Displayed):
         cart = self.cart
         has_push = self.rail is not None or self.has_drag or bool(self.acting)
         return cart is not None and not (np.any(cart.damping) or np.any(cart.stiffness) or has_push)
+
+    @property
+    def has_rotors(self) -> bool:
+        """Whether any joint has a rotor."""
+        return any(group.has_rotors for group in self.groups)
 
     @property
     def excites(self) -> bool:

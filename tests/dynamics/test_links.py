@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from amounts import usually
-from scenes import motion_scene
+from scenes import geared, motion_scene
 
 from modal.assembly import matrices
 from modal.scene import Scene
@@ -44,7 +44,7 @@ def chains(system: System) -> list[tuple[list[int], list[dict[str, float]]]]:
         for p in range(group.index.shape[1]):
             links = []
             for i in range(group.n):
-                names = ("mass", "length", "centre", "inertia", "damping", "stiffness", "drag", "sigma")
+                names = ("mass", "length", "centre", "inertia", "rotor", "damping", "stiffness", "drag", "sigma")
                 numbers = {
                     name: float(np.broadcast_to(getattr(block, name), group.index.shape)[i, p]) for name in names
                 }
@@ -122,7 +122,7 @@ def test_linear_steps_are_their_derivative_at_rest(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_paired_links_are_the_matrices(seed: int) -> None:
-    scene = aired(motion_scene(seed), quadratic_drag=0.0)
+    scene = geared(aired(motion_scene(seed), quadratic_drag=0.0), seed)
     system, known = system_of(scene), matrices(scene)
     first, said = system.first, Spoken(link_steps())
     x, z = np.random.default_rng(seed).normal(size=(2, system.n_links + first))

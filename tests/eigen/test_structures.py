@@ -19,8 +19,9 @@ from structures import Oracle
 from modal import Bob, Cart, Pendulum, Scene, natural_frequencies, natural_modes
 from modal.assembly import matrices, null_space, rig_of
 from modal.eigen import find_spectrum, spectrum
-from modal.eigen.component_matrices import ComponentMatrices, SquareSum, square_root
+from modal.eigen.component_matrices import ComponentMatrices, SquareSum
 from modal.eigen.components import PartedRig, StillGroup
+from modal.eigen.dense import square_root
 from modal.eigen.product import product_modes
 from modal.errors import ComputationError
 from modal.scene import Rod, Spring

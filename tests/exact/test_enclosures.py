@@ -8,7 +8,7 @@ from decimal import Decimal
 import mpmath as mp
 import oracle
 import pytest
-from scenes import extreme_scene
+from scenes import extreme_scene, geared, sprung_scene
 
 from modal import Bob, Cart, ComputationError, Pendulum, Scene, SceneError, load, natural_modes
 from modal.errors import MissingExtraError
@@ -58,6 +58,15 @@ def test_equal_bobs_have_the_zeros_of_laguerre(n: int, digits: int) -> None:
 @pytest.mark.parametrize("seed", range(60))
 def test_random_scenes_against_the_oracle(seed: int) -> None:
     scene = extreme_scene(seed, copies=seed % 2 == 0)
+    enclosures = enclose(scene, 25)
+    assert_narrow(enclosures, 25)
+    assert_proved(scene, enclosures)
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_rotors_and_springs_at_joints_against_the_oracle(seed: int) -> None:
+    """As heavy and as stiff as you like, within 12 decades each way."""
+    scene = geared(sprung_scene(seed, 2.0), seed, decades=12.0 * (seed % 3) / 2)
     enclosures = enclose(scene, 25)
     assert_narrow(enclosures, 25)
     assert_proved(scene, enclosures)
@@ -129,9 +138,10 @@ def test_decimals_are_rounded_outward(x: int, low: str, high: str) -> None:
 
 def test_refusals(monkeypatch: pytest.MonkeyPatch) -> None:
     damped = Scene(gravity=1.0, pendulum=(Pendulum(links=(Bob(mass=1.0, length=1.0, damping=1.0),)),))
-    sprung = Scene(gravity=1.0, pendulum=(Pendulum(links=(Bob(mass=1.0, length=1.0, stiffness=1.0),)),))
+    law = {"kind": "van-der-pol", "strength": 1.0, "angle_deg": 5.0}
+    lawful = Scene(gravity=1.0, pendulum=[{"links": [{"kind": "bob", "mass": 1.0, "length": 1.0, "law": law}]}])
     standing = Scene(gravity=1.0, pendulum=(Pendulum(links=(Bob(mass=1.0, length=1.0),), equilibrium=("up",)),))
-    for scene in (damped, sprung, standing):
+    for scene in (damped, lawful, standing):
         with pytest.raises(SceneError, match="an enclosure"):
             enclose(scene)
     (problem,) = _problems(bobs(1))

@@ -103,6 +103,8 @@ def decimal(rng: random.Random, most: int = 300) -> float:
 def link(rng: random.Random, *, springs: bool) -> Bob | Rod | Body:
     stiffness = decimal(rng) if springs and rng.random() < 0.6 else 0.0
     common = {"mass": decimal(rng), "length": decimal(rng), "stiffness": stiffness}
+    if stiffness > 2:
+        common |= {"rotor_inertia": stiffness / 5, "gear_ratio": 0.5}
     kind = rng.choice([Bob, Rod, Body])
     return kind(**common) if kind is not Body else Body(**common, centre=decimal(rng), inertia=rng.choice([0.0, 0.7]))
 
@@ -132,10 +134,10 @@ def exact_determinant(scene: Scene) -> sp.Poly:
     for links in pendula:
         pivot, upper = rail, sp.zeros(size, 1)
         for row in links:
-            m, l, c, I, spring, _ = map(rational, row)
+            m, l, c, I, spring, rotor, _ = map(rational, row)
             here = unit[at]
             centre = pivot + c * here
-            M += m * centre * centre.T + I * here * here.T
+            M += m * centre * centre.T + I * here * here.T + rotor * (here - upper) * (here - upper).T
             K += spring * (here - upper) * (here - upper).T
             for i in range(int(cart), size):
                 K[i, i] += m * rational(exact(scene.gravity)) * centre[i]

@@ -147,7 +147,7 @@ def test_what_is_noted_is_kept_as_long_as_its_file(process: Process) -> None:
     assert not integrator().kept
     file = process.keep(INTEGRATOR)
     assert integrator().kept
-    assert not integrator(on_structure=True).kept
+    assert not integrator(system_of(load("two-swings"))).kept
     file.unlink()
     assert not integrator().kept
 

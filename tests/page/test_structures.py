@@ -50,13 +50,17 @@ ZOO: dict[str, Any] = {
     "pendulum": [
         {
             "on": "lift",
-            "links": [{"kind": "rod", "mass": 1.0, "length": 0.6}, {"kind": "bob", "mass": 0.5, "length": 0.4}],
+            "links": [
+                {"kind": "rod", "mass": 1.0, "length": 0.6, "rotor_inertia": 2e-4},
+                {"kind": "bob", "mass": 0.5, "length": 0.4, "rotor_inertia": 3e-5, "gear_ratio": 30.0},
+            ],
         }
         | {"start": {"angles_deg": [20.0, -30.0], "rates_deg": [0.0, 50.0]}},
         {"on": "rocker", "position": [0.2, 0.1], "start": {"angles_deg": [-25.0]}}
         | {
             "links": [
                 {"kind": "bob", "mass": 0.8, "length": 0.7, "stiffness": 0.3, "damping": 0.02, "drag": 0.05}
+                | {"rotor_inertia": 0.01, "gear_ratio": 2.5}
                 | {"law": [{"kind": "magnet", "strength": 0.4}, {"kind": "grease", "strength": 0.1, "pull": 0.2}]}
             ]
         },
@@ -87,6 +91,7 @@ CHANGES: dict[str, list[tuple[list[Any], float]]] = {
         (["spring", 3, "stiffness"], 2.6),
         (["pendulum", 1, "links", 0, "law", 0, "strength"], 0.9),
         (["pendulum", 0, "links", 0, "length"], 0.7),
+        (["pendulum", 1, "links", 0, "gear_ratio"], 3.5),
     ],
 }
 SECONDS = 1.5

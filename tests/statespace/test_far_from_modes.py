@@ -8,6 +8,7 @@ import far_from_modes
 import numpy as np
 import pytest
 from response_oracle import Oracle
+from scenes import geared
 from scipy.integrate import trapezoid
 
 from modal import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene, dump, natural_modes
@@ -44,6 +45,15 @@ def apart(form: ModalForm, omega: float, tolerance: float = 1e-12) -> float:
     inputs, read = ([signal.name for signal in every] for every in (form.model.inputs, form.model.outputs))
     true = np.array(Oracle(form.modes.scene).response(inputs, read, omega).tolist(), dtype=np.complex128)
     return float(np.max(np.abs(frequency_response(form, omega, tolerance=tolerance)[..., 0] / true - 1)))
+
+
+def test_responses_with_rotors_at_joints() -> None:
+    """Of joints with dampers, springs and both, below the modes and far above."""
+    links = [Bob(mass=1.0, length=0.7, damping=0.02), Rod(mass=0.4, length=0.3, stiffness=0.5, damping=0.01)]
+    scene = Scene(gravity=9.81, support=Cart(mass=3.0, stiffness=40.0), pendulum=[Pendulum(links=links)])
+    for each in (geared(scene, 3), geared(scene, 3).replace(pendulum=[Pendulum(links=links[1:])])):
+        form = form_of(each, ("cart_force",), ("cart_position", "angles"))
+        assert max(apart(form, omega) for omega in (0.5, 3.0, 40.0, 1e4)) < 1e-12
 
 
 def test_four_stages_isolate(tmp_path, capsys: pytest.CaptureFixture[str]) -> None:  # type: ignore[no-untyped-def]

@@ -45,6 +45,10 @@ class DenseForm(Minimal):
         apart = angles[:, None] - angles
         M, force, slopes = np.empty((half, half)), np.empty(half), np.zeros(y.size)
         M[first:, first:] = A * np.cos(apart)
+        for group in system.groups:
+            turn = np.eye(group.n) - np.eye(group.n, k=-1)
+            for places, rotor in zip(first + group.index.T, group.block.rotor.T, strict=True):
+                M[np.ix_(places, places)] += turn.T @ np.diag(rotor) @ turn
         instant = self.inputs.at(time, y, layout)
         (Q, power), (along, down) = self.forces(y, instant), instant.support
         weight = b * ((system.gravity - down) * np.sin(angles) + along * np.cos(angles))

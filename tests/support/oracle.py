@@ -94,7 +94,9 @@ def dense(scene: Scene) -> Dense:
                     if above >= cart:
                         lift[above] = lift.get(above, mp.mpf(0)) + m * arm
                 lift[at] = lift.get(at, mp.mpf(0)) + m * c
-                springs.append((mp.mpf(link.stiffness), {at: unit} if upper is None else {at: unit, upper: -unit}))
+                bend = {at: unit} if upper is None else {at: unit, upper: -unit}
+                rows.append((mp.mpf(link.rotor_inertia) * mp.mpf(link.gear_ratio) ** 2, bend))
+                springs.append((mp.mpf(link.stiffness), bend))
                 pivot[at], upper = l, at
                 at += 1
     M, K = _zeros(at), _zeros(at)

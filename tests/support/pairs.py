@@ -289,7 +289,17 @@ UNDAMPED = (
         "quadratic_drag",
         "moved_vertical",
     ),
-    *("moved_horizontal", "moved_both_ways", "force", "constant_force", "joint_springs", "inverted", "space", "load"),
+    *(
+        "moved_horizontal",
+        "moved_both_ways",
+        "force",
+        "constant_force",
+        "joint_springs",
+        "rotor",
+        "inverted",
+        "space",
+        "load",
+    ),
     *("joint_friction", "rail_friction", "rail_coefficient", "space_and_cart"),
 )
 """Kinds without anything that dissipates near the equilibrium."""
@@ -353,6 +363,7 @@ OFF: dict[str, tuple[str, Callable[[Scene], Scene]]] = {
     "rail_friction": ("rail_friction", lambda scene: scene.frictionless),
     "rail_coefficient": ("rail_coefficient", lambda scene: scene.frictionless),
     "joint_springs": ("joint_springs", _links_without(stiffness=0.0)),
+    "rotor": ("rotor", _links_without(rotor_inertia=0.0)),
     "linear_drag": ("linear_drag", _links_without(drag=0.0)),
     "quadratic_drag": ("quadratic_drag", _links_without(quadratic_drag=0.0)),
     "moved_horizontal": ("moved_support", lambda scene: scene.still),

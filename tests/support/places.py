@@ -257,7 +257,7 @@ class Places:
             gamma = self.z[angle] - (0 if above is None else self.z[above]) - sp.pi * (int(upright) - int(turned))
             x, z = self._weigh(link.mass, hung.centre)
             self.scalars.add(self.z[angle], mass=link.inertia)
-            bend = self.scalars.add(gamma, damping=link.damping)
+            bend = self.scalars.add(gamma, mass=link.rotor_inertia * link.gear_ratio**2, damping=link.damping)
             self.V += link.stiffness * gamma**2 / 2
             self.scalars.damping[x] = self.scalars.damping[z] = link.drag
             if link.quadratic_drag:

@@ -29,11 +29,12 @@ class Positions:
         for chain in system.chains:
             x, z = sp.Add(*(c.q for c in first)), sp.S.Zero
             above, turning = sp.S.Zero, sp.S.Zero
-            for m, l, c, I, damping, stiffness, sign in zip(*chain, strict=True):
+            for m, l, c, I, rotor, damping, stiffness, sign in zip(*chain, strict=True):
                 theta = next(angle)
                 centre = (x + c * sp.sin(theta.q), z + c * sp.cos(theta.q))
                 rates = (time_derivative(part, self.coordinates) for part in centre)
                 self.T += m * sp.Add(*(rate**2 for rate in rates)) / 2 + I * theta.v**2 / 2
+                self.T += rotor * (theta.v - turning) ** 2 / 2
                 straight = theta.q - (sp.pi if sign < 0 else 0)
                 self.V += stiffness * (straight - above) ** 2 / 2 - m * system.gravity * centre[1]
                 self.R += damping * (theta.v - turning) ** 2 / 2

@@ -58,6 +58,7 @@ class Oracle:
                 for a in range(n):
                     for b in range(n):
                         self.M[a, b] += m * centre[a] * centre[b] + inertia * angle[a] * angle[b]
+                        self.M[a, b] += mp.mpf(link.rotor_inertia) * link.gear_ratio**2 * bend[a] * bend[b]
                         self.K[a, b] += link.stiffness * bend[a] * bend[b]
                         self.D[a, b] += link.damping * bend[a] * bend[b] + link.drag * centre[a] * centre[b]
                 for above in range(int(self.cart), n):  # the weight of this link turns every link above it

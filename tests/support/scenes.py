@@ -305,3 +305,15 @@ def complex_step(system: System, y: Floats, v: Floats) -> tuple[Floats, Floats]:
     passes = Minimal(system, tuple(Recursion(group, tail=1) for group in system.groups), counts_work=False)
     rates = passes.derivative(0.0, y + 1e-30j * v)
     return rates.real, rates.imag / 1e-30
+
+
+def geared(scene: Scene, seed: int, decades: float = 1.0) -> Scene:
+    """The same scene with rotors at four of five joints, as heavy as the links within a factor of 10^±decades."""
+    rng = random.Random(f"rotors {seed}")
+
+    def with_rotor(link: Bob | Rod | Body) -> Bob | Rod | Body:
+        ratio, inertia = rng.uniform(0.5, 60.0), link.mass * link.length**2 * 10 ** rng.uniform(-decades, decades)
+        return link.replace(rotor_inertia=inertia / ratio**2, gear_ratio=ratio) if rng.random() < 0.8 else link
+
+    pendula = [pendulum.replace(links=tuple(map(with_rotor, pendulum.links))) for pendulum in scene.pendulum]
+    return scene.replace(pendulum=tuple(pendula))

@@ -334,6 +334,7 @@ class _Assembled:
             centre, inertia = _geometry(link, length)
             self._weigh(m, hung.at(centre))
             self.parts.turning.append((inertia, theta))
+            self.parts.turning.append((mp.mpf(link.rotor_inertia) * mp.mpf(link.gear_ratio) ** 2, gamma))
             self.parts.stored.append(mp.mpf(link.stiffness) / 2 * _square(gamma))
             self.parts.dashpots.append((mp.mpf(link.damping), gamma))
             self.parts.dashpots += [(mp.mpf(link.drag), way) for way in self._moved(hung.at(centre))]

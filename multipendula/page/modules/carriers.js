@@ -4,7 +4,7 @@
 import { structure } from "./structure.js";
 
 const BEFORE = 1; // entries before those of links: gravity
-const FIELDS = 8; // numbers of a link among the entries, the first of its `numbers`
+const FIELDS = 9; // numbers of a link among the entries, the first of its `numbers`
 const BALANCED = 1e-8; // of gravity
 
 export const isStructure = () => structure !== null;

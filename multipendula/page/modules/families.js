@@ -36,7 +36,7 @@ function ownModes(system, rows, M, K) {
   const [momenta, forces] = [momentaOf(rows, M), momentaOf(rows, K)];
   return system.chains.flatMap(({ first, links }) => {
     const [from, to] = [system.lead + first, system.lead + first + links.length];
-    const kind = JSON.stringify(links.map(({ m, l, c, I, stiffness }) => [m, l, c, I, stiffness]));
+    const kind = JSON.stringify(links.map(({ m, l, c, I, rotor, stiffness }) => [m, l, c, I, rotor, stiffness]));
     const [alone, stored] = [[momenta, M], [forces, K]].map(([every, S]) => every.map((each) => each.map(({ x, Mx }) => partOf(x, Mx, S, from, to))));
     return within(M, K, from, to).map(({ square, s }) => ({
       square, kind, shares: sharesOf(momenta, M, from, s), parts: sharesOf(alone, M, from, s), stored: sharesOf(stored, K, from, s),

@@ -53,7 +53,7 @@ function plainModes(system) {
 function kindsOf(chains) {
   const kinds = new Map();
   for (const chain of chains) {
-    const key = JSON.stringify(chain.links.map(({ m, l, c, I, damping, stiffness, drag, s }) => [m, l, c, I, damping, stiffness, drag, s]));
+    const key = JSON.stringify(chain.links.map(({ m, l, c, I, rotor, damping, stiffness, drag, s }) => [m, l, c, I, rotor, damping, stiffness, drag, s]));
     if (!kinds.has(key)) kinds.set(key, []);
     kinds.get(key).push(chain);
   }

@@ -9,7 +9,7 @@ import { Integrator } from "./dop853.js";
 import { LIMITS } from "./tableau.js";
 import { whole } from "./whole.js";
 
-const FIELDS = 8; // numbers of a link among the entries, the first of its `numbers`
+const FIELDS = 9; // numbers of a link among the entries, the first of its `numbers`
 const ASIDE = 1e-3; // of a step: within which the rates of forces are seen
 const LEAST = 1e-14; // s and of the time: the shortest step
 

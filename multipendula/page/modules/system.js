@@ -58,8 +58,8 @@ function movedBy(motions) {
 
 // A link with its numbers and constants for the steps.
 export function numbered(link, gravity) {
-  const { m, l, c, I, damping, stiffness, drag, quadratic, strength, angle_deg, b, s, rest, bent } = link;
-  const numbers = [m, l, c, I, damping, stiffness, drag, quadratic, strength, angle_deg, b, s, rest, bent, gravity];
+  const { m, l, c, I, rotor, damping, stiffness, drag, quadratic, strength, angle_deg, b, s, rest, bent } = link;
+  const numbers = [m, l, c, I, rotor, damping, stiffness, drag, quadratic, strength, angle_deg, b, s, rest, bent, gravity];
   return { ...link, numbers, constants: Float64Array.from(full.link.constants(numbers)) };
 }
 
@@ -74,14 +74,16 @@ function linksOf(pendulum, gravity) {
   return links.map((link) => numbered(link, gravity));
 }
 
-function numbersOf({ kind, mass: m, length: l, centre, inertia, damping = 0, stiffness = 0, drag = 0, quadratic_drag: quadratic = 0, friction = 0, drive }, s) {
+function numbersOf(link, s) {
+  const { kind, mass: m, length: l, centre, inertia, damping = 0, stiffness = 0, drag = 0, quadratic_drag: quadratic = 0, friction = 0, drive } = link;
+  const rotor = (link.rotor_inertia ?? 0) * (link.gear_ratio ?? 1) ** 2;
   const c = { bob: l, rod: l / 2 }[kind] ?? centre;
   const I = { bob: 0, rod: (m * l ** 2) / 12 }[kind] ?? inertia;
   const angle_deg = drive?.angle_deg || 180;
   const angle = ((drive?.angle_deg ?? 0) * Math.PI) / 180;
   const strength = drive?.kind === "van-der-pol" ? drive.strength : 0;
   const impulse = drive?.kind === "escapement" ? drive.impulse : 0;
-  return { kind, m, l, c, I, s, rest: s > 0 ? 0 : Math.PI, damping, stiffness, drag, quadratic, strength, angle_deg, impulse, angle, friction };
+  return { kind, m, l, c, I, rotor, s, rest: s > 0 ? 0 : Math.PI, damping, stiffness, drag, quadratic, strength, angle_deg, impulse, angle, friction };
 }
 
 export function sum(values) {
