@@ -225,6 +225,8 @@ class Link(Part):
             yield '.hoist: only the massless rope of a bob can change its length: write kind = "bob"'
         elif self.hoist:
             yield from (f".hoist{problem}" for problem in self.hoist.problems_from(self.length))
+        if self.gear_ratio != 1 and not self.rotor_inertia:
+            yield f".gear_ratio = {self.gear_ratio:g}: needs a rotor_inertia"
 
     def length_at(self, time: float) -> float:
         """The length (m) at a time (s)."""

@@ -220,6 +220,7 @@ def usual_drive(scene: Scene) -> Drive:
     return HELD[0] if is_free or not drives else drives[0]
 
 
+@checked
 def usual_inputs(scene: Scene) -> tuple[str, ...]:
     """The inputs of a model where none are named: `usual_drive` of one cart, otherwise those of `state_space`.
 

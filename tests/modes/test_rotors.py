@@ -101,3 +101,8 @@ def test_a_massless_cart_loses_a_mode_where_no_rotor_moves_with_it(rotors: str, 
     assert len(modes) == len(proved) == count
     assert ("massless_cart" in scene.features) == (count == len(links))
     assert modes.omega == pytest.approx([float(row.low) for row in proved], rel=1e-13)
+
+
+def test_a_gear_without_a_rotor_is_refused() -> None:
+    with pytest.raises(SceneError, match=r"links\[0\].gear_ratio = 36: needs a rotor_inertia"):
+        Pendulum(links=[Bob(mass=1.0, length=1.0, gear_ratio=36.0)])
