@@ -10,7 +10,7 @@ import pytest
 import scipy
 from scenes import geared, mild_scene, sprung_scene, structured_scene
 
-from modal import Bob, Cart, Pendulum, Rod, Scene, natural_modes
+from modal import Bob, Cart, Pendulum, Rod, Scene, SceneError, natural_modes
 from modal.assembly import assemble_pendula, matrices, rig_of
 from modal.coupling.dynamic_mass import dynamic_mass
 from modal.coupling.reduced import reduced, without_damping

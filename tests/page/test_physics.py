@@ -101,7 +101,7 @@ def test_modes_of_shipped_scenes_and_of_a_long_chain(browser: Chromium) -> None:
     scenes = [each for each in scenes if not refusals(each, "the live page") and not each.is_structured]
     link = load("chain-5").pendulum[0].links[0].replace(count=MOST_LINKS)
     scenes.append(Scene(gravity=9.81, pendulum=[load("chain-5").pendulum[0].replace(links=(link,), start=None)]))
-    assert len(scenes) == 16
+    assert len(scenes) == 21
     for rows, scene in zip(asked(browser, MODES, [scene_data(each) for each in scenes]), scenes, strict=True):
         assert_modes(rows, scene)
 
