@@ -63,7 +63,7 @@ def hoist_figure(hoisting: Along) -> Figure:
     return figure
 
 
-ROWS = ("as it is", "shaped")
+ROWS = ("unshaped", "shaped")
 
 
 def draw_travel(travel: ShapedTravel, stream: IO[bytes], form: str = "png") -> None:
@@ -103,7 +103,7 @@ def travel_figure(travel: ShapedTravel) -> Figure:
         _residual(axis, travel, row)
     legend(axes[-2], least_count=1)
     axes[-1].set_xlabel("time (s)")
-    headline(figure, title_of(travel.scene), f"a travel of {travel.distance:g} m, as it is and shaped")
+    headline(figure, title_of(travel.scene), f"a travel of {travel.distance:g} m, unshaped and shaped")
     return figure
 
 

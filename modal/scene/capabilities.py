@@ -100,9 +100,9 @@ HELD: Sentences = {
 """What equations in symbols leave out."""
 
 IN_LOOPS: Sentences = {
-    "limited_feedback": "Limits of feedback are left out: small motions do not reach them.",
-    "sampled_feedback": "Samples and delays of feedback are left out: these are the poles of loops that never wait.",
-    "reference": "References of feedback are left out: these are the poles about the rest.",
+    "limited_feedback": "Limits of feedback are omitted: small motions do not reach them.",
+    "sampled_feedback": "Samples and delays of feedback are omitted: these are the poles of loops that never wait.",
+    "reference": "References of feedback are omitted: these are the poles about the rest.",
 }
 """What linear models leave out of loops that they close."""
 

@@ -78,7 +78,7 @@ class ShapedTravel(Drawable, Displayed):
         `nonlinear` (2,) are these angles (rad).
         """
         of_equations = [f", {degrees(angle):.4g}° in the full equations" for angle in nonlinear] or ["", ""]
-        for row, name in enumerate(("as it is", "shaped")):
+        for row, name in enumerate(("unshaped", "shaped")):
             angle, (speed, acceleration) = degrees(self.residual[row]), self.peaks[row].tolist()
             span = self.ways[row].knots[-1] - self.ways[row].knots[0]
             yield (
@@ -99,7 +99,7 @@ class ShapedTravel(Drawable, Displayed):
     def _summary(self) -> Summary:
         largest = np.degrees(np.abs(self.angles).max((1, 2)))
         columns = {
-            "command": ["as it is", "shaped"],
+            "command": ["unshaped", "shaped"],
             "over at (s)": [f"{time:.4g}" for time in self.over],
             "largest speed (m/s)": [f"{speed:.4g}" for speed in self.peaks[:, 0]],
             "acceleration (m/s²)": [f"{acceleration:.4g}" for acceleration in self.peaks[:, 1]],
