@@ -3,7 +3,8 @@
     python benchmarks/proofs.py [--quick] [--random 300]
 
 Each scene gets its table and proof (`table SCENE --prove`), which `multipendula/check_proof.py` then checks, run as a
-file by itself.  Exit code 1 where a row is not proved.  `--quick` leaves out random scenes and those of over 40 rows.
+file by itself.  Each line is printed when it is measured, and a terminal shows how many scenes are done.  Exit code 1
+where a row is not proved.  `--quick` leaves out random scenes and those of over 40 rows.
 """
 
 from __future__ import annotations
@@ -12,10 +13,11 @@ import argparse
 import subprocess
 import sys
 import time
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from tabulate import tabulate
+from tqdm import tqdm
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests" / "support"))
 
@@ -63,24 +65,35 @@ def measure(scene: Scene, folder: Path, source: str | None = None) -> tuple[int,
     return len(rows), proved, times[1] - times[0], times[2] - times[1], time.perf_counter() - begin
 
 
+def measurements(folder: Path, count: int, quick: bool) -> Iterator[tuple[str, Sequence[float]]]:
+    """What was measured of each shipped scene, and of `count` random scenes of each kind in all."""
+    silent = not sys.stderr.isatty()
+    for name in tqdm(example_names(), disable=silent, leave=False):
+        scene = load(name)
+        if not quick or len(natural_modes(scene)) <= QUICK_ROWS:
+            yield name, measure(scene, folder, name)
+    if quick or not count:
+        return
+    for kind, maker in RANDOM.items():
+        seeds = tqdm(range(count), kind, disable=silent, leave=False)
+        measured = [measure(maker(seed), folder) for seed in seeds]
+        yield f"{count} of {kind}", [sum(column) for column in zip(*measured, strict=True)]
+
+
 def main() -> int:
     arguments = argparse.ArgumentParser(description=__doc__)
     arguments.add_argument("--quick", action="store_true")
     arguments.add_argument("--random", type=int, default=300)
     options = arguments.parse_args()
-    lines = []
+    every_row_is_proved = True
+    print(f"{'scene':36} {'rows':>6} {'proved':>6} {'modes (s)':>10} {'proof (s)':>10} {'check (s)':>10}", flush=True)
     with TemporaryDirectory() as folder:
-        for name in example_names():
-            scene = load(name)
-            if not options.quick or len(natural_modes(scene)) <= QUICK_ROWS:
-                lines.append((name, *measure(scene, Path(folder), name)))
-        for kind, maker in RANDOM.items() if not options.quick else ():
-            count = options.random // len(RANDOM)
-            measured = [measure(maker(seed), Path(folder)) for seed in range(count)]
-            lines.append((f"{count} of {kind}", *map(sum, zip(*measured, strict=True))))
-    headings = ("scene", "rows", "proved", "modes (s)", "proof (s)", "check (s)")
-    print(tabulate(lines, headings, floatfmt=".2f"))
-    return 0 if all(line[1] == line[2] for line in lines) else 1
+        for name, measured in measurements(Path(folder), options.random // len(RANDOM), options.quick):
+            rows, proved, *seconds = measured
+            tqdm.write(f"{name:36} {rows:6} {proved:6} " + " ".join(f"{each:10.2f}" for each in seconds))
+            sys.stdout.flush()
+            every_row_is_proved &= rows == proved
+    return 0 if every_row_is_proved else 1
 
 
 if __name__ == "__main__":

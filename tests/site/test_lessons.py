@@ -23,8 +23,9 @@ LONGEST = 30
 PRIME = re.compile(r"['′]|\\prime")
 """What would be a derivative in a formula."""
 PACKAGES = {"modal", "nonlinear", "numpy", "scipy", "sympy", "mpmath", "matplotlib", "control", "IPython"}
-STANDARD = {"collections", "contextlib", "dataclasses", "fractions", "functools", "io", "itertools", "math", "operator"}
-STANDARD |= {"os", "pathlib", "random", "tempfile", "textwrap", "time", "warnings"}
+STANDARD = {"collections", "contextlib", "dataclasses", "fractions", "functools", "importlib", "io", "itertools"}
+STANDARD |= {"json", "math", "operator", "os", "pathlib", "random", "shutil", "subprocess", "sys", "tempfile"}
+STANDARD |= {"textwrap", "time", "warnings"}
 
 
 def cells(twin: Path, kind: str) -> list[str]:
