@@ -167,7 +167,9 @@ def _model_file(model: StateSpace | VaryingModel, numbers: dict[str, Any]) -> by
     names = [name for name, _ in model.operating_point]
     content["operating_point"] = {
         "names": _cells(names),
-        "values": np.array([np.atleast_1d(value) for _, value in model.operating_point]).reshape(len(names), -1),
+        "values": np.array([np.atleast_1d(value) for _, value in model.operating_point]).reshape(
+            len(names), -1 if names else 1
+        ),
     }
     return _mat_file(content, MODEL)
 

@@ -425,8 +425,8 @@ COMMANDS = (
             "--discrete: the model is discretized, its inputs held between samples (zero-order hold)",
             "--minimal",
             "--dominant",
-            "--start, in place of the equilibrium, in the plane: scene, mode:R:DEG, orbit:R:DEG, orbit or angles:A,B,... "
-            "(deg, at rest)",
+            "--start, in place of the equilibrium, in the plane: scene, mode:R:DEG, orbit:R:DEG, orbit or "
+            "angles:A,B,... (deg, at rest)",
             "--along, a model for each of its times: a run of the scene in the plane (control, mat and npz)",
         ),
         details=(

@@ -71,7 +71,7 @@ def model_at(
     >>> from nonlinear import state_at_rest
     >>> model = model_at(load("chain-1"), state_at_rest(load("chain-1"), [60.0]))
     >>> round(float(model.A[1, 0]), 6)
-    -4.903325
+    -4.905
     """
     motion = _InMotion(validate_scene(scene))
     motion.validate(inputs, outputs)
@@ -174,7 +174,7 @@ class _InMotion:
     def local(self, time: float, y: Floats, *, is_momentary: bool = False) -> LocalModel:
         """The equations near one y (d,) at a time (s)."""
         equations, half = self.equations, self.equations.layout.half
-        u = [] if equations.inputs_at is None else [*equations.inputs_at(time, y)]
+        u = [] if equations.inputs_at is None else [*equations.inputs_at(time, y.tolist())]
         rates, J = equations.linearize(y, u)
 
         def accelerations(F: Floats) -> Floats:

@@ -144,7 +144,7 @@ def test_a_steady_state_on_a_support_that_accelerates_stays() -> None:
 def test_tables_along_a_run_read_back() -> None:
     table = models_along(simulate(load("chain-1"), 1.0, start=state_at_rest(load("chain-1"), [50.0]), output=4))
     space: dict[str, object] = {}
-    exec(find_format("control").write_varying(table), space)  # noqa: S102
+    exec(find_format("control").write_varying(table), space)
     read = {
         "npz": np.load(BytesIO(find_format("npz").write_varying(table))),
         "mat": loadmat(BytesIO(find_format("mat").write_varying(table))),
