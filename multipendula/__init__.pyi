@@ -381,6 +381,8 @@ def export(
     discrete: float | None = None,
     minimal: bool = False,
     dominant: int | None = None,
+    start: State | str | None = None,
+    along: str | None = None,
 ) -> StateSpace | Any: ...
 def response(
     scene: Scene | str | PathLike[str],

@@ -84,6 +84,9 @@ FLAGS: dict[str, Flag] = {
         choices=("absolute", "relative"),
         default="absolute",
     ),
+    "--along": Flag(
+        "RUN", "saved run along which a table of models is taken", names=("run",), completion=files((".npz", ".csv"))
+    ),
     "--at": Flag("HERTZ,...", "frequencies at which numbers are printed", frequencies, action=Joined),
     "--band": Flag(
         "FILE", "file for a picture of the motion's band over the fitted numbers", group="written", kinds=PICTURES

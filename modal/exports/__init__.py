@@ -30,6 +30,7 @@ class ControlScript(Format):
     what = "a Python script that builds a labelled `control.StateSpace`, `system`"
     tools = ("python", "py", "python-control")
     write = staticmethod(deferred("modal.exports.scripts:write_script"))
+    write_varying = staticmethod(deferred("modal.exports.scripts:write_varying_script"))
 
 
 @register

@@ -25,7 +25,7 @@ from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 import numpy as np
 
 from modal.exports.source import c_matrix, hexadecimal, public_names, unit
-from modal.exports.text import heading, identifier, law, rest, text_file
+from modal.exports.text import datum, heading, identifier, law, rest, text_file
 from modal.report import c_comment, one_line
 from modal.statespace import Signal, StateSpace
 from modal.statespace.sampling import reach, sample
@@ -54,7 +54,6 @@ UNITS = {
     "N.m": {"kg": 1, "m": 2, "s": -2},
 }
 HELD = "inputs are held constant over each communication step"
-REST = "deviations from the equilibrium"
 ROLES = {
     "input": {"causality": "input", "variability": "continuous"},
     "state": {"causality": "local", "variability": "continuous", "initial": "calculated"},
@@ -203,7 +202,9 @@ def _about(model: StateSpace, guid: str) -> dict[str, str]:
         "fmiVersion": "2.0",
         "modelName": heading(model),
         "guid": guid,
-        "description": "; ".join([law(model), f"in co-simulation {HELD}", REST, *rest(model)[:8]]),
+        "description": "; ".join(
+            [law(model), f"in co-simulation {HELD}", f"deviations from {datum(model)}", *rest(model)[:8]]
+        ),
         "generationTool": "multipendula",
         "variableNamingConvention": "structured",
         "numberOfEventIndicators": "0",

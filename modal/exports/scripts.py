@@ -15,7 +15,7 @@ from unicodedata import normalize
 
 import numpy as np
 
-from modal.exports.text import digits, heading, identifier, matrices, meaning, preamble, rest, text_file
+from modal.exports.text import datum, digits, heading, identifier, matrices, meaning, preamble, rest, text_file, unit_of
 from modal.report import matlab_text, python_text
 from modal.statespace import Signal, StateSpace
 from modal.statespace.sampling import VaryingModel
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 FIRST = (
     "# -*- coding: utf-8 -*-",
-    "# A linear state-space model for python-control, in SI units, deviations from the equilibrium.",
+    "# A linear state-space model for python-control, in SI units, deviations from {datum}.",
 )
 """Python looks for an encoding in the first two lines of a file: they contain no text of a scene."""
 MODEL, COLUMNS = "a linear state-space model in SI units", "columns by their names"
@@ -82,17 +82,52 @@ def write_script(model: StateSpace) -> bytes:
     return text_file(_python_lines(model))
 
 
+def write_varying_script(model: VaryingModel) -> bytes:
+    """The script of a table: `times` (s), arrays A, B, C, D with an entry a time, and `systems`, a list."""
+    return text_file(_varying_lines(model))
+
+
 def _python_lines(model: StateSpace) -> Iterator[str]:
-    yield from FIRST
+    yield from _opening(model)
     yield from (f"# {line}" for line in rest(model))
-    yield from ("", "import control", "import numpy as np", "", f"title = {python_text(heading(model))}")
-    for name, signals in (("states", model.states), ("inputs", model.inputs), ("outputs", model.outputs)):
-        yield from _python_names(name, signals)
+    yield from _signals_and_title(model)
     for name, values in matrices(model):
         yield from _python_matrix(name, values)
     yield from ("", "system = control.StateSpace(", f"    A, B, C, D, {model.dt!r},")
     yield f"    name={python_text(identifier(heading(model)))}, states=states, inputs=inputs, outputs=outputs,"
     yield ")"
+
+
+def _varying_lines(model: VaryingModel) -> Iterator[str]:
+    count = len(model.times)
+    yield from _opening(model)
+    yield from ("# A model a time: systems[k] at times[k], with the arrays A[k], B[k], C[k], D[k].",)
+    yield from _signals_and_title(model)
+    yield f"times = np.array([{', '.join(map(repr, model.times.tolist()))}])"
+    for name in "ABCD":
+        values = getattr(model, name)
+        whole = np.broadcast_to(values, (count, *values.shape[-2:]))
+        yield from _python_matrix(name, whole.reshape(-1, whole.shape[-1]), whole.shape)
+    yield "operating_point = {"
+    for name, numbers in model.operating_point:
+        yield f"    {python_text(name)}: np.array({np.broadcast_to(numbers, count).tolist()!r}),  # {unit_of(name)}"
+    yield from (
+        "}",
+        "",
+        "systems = [",
+        "    control.StateSpace(*matrices, states=states, inputs=inputs, outputs=outputs)",
+    )
+    yield from ("    for matrices in zip(A, B, C, D)", "]")
+
+
+def _opening(model: StateSpace | VaryingModel) -> Iterator[str]:
+    return (line.format(datum=datum(model)) for line in FIRST)
+
+
+def _signals_and_title(model: StateSpace | VaryingModel) -> Iterator[str]:
+    yield from ("", "import control", "import numpy as np", "", f"title = {python_text(heading(model))}")
+    for name, signals in (("states", model.states), ("inputs", model.inputs), ("outputs", model.outputs)):
+        yield from _python_names(name, signals)
 
 
 def _python_names(name: str, signals: tuple[Signal, ...]) -> Iterator[str]:
@@ -101,10 +136,10 @@ def _python_names(name: str, signals: tuple[Signal, ...]) -> Iterator[str]:
     yield "]"
 
 
-def _python_matrix(name: str, values: Floats) -> Iterator[str]:
+def _python_matrix(name: str, values: Floats, shape: tuple[int, ...] = ()) -> Iterator[str]:
     yield f"{name} = np.array(["
     yield from (f"    [{', '.join(row)}]," for row in digits(values))
-    yield f"]).reshape({values.shape[0]}, {values.shape[1]})"
+    yield f"]).reshape({', '.join(map(str, shape or values.shape))})"
 
 
 # -------------------------------------------------------------------------------------------------- MATLAB and Octave
@@ -113,7 +148,7 @@ def _python_matrix(name: str, values: Floats) -> Iterator[str]:
 def write_mat(model: StateSpace) -> bytes:
     """A version 5 file of A, B, C, D, dt, title, state_names, state_units, state_meanings, input_…, output_….
 
-    `operating_point` is a structure of `names` and `values` in rad.
+    `operating_point` is a structure of `names` and `values` in SI units.
     """
     return _model_file(model, {**dict(matrices(model)), "dt": model.dt})
 
@@ -129,9 +164,12 @@ def _model_file(model: StateSpace | VaryingModel, numbers: dict[str, Any]) -> by
     for kind, signals in (("state", model.states), ("input", model.inputs), ("output", model.outputs)):
         for field in ("name", "unit", "meaning"):
             content[f"{kind}_{field}s"] = _cells(getattr(signal, field) for signal in signals)
+    names = [name for name, _ in model.operating_point]
     content["operating_point"] = {
-        "names": _cells(name for name, _ in model.operating_point),
-        "values": np.array([[value] for _, value in model.operating_point]).reshape(-1, 1),
+        "names": _cells(names),
+        "values": np.array([np.atleast_1d(value) for _, value in model.operating_point]).reshape(
+            len(names), -1 if names else 1
+        ),
     }
     return _mat_file(content, MODEL)
 

@@ -10,7 +10,18 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 from modal.errors import SceneError
-from modal.exports.text import digits, heading, identifier, identifiers, matrices, meaning, preamble, rest, text_file
+from modal.exports.text import (
+    datum,
+    digits,
+    heading,
+    identifier,
+    identifiers,
+    matrices,
+    meaning,
+    preamble,
+    rest,
+    text_file,
+)
 from modal.report import c_comment, modelica_text
 from modal.statespace import Signal, StateSpace
 from modal.types import Floats
@@ -159,7 +170,7 @@ def _modelica_lines(model: StateSpace) -> Iterator[str]:
     yield "  end States;"
     begin = (f"{word}(start = {start}, fixed = true)" for word, start in zip(names.states, names.starts, strict=True))
     modifiers = ",\n      ".join(begin)
-    yield f'  States state{f"({modifiers})" if n else ""} "deviations from the equilibrium";'
+    yield f'  States state{f"({modifiers})" if n else ""} "deviations from {datum(model)}";'
     yield "protected"
     for letter, values in matrices(model):
         yield from _modelica_matrix(letter, values)

@@ -8,18 +8,22 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Callable, Iterable, Iterator
+from typing import TYPE_CHECKING
 from zlib import crc32
 
 from modal.report import one_line
 from modal.statespace import Signal, StateSpace
 from modal.types import Floats
 
+if TYPE_CHECKING:
+    from modal.statespace.sampling import VaryingModel
+
 UNTITLED = "Pendula"
 IDENTIFIER_LETTERS = 63
 """Format: characters of an identifier, as many as C99 and MATLAB tell apart."""
 
 
-def heading(model: StateSpace) -> str:
+def heading(model: StateSpace | VaryingModel) -> str:
     """The title on one line."""
     return one_line(model.title) or UNTITLED
 
@@ -36,19 +40,36 @@ def law(model: StateSpace) -> str:
     return "z' = A z + B u, y = C z + D u"
 
 
-def rest(model: StateSpace) -> list[str]:
-    """The operating point, one line per angle."""
-    return [one_line(f"{name} = {value!r} {unit_of(name)} at equilibrium") for name, value in model.operating_point]
+def rest(model: StateSpace | VaryingModel) -> list[str]:
+    """The operating point, one line per coordinate, in motion with its rate and its acceleration."""
+    where = "in motion" if is_moving(model) else "at equilibrium"
+    return [one_line(f"{name} = {value!r} {unit_of(name)} {where}") for name, value in model.operating_point]
+
+
+def is_moving(model: StateSpace | VaryingModel) -> bool:
+    """Whether the operating point has rates and accelerations: the deviations are then those from a motion."""
+    return any("_dot" in name for name, _ in model.operating_point)
+
+
+def datum(model: StateSpace | VaryingModel) -> str:
+    """What states, inputs and outputs deviate from."""
+    return "the motion through the operating point" if is_moving(model) else "the equilibrium"
 
 
 def unit_of(name: str) -> str:
-    """The unit of a coordinate of the operating point."""
-    return "m" if name == "x" else "rad"
+    """The unit of a coordinate of the operating point, of its rate or of its acceleration.
+
+    >>> unit_of("x"), unit_of("theta_dot_1_1"), unit_of("deck_ddot_m_per_s2")
+    ('m', 'rad/s', 'm/s^2')
+    """
+    stem, _, per = name.partition("_per_s")
+    unit = "rad" if stem.startswith("theta_") or stem.endswith("_rad") else "m"
+    return unit + ("/s^2" if "_ddot" in name or per == "2" else "/s" if "_dot" in name or per else "")
 
 
 def preamble(model: StateSpace) -> list[str]:
     """The header of a file: title, equations, operating point."""
-    return [heading(model), f"{law(model)}, in SI units, deviations from the equilibrium", *rest(model)]
+    return [heading(model), f"{law(model)}, in SI units, deviations from {datum(model)}", *rest(model)]
 
 
 def matrices(model: StateSpace) -> tuple[tuple[str, Floats], ...]:

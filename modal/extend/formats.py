@@ -45,13 +45,13 @@ class Format(Extension):
         raise NotImplementedError
 
     def write_varying(self, model: Any) -> bytes:
-        """The bytes of a model along a hoist; SceneError for a format without any."""
+        """The bytes of a model along a hoist or a run; SceneError for a format without any."""
         forms = registered("format", discover=False)
-        able = " and ".join(name for name, form in forms.items() if form.write_varying is not Format.write_varying)
+        able = ", ".join(name for name, form in forms.items() if form.write_varying is not Format.write_varying)
         raise SceneError(
             [
-                f"format {self.name}: holds a constant model, and a hoist makes it vary in time: {able} take it, and "
-                "every format that of one time, `Scene.at(seconds)`"
+                f"format {self.name}: holds a constant model, and a hoist or a run makes it vary in time: {able} take "
+                "it, and every format that of one time, `Scene.at(seconds)`"
             ]
         )
 

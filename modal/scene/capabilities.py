@@ -545,6 +545,12 @@ CAPABILITIES: dict[str, Capability] = {
             refuses=PLANE,
             unless=STOPS,
         ),
+        Capability(
+            "a model along a motion",
+            SHAPE | LOSS | DRAG | FORCED | STRUCTURED | {"moved_support", "van_der_pol"},
+            refuses={**STICKS, **PLANE, **AT_ONE_TIME, "escapement": "has no term for kicks"},
+            unless=ENDS,
+        ),
         SECTIONED,
         Capability(
             "a start by its energy",

@@ -73,7 +73,7 @@ class Geometry:
     `down` and `turning` (links, d) the displacement downwards of every link's pivot and the angle of its carrier by
     every coordinate η.  `springs` are those between points.  The coordinates of a scene that `is_structured` have
     signals of their own names.  Where lengths change, `rate` and `bend` (links, q) are the first two derivatives in
-    time of the rows of centres and lower joints.
+    time of the rows of centres and lower joints; in motion `end_rate` and `end_bend` are those of lower joints alone.
     """
 
     structure: Structure
@@ -98,6 +98,8 @@ class Geometry:
     place: float
     rate: Floats | None = None
     bend: Floats | None = None
+    end_rate: Floats | None = None
+    end_bend: Floats | None = None
 
     @property
     def on_cart(self) -> bool:

@@ -27,6 +27,7 @@ In space the model is that of the motion along the rail.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -74,7 +75,7 @@ class StateSpace(Drawable, Displayed):
 
     A (n, n), B (n, m), C (p, n), D (p, m) in SI units; `states`, `inputs` and `outputs` name rows and columns; `dt` is
     the sample time in seconds, 0 for continuous time; `operating_point` the values that angles deviate from (rad), and
-    the cart's position where constant forces move it (m);
+    the cart's position where constant forces move it (m), in motion all coordinates, rates and accelerations;
     `scene` the one whose whole model this is, None for sampled and reduced ones and those from files.
     """
 
@@ -145,6 +146,28 @@ class _Motion(NamedTuple):
     support: Maps = ()
 
 
+class LocalModel(NamedTuple):
+    """The equations q'' = f(q, q', F) near a state: −∂f/∂q and −∂f/∂q' (q, q), and what gives ∂f/∂F F.
+
+    `geometry` has the rows of all points at that state, `operating_point` its values.
+    """
+
+    geometry: Geometry
+    K: Floats
+    D: Floats
+    accelerations: Callable[[Floats], Floats]
+    operating_point: tuple[tuple[str, float], ...]
+
+    def split(self, F: Floats, *, is_prescribed: bool) -> tuple[Floats, Floats, Floats]:
+        """M⁻¹ K, M⁻¹ D and M⁻¹ F; where the first coordinate's acceleration is given, it is the first input."""
+        if not is_prescribed:
+            return self.K, self.D, self.accelerations(F)
+        solution = self.accelerations(np.hstack([np.eye(len(F), 1), F]))
+        column = solution[:, :1] / solution[0, 0]
+        K, D, F = (part - column * part[:1] for part in (self.K, self.D, solution[:, 1:]))
+        return K, D, np.hstack([column, F])
+
+
 @checked
 def state_space(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, ...] = ()) -> StateSpace:
     """The model of a scene with these groups of inputs and outputs (`modal.statespace.signals.INPUTS` and `OUTPUTS`).
@@ -161,12 +184,16 @@ def state_space(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, 
 
 
 def assemble(
-    scene: Scene, instant: HoistInstant | None, inputs: tuple[str, ...] = (), outputs: tuple[str, ...] = ()
+    scene: Scene,
+    instant: HoistInstant | None,
+    inputs: tuple[str, ...] = (),
+    outputs: tuple[str, ...] = (),
+    local: LocalModel | None = None,
 ) -> StateSpace:
-    """The model of a scene of constant lengths as in `state_space`, or (`instant`) at a moment of a hoist."""
+    """The model of a scene of constant lengths as in `state_space`, at a moment of a hoist, or at a state."""
     if 2 * scene.n_links > LARGEST_STATE:
         raise ComputationError(f"the model would have over {2 * scene.n_links} states: at most {LARGEST_STATE}")
-    geometry = geometry_of(scene)
+    geometry = local.geometry if local else geometry_of(scene)
     if instant:
         geometry = replace(geometry, rate=instant.rate, bend=instant.bend, drag=instant.drag)
     usual = _usual(geometry)
@@ -183,13 +210,16 @@ def assemble(
         if any(carrier.M is not None for carrier in geometry.structure.carriers):
             raise SceneError([f"input {drive}: {NO_SHARE}"])
     matrices_by = _fixed_base_matrices if drive in DRIVES and scene.has_modal_damping else matrices
-    linear = instant.matrices if instant else matrices_by(scene)
+    linear = local or (instant.matrices if instant else matrices_by(scene))
     with np.errstate(all="ignore"):
         motion = _motion(linear, geometry, push.F, drive)
         C, D, signals = _outputs(motion, geometry, push, [reading_in(geometry, name) for name in output_names])
     if not all(np.all(np.isfinite(part)) for part in (motion.A, motion.B, C, D)):
         raise ComputationError("the ratios in this scene are beyond double precision: its model overflows")
     driven = [(DRIVES | SUPPORT)[drive]] if drive else []
+    if local:
+        motion = motion._replace(states=_in_motion(motion.states))
+        signals = _in_motion(signals)
     resting = [
         *([("x", geometry.place)] if geometry.place else []),
         *((f"theta_{label}", angle) for label, angle in zip(geometry.labels, geometry.rest.tolist(), strict=True)),
@@ -203,9 +233,16 @@ def assemble(
         tuple(driven + push.signals),
         tuple(signals),
         title=scene.title,
-        operating_point=tuple(resting),
-        scene=scene,
+        operating_point=local.operating_point if local else tuple(resting),
+        scene=None if local else scene,
     )
+
+
+def _in_motion(signals: list[Signal]) -> list[Signal]:
+    """Signals that deviate from a motion."""
+    return [
+        signal._replace(meaning=signal.meaning.replace("from equilibrium", "from the motion")) for signal in signals
+    ]
 
 
 def _usual(geometry: Geometry) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -284,18 +321,19 @@ def _pushes(scene: Scene, geometry: Geometry, names: tuple[str, ...]) -> InputGr
     )
 
 
-def _motion(linear: Matrices, geometry: Geometry, F: Floats, drive: str | None) -> _Motion:
+def _motion(linear: Matrices | LocalModel, geometry: Geometry, F: Floats, drive: str | None) -> _Motion:
     """A and B over the coordinates Q, the first of which is what the input prescribes, a cart's place or the support's.
 
     Q'' = −K Q − D Q' + F u, of which s'' = u.  Where the velocity is given, Q' less F u takes the place of Q', and
     where the displacement is, Q less F u that of Q; s' and then s are no states.
     """
     is_prescribed, order = PRESCRIBED.get(drive or "", (False, 2))
-    K, D, F = (
-        _partition(linear, geometry, F, is_prescribed=is_prescribed)
-        if drive
-        else _split(geometry, linear.K, linear.D, F)
-    )
+    if isinstance(linear, LocalModel):
+        K, D, F = linear.split(F, is_prescribed=is_prescribed)
+    elif drive:
+        K, D, F = _partition(linear, geometry, F, is_prescribed=is_prescribed)
+    else:
+        K, D, F = _split(geometry, linear.K, linear.D, F)
     n, eye = len(K), np.eye(2 * len(K))
     rates, slopes = np.zeros_like(F), F.copy()
     place, columns_to_drop = np.zeros_like(F), [0, n][order:] if order < 2 else []

@@ -17,6 +17,7 @@ Along a hoist z' = A(t) z + B(t) u, y = C z + D u: lengths and their rates enter
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import isfinite
 
@@ -117,7 +118,7 @@ METHODS = {"zoh": _zero_order_hold, "foh": _linear, "tustin": _trapezoidal}
 class VaryingModel(Displayed):
     """A (T, n, n) and B (T, n, m) at `times` (T,) in s; C (p, n) and D (p, m), with times in front where they vary.
 
-    Everything else is as in `StateSpace`.
+    Everything else is as in `StateSpace`; along a motion the values of the operating point are arrays (T,).
     """
 
     times: Floats
@@ -129,7 +130,7 @@ class VaryingModel(Displayed):
     inputs: tuple[Signal, ...]
     outputs: tuple[Signal, ...]
     title: str
-    operating_point: tuple[tuple[str, float], ...]
+    operating_point: tuple[tuple[str, float | Floats], ...]
     scene: Scene
 
 
@@ -173,13 +174,18 @@ def varying_model(
     def model(time: float) -> StateSpace:
         return assemble(scene.at(time), instant_at(time), inputs, outputs)
 
-    first = model(float(at[0]))
-    if len(at) * (first.A.size + first.B.size) > MOST_NUMBERS:
-        raise ComputationError(f"a model of {len(first.A)} states at {len(at)} times is too large: use fewer times")
-    models = [first, *map(model, at[1:].tolist())]
+    return table_of(scene, at, model)
+
+
+def table_of(scene: Scene, times: Floats, model: Callable[[float], StateSpace]) -> VaryingModel:
+    """The models at these times, ascending (T,) in s; ComputationError where they are too many numbers."""
+    first = model(float(times[0]))
+    if len(times) * (first.A.size + first.B.size) > MOST_NUMBERS:
+        raise ComputationError(f"a model of {len(first.A)} states at {len(times)} times is too large: use fewer times")
+    models = [first, *map(model, times[1:].tolist())]
     A, B, C, D = (np.array([getattr(sample, name) for sample in models]) for name in "ABCD")
     return VaryingModel(
-        at, A, B, _constant(C), _constant(D), first.states, first.inputs, first.outputs, scene.title,
+        times, A, B, _constant(C), _constant(D), first.states, first.inputs, first.outputs, scene.title,
         first.operating_point, scene,
     )  # fmt: skip
 

@@ -22,6 +22,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple, TypeVar, get_args
 
 import numpy as np
@@ -147,6 +148,8 @@ def _tips(geometry: Geometry) -> OutputGroup:
 
 def _tip_accelerations(geometry: Geometry) -> OutputGroup:
     signals = [Signal(f"tip_ddot_{p}", "m/s^2", "acceleration of a pendulum's end") for p in _pendula(geometry)]
+    if geometry.end_rate is not None:
+        geometry = replace(geometry, rate=geometry.end_rate, bend=geometry.end_bend)
     parts = _accelerations(geometry, geometry.joints, lambda rows: rows[geometry.tips])
     return OutputGroup(signals, *parts, translation=np.ones(len(signals)))
 

@@ -87,15 +87,8 @@ def export(options: argparse.Namespace) -> StateSpace | VaryingModel:
 
     target = find_format(_format(options))
     name = options.output or file_beside(options.scene, target.extension)
-    scene = scene_at(options)
-    about(noted(scene.at(0.0), "a constant linear model"))
-    model: VaryingModel | StateSpace
-    if scene.is_hoisted:
-        model = _varying(scene, options)
-        content = target.content(model, is_varying=True)
-    else:
-        model = _sampled(model_of(scene, options), options)
-        content = target.content(model)
+    model = _model_for(options)
+    content = target.content(model, is_varying=not hasattr(model, "dt"))
     with whole_file(name) as stream:
         stream.write(content)
     inputs, outputs = map(_listed, (model.inputs, model.outputs))
@@ -103,6 +96,47 @@ def export(options: argparse.Namespace) -> StateSpace | VaryingModel:
     if note := target.note(content):
         remark(note)
     return model
+
+
+def _model_for(options: argparse.Namespace) -> StateSpace | VaryingModel:
+    """The model at rest, at a state, along a hoist or along a run."""
+    scene = scene_at(options)
+    if options.start or options.along:
+        return _in_motion(scene, options)
+    about(noted(scene.at(0.0), "a constant linear model"))
+    return _varying(scene, options) if scene.is_hoisted else _sampled(model_of(scene, options), options)
+
+
+def _in_motion(scene: Scene, options: argparse.Namespace) -> StateSpace | VaryingModel:
+    """The model at the state of --start, or along the run of --along."""
+    from modal.errors import SceneError
+    from modal.exports.text import is_moving
+    from modal.scene import require
+    from multipendula.commands.runs import start_of
+    from nonlinear.files import load as load_run
+    from nonlinear.postprocessing.models import model_at, models_along
+    from nonlinear.system import initial_state
+
+    require(scene, "a model along a motion")
+    word = "--along" if options.along else "--start"
+    refuse(options, f"needs the equilibrium: it cannot be combined with {word}", "--minimal", "--dominant")
+    signals = inputs_of(scene, options), listed(options.signals)
+    if options.along:
+        refuse(options, "needs one model: it cannot be combined with --along", "--discrete", "--start")
+        run = load_run(options.along)
+        if run.scene != scene:
+            raise SceneError([f"--along {options.along}: is a run of another scene than {options.scene}"])
+        return models_along(run, *signals)
+    start = start_of(scene, options.start)
+    model = model_at(scene, initial_state(scene) if start is None else start, *signals)
+    if is_moving(model):
+        remark(
+            "The state does not stay: deviations are from the motion through it, and the model is that of its instant."
+        )
+    else:
+        frame = ", in the frame of the support that moves" if scene.is_moved else ""
+        remark(f"The state stays as it is{frame}: deviations are from it.")
+    return _sampled(model, options)
 
 
 def _format(options: argparse.Namespace) -> str:
@@ -391,11 +425,14 @@ COMMANDS = (
             "--discrete: the model is discretized, its inputs held between samples (zero-order hold)",
             "--minimal",
             "--dominant",
+            "--start, in place of the equilibrium, in the plane: scene, mode:R:DEG, orbit:R:DEG, orbit or "
+            "angles:A,B,... (deg, at rest)",
+            "--along, a model for each of its times: a run of the scene in the plane (control, mat and npz)",
         ),
         details=(
             "z' = A z + B u, y = C z + D u about the scene's equilibrium, with a name and a unit for every state, "
             "input and output; discretized with --discrete. For a scene with a hoist, A and B are sampled along it "
-            "(npz and mat only)."
+            "(control, mat and npz only). With --start the model is that of deviations from the motion through a state."
         ),
         examples=(
             ("export crane-hook -o crane.mat", "for MATLAB and Octave"),
@@ -407,6 +444,7 @@ COMMANDS = (
                 "export crane-hook --discrete 0.01 --signals angles -o crane.h",
                 "for a controller that samples at 100 Hz",
             ),
+            ("export crane-hook --start angles:30,-20 -o leaning.json", "where it leans, for one point of a schedule"),
             ("export paper-cart-3 --minimal -o small.json", "the controllable part: 6 states of 14"),
         ),
     ),

@@ -1,6 +1,7 @@
 """The linear model along a hoist: frequencies, swing, the promise of shapers, and files."""
 
 from io import BytesIO
+from typing import Any
 
 import hoists
 import numpy as np
@@ -214,12 +215,17 @@ def test_mean_lengths_are_averages_over_time() -> None:
 @pytest.mark.parametrize("name", sorted(FORMATS))
 def test_models_along_a_hoist_are_written_or_refused(name: str) -> None:
     varying = varying_model(load("hoisting-crane"), np.linspace(0, 8, 5))
-    if name not in {"npz", "mat"}:
+    if name not in {"npz", "mat", "control"}:
         with pytest.raises(SceneError, match=f"format {name}: holds a constant model"):
             find_format(name).write_varying(varying)
         return
-    content = BytesIO(find_format(name).write_varying(varying))
-    read = np.load(content) if name == "npz" else loadmat(content)
+    content = find_format(name).write_varying(varying)
+    read: dict[str, Any] = {}
+    if name == "control":
+        exec(content, read)
+        read |= {"C": read["C"][0], "D": read["D"][0], "time_s": read["times"]}
+    else:
+        read = np.load(BytesIO(content)) if name == "npz" else loadmat(BytesIO(content))
     for key, values in (("A", varying.A), ("B", varying.B), ("C", varying.C), ("D", varying.D)):
         assert np.array_equal(read[key], values)
     assert np.array_equal(np.ravel(read["time_s"]), varying.times)
