@@ -75,6 +75,8 @@ class ClosedLoops:
             whole[:n] = np.where(feels[:n, None], whole[:n], whole[n:] / value)
             condition = np.linalg.norm(np.linalg.pinv(right), axis=1) * np.linalg.norm(right, axis=0)
             error = 4 * len(value) * EPS * condition * np.linalg.norm(A[np.ix_(feels, feels)], 2) / np.abs(value)
+            is_level = (value.imag != 0) & (np.abs(value.real) <= error * np.abs(value))
+            value = np.where(is_level, 1j * value.imag, value)
         chosen, free = np.flatnonzero(value.imag >= 0), np.eye(n)[:, ~feels[:n]]
         values = np.append(np.zeros(free.shape[1]), value[chosen])
         shapes = np.hstack((free.astype(complex), whole[:n, chosen]))

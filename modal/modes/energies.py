@@ -25,7 +25,7 @@ from modal.assembly import Dissipator, Hanging, dissipators_of
 from modal.assembly.linearization import DENSE_COORDINATES_MAX
 from modal.assembly.squares import ALONG, JOINT, SPRING, SUPPORT, WEIGHT, WIRE, SquareRows, carrier_squares
 from modal.eigen import UNCERTAIN
-from modal.errors import ComputationError
+from modal.errors import ComputationError, SceneError
 from modal.modes.dissipation import elongations
 from modal.modes.modes import Modes
 from modal.report import TABLE_ROWS, ReportColumn, ReportTable, Result, finite
@@ -161,6 +161,8 @@ def mode_energies(modes: Modes, indices: Sequence[int] | None = None) -> ModeEne
     >>> [(row.part, row.percent.round(1).tolist()) for row in energies.rows if row.energy == "kinetic"]
     [('link 1_1', [14.6, 85.4]), ('link 1_2', [85.4, 14.6])]
     """
+    if modes.scene.feedback:
+        raise SceneError(["feedback: shares of energy do not support loops of feedback, which are not symmetric"])
     chosen = [modes.place(index) for index in (range(len(modes)) if indices is None else indices)]
     parts = _Parts(modes)
     shares = np.array([parts.shares(index) for index in chosen]).reshape(len(chosen), len(parts.names))

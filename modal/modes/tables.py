@@ -188,7 +188,8 @@ def _footnotes(modes: Modes, rows: Sequence[Mode], starred: str) -> list[str]:
     if modes.rig.is_damped and any(row.effective_mass > 0 for row in rows):
         notes.append(UNDAMPED)
     if any(row.growth_rate for row in rows):
-        notes.append("unstable: the scene leaves this equilibrium; every growing mode is paired with a decaying one.")
+        pairs = "" if modes.scene.feedback else "; every growing mode is paired with a decaying one"
+        notes.append(f"unstable: the scene leaves this equilibrium{pairs}.")
     if modes.scene.has_losses:
         mixing = set(deferred("modal.modes.dissipation:sharing")(modes)) & {row.number for row in rows}
         if mixing:

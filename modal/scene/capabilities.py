@@ -101,7 +101,7 @@ HELD: Sentences = {
 
 IN_LOOPS: Sentences = {
     "limited_feedback": "Limits of feedback are omitted: small motions do not reach them.",
-    "sampled_feedback": "Samples and delays of feedback are omitted: these are the poles of loops that never wait.",
+    "sampled_feedback": "Samples and delays of feedback are omitted: these are the poles of continuous loops.",
     "reference": "References of feedback are omitted: these are the poles about the rest.",
 }
 """What linear models leave out of loops that they close."""

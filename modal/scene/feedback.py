@@ -47,7 +47,7 @@ class GainMatrix(Part):
         """Rows of other lengths, and states named twice."""
         for k, row in enumerate(self.rows):
             if len(row) != len(self.states):
-                yield f".rows[{k}]: has {len(row)} numbers for {len(self.states)} states"
+                yield f".rows[{k}]: must have a number for each of the {len(self.states)} states, not {len(row)}"
         for name in dict.fromkeys(self.states):
             if self.states.count(name) > 1:
                 yield f".states: has {name} twice"
@@ -98,6 +98,8 @@ class Feedback(Part):
         elif has_output and (self.output is None or self.gain is None):
             missing, given = ("output", "gain") if self.output is None else ("gain", "output")
             yield f".{missing}: is required beside {given}"
+        if len(set(self.inputs)) < len(self.inputs):
+            yield ".input: names an input twice"
         if self.gains is not None and self.reference:
             yield f".reference = {self.reference!r}: belongs to an output: gains hold all states at equilibrium"
         if self.delay and self.sample_time is None:

@@ -13,6 +13,7 @@ again, unless a controller's samples are the grid.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import inf
 
 import numpy as np
 import scipy
@@ -61,6 +62,12 @@ def shaper_over(
     path, sign, ends = span.partition("=")
     if not sign or ends.count(":") != 1:
         raise SceneError([f"span {span}: must be PLACE=FROM:TO, such as pendulum[0].links[0].length=8:14"])
+    try:
+        is_ascending = 0 < float(ends.partition(":")[2]) - float(ends.partition(":")[0]) < inf
+    except ValueError:
+        is_ascending = False
+    if not is_ascending:
+        raise SceneError([f"span {span}: must run from a number to a larger one"])
     variation = parse_vary(scene, [f"{path}={ends}:{2 * samples - 1}"])[0][0]
     scenes = [vary(scene, {path: value}) for value in variation.values]
     swings = [swings_of(each, drive)[:count] for each in scenes[::2]]

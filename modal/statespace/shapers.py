@@ -230,7 +230,8 @@ def usual_inputs(scene: Scene) -> tuple[str, ...]:
     >>> usual_inputs(load("crane-hook")), usual_inputs(load("tower"))
     (('cart_acceleration',), ())
     """
-    return (usual_drive(scene),) if scene.cart is not None else ()
+    is_single = scene.cart is not None and not scene.feedback
+    return (usual_drive(scene),) if is_single else ()
 
 
 def _excited_modes(modes: Modes, coordinate: int) -> Booleans:

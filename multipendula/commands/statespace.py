@@ -345,6 +345,8 @@ def _shaper(scene: Scene, drive: str, options: argparse.Namespace) -> tuple[Shap
     from modal.statespace import shaper_for
 
     step, tolerance = options.discrete or 0.0, options.residual / 100
+    if not options.range and (options.kind or "zv") not in {"ei", "ei2", "ei3"}:
+        refuse(options, "is for --kind ei, ei2 and ei3, and for a --range", "--residual")
     if not options.range:
         return shaper_for(scene, options.count, options.kind or "zv", drive, step=step, tolerance=tolerance), []
     from modal.statespace.insensitive import shaper_over

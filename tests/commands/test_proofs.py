@@ -18,10 +18,10 @@ import pytest
 from scenes import decimal_scene, extreme_scene, spatial_scene, sprung_scene, structured_scene
 
 import multipendula
-from modal import Bob, Body, Cart, Pendulum, Rod, Scene, load, natural_modes
+from modal import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene, load, natural_modes
 from modal.assembly import matrices
 from modal.modes.tables import record_of
-from modal.scene import ConstantForce, ModalSupport, Swing, dumps, example_names, scene_from
+from modal.scene import ConstantForce, ModalSupport, Swing, Tilt, dumps, example_names, scene_from
 from multipendula import check_proof
 from multipendula.check_proof import Verdict, check
 from multipendula.cli import main
@@ -221,8 +221,8 @@ def test_what_is_not_known_is_refused_by_name() -> None:
     assert [verdict.words for verdict in verdicts(documents(windy))] == [LEANING]
     files = documents(load("chain-2"))
     for data in (files["scene"], files["proof"]["scene"]):
-        data["pendulum"][0]["links"][0]["gear_ratio"] = 3.0
-    with pytest.raises(check_proof.UnreadableError, match=r"pendulum\[0\].links\[0\].gear_ratio: this checker"):
+        data["pendulum"][0]["links"][0]["springiness"] = 3.0
+    with pytest.raises(check_proof.UnreadableError, match=r"pendulum\[0\].links\[0\].springiness: this checker"):
         verdicts(files)
 
 
@@ -253,3 +253,21 @@ def test_a_swing_is_the_cart_that_it_is_for_small_motions() -> None:
     blocks = [check_proof.blocks_of(tomllib.loads(dumps(scene))) for scene in (swing, cart)]
     x = check_proof.Q(20)
     assert check_proof.count(blocks[0], x, 0) == check_proof.count(blocks[1], x, 0) == (2, 0)
+
+
+def test_one_frequency_is_not_proved_for_two_rows() -> None:
+    """A row that is in the table twice, under its number or another, with all that the proof says of it."""
+    files = documents(load("two-bobs"))
+    first, second = files["table"]["modes"]
+    files["table"]["modes"] = [first, {**first, "mode": second["mode"]}]
+    files["proof"]["modes"][1] = {**files["proof"]["modes"][0], "mode": second["mode"]}
+    assert [verdict.proved for verdict in verdicts(files)] == [True, False]
+    files["table"]["modes"] = [first, first]
+    assert [verdict.proved for verdict in verdicts(files)] == [True, False]
+
+
+def test_rotors_are_proved() -> None:
+    rotor = Bob(mass=1.0, length=0.5, rotor_inertia=2e-4, gear_ratio=36.0)
+    pendulum = Pendulum(links=(rotor, rotor.replace(stiffness=2.0), Bob(mass=0.3, length=0.2)))
+    for support in (Fixed(), Cart(mass=2.0), Tilt(mass=3.0, inertia=0.5, stiffness=60.0)):
+        assert not unproved(Scene(gravity=9.81, support=support, pendulum=(pendulum,)))

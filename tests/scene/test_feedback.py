@@ -38,7 +38,7 @@ MISTAKES = {
     'input = "joint_torques"\ngains = "K.csv"\nreference = 1.0': ("reference = 1.0: belongs to an output",),
     'input = ["cart_force", "torque_1_1"]\ngains = "K.csv"': ("feedback[0].gains: has 1 rows for 2 inputs",),
     'input = "cart_force"\ngains = { states = ["x", "x"], rows = [[1.0]] }': (
-        "feedback[0].gains.rows[0]: has 1 numbers for 2 states",
+        "feedback[0].gains.rows[0]: must have a number for each of the 2 states, not 1",
         "feedback[0].gains.states: has x twice",
     ),
 }

@@ -8,10 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from modal import load, natural_modes
+from modal import Bob, Cart, Pendulum, load, natural_modes
 from modal.errors import ComputationError, SceneError
+from modal.modes.energies import mode_energies
 from modal.modes.sensitivity import sensitivities
 from modal.scene import Scene, scene_from
+from modal.scene.feedback import Feedback
 from modal.statespace import frequency_response, minimal, modal_gains, state_space, to_modal_form
 from modal.statespace.regulator import energy_weights, regulator
 from multipendula.cli import main
@@ -181,3 +183,15 @@ def test_derivatives_of_closed_loops_are_refused() -> None:
     """They would need left vectors that are not the shapes."""
     with pytest.raises(SceneError, match="a derivative of modes does not close loops of feedback"):
         sensitivities(natural_modes(LOOPS["force on the cart"][0]), 1)
+
+
+def test_a_loop_that_is_a_spring_neither_grows_nor_decays() -> None:
+    """A gain of 3 N/m from the place of a cart is a spring of 3 N/m."""
+    pendulum = (Pendulum(links=[Bob(mass=20.0, length=5.0)]),)
+    sprung = natural_modes(Scene(gravity=9.81, support=Cart(mass=100.0, stiffness=3.0), pendulum=pendulum))
+    loop = Feedback(input="cart_force", output="x", gain=3.0)
+    held = natural_modes(Scene(gravity=9.81, support=Cart(mass=100.0), pendulum=pendulum, feedback=[loop]))
+    assert held.omega == pytest.approx(sprung.omega, rel=1e-13)
+    assert held.damping_ratio.tolist() == [0.0, 0.0]
+    with pytest.raises(SceneError, match="shares of energy do not support loops"):
+        mode_energies(held)
