@@ -8,12 +8,15 @@ import tomllib
 from importlib import import_module
 from pathlib import Path
 from types import FunctionType
+from typing import get_args
 
 import pytest
 import yaml
 
 import modal
 import nonlinear
+from modal.exports import FORMATS
+from modal.statespace.shapers import Kind
 
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
@@ -176,6 +179,11 @@ def test_a_proof_that_is_not_there_is_missed() -> None:
     here, gone = "tests/site/test_project.py", "tests/gone.py"
     page = f"[`{here}`](../../{here}): `test_nothing`, `test_every_extra_is_tested`; [`{gone}`](../../{gone})"
     assert missing(page, KNOWN.parent) == ["test_nothing", "tests/gone.py"]
+
+
+def test_the_comparison_counts_formats_and_shapers() -> None:
+    page = (KNOWN.parent / "comparison.md").read_text(encoding="utf-8")
+    assert f"| {len(FORMATS)} formats; {len(get_args(Kind))} kinds of shapers" in page
 
 
 def test_every_section_of_the_readme_that_promises_is_in_the_list() -> None:
