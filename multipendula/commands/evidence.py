@@ -8,6 +8,7 @@ find; what both compute has no part in the frequencies of the table.
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import tomllib
 from collections.abc import Callable, Iterator, Sequence
@@ -26,7 +27,7 @@ from modal.scene.contents import text_of
 from modal.scene.files import example_text
 from multipendula import check_proof
 from multipendula.check_proof import NotProvedError, Sums, UnreadableError
-from multipendula.commands.shared import bar, estimate_of, output
+from multipendula.commands.shared import bar, estimate_of, in_a_folder, output, remark
 
 WHAT = "python check_proof.py SCENE.toml TABLE.json PROOF.json counts again, with Python's standard library alone"
 
@@ -52,9 +53,12 @@ def evidence(options: argparse.Namespace, modes: Modes, rows: list[Mode], starre
     if options.orbits:
         rows, starred = angles_by_orbits(modes, rows)
     if options.prove:
+        in_a_folder(options.prove, option="--prove")
         with bar(float(len(rows)), "row", "proof") as report, output(options.prove) as write:
             text, proofs = prove(modes, rows, options.scene, report)
             write(text)
+        if reasons := sorted({claim["why"] for claim in json.loads(text)["modes"] if "why" in claim}):
+            remark(f"not proved, as {'; '.join(reasons[:3])}")
     return Evidence(rows, starred, stds, proofs)
 
 

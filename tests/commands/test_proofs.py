@@ -22,6 +22,7 @@ from modal import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene, load, natural_mo
 from modal.assembly import matrices
 from modal.modes.tables import record_of
 from modal.scene import ConstantForce, ModalSupport, Swing, Tilt, dumps, example_names, scene_from
+from modal.scene.feedback import Feedback
 from multipendula import check_proof
 from multipendula.check_proof import Verdict, check
 from multipendula.cli import main
@@ -271,3 +272,14 @@ def test_rotors_are_proved() -> None:
     pendulum = Pendulum(links=(rotor, rotor.replace(stiffness=2.0), Bob(mass=0.3, length=0.2)))
     for support in (Fixed(), Cart(mass=2.0), Tilt(mass=3.0, inertia=0.5, stiffness=60.0)):
         assert not unproved(Scene(gravity=9.81, support=support, pendulum=(pendulum,)))
+
+
+def test_why_rows_are_not_proved_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    loop = Feedback(input="cart_force", output="x", gain=3.0)
+    bob = Pendulum(links=(Bob(mass=1.0, length=1.0),))
+    path = tmp_path / "loop.toml"
+    path.write_text(dumps(Scene(gravity=9.81, support=Cart(mass=1.0), pendulum=(bob,), feedback=[loop])))
+    assert main(["table", str(path), "--prove", str(tmp_path / "proof.json")]) == 0
+    assert "not proved, as scene.feedback: this checker does not know it" in capsys.readouterr().err
+    assert main(["table", str(path), "--prove", str(tmp_path / "none" / "proof.json")]) == 2
+    assert "--prove " in capsys.readouterr().err
