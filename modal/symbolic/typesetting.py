@@ -261,32 +261,25 @@ def _grid(matrix: Any) -> str:
     return "\n" + "\n".join(entries)
 
 
-class Conjugates(sp.Function):  # type: ignore[misc]
-    """Two conjugate numbers, given by real and imaginary part."""
-
-    nargs = 2
-
-    def _sympystr(self, printer: Any) -> str:
-        real, imaginary = map(printer.doprint, self.args)
-        return f"{real} ± {imaginary} i"
-
-    def _latex(self, printer: Any) -> str:
-        real, imaginary = map(printer.doprint, self.args)
-        return rf"{real} \pm {imaginary}\, i"
-
-
 class PlusMinus(sp.Function):  # type: ignore[misc]
     """Two roots, given by what they share and by how far each is from it."""
 
     nargs = 2
+    unit, unit_in_latex = "", ""
 
     def _sympystr(self, printer: Any) -> str:
         middle, distance = map(printer.doprint, self.args)
-        return f"{middle} ± {distance}"
+        return f"{middle} ± {distance}{self.unit}"
 
     def _latex(self, printer: Any) -> str:
         middle, distance = map(printer.doprint, self.args)
-        return rf"{middle} \pm {distance}"
+        return rf"{middle} \pm {distance}{self.unit_in_latex}"
+
+
+class Conjugates(PlusMinus):
+    """Two conjugate numbers, given by real and imaginary part."""
+
+    unit, unit_in_latex = " i", r"\, i"
 
 
 def in_latex(words: str) -> str:
