@@ -131,7 +131,7 @@ def _in_motion(scene: Scene, options: argparse.Namespace) -> StateSpace | Varyin
     model = model_at(scene, initial_state(scene) if start is None else start, *signals)
     if is_moving(model):
         remark(
-            "The state does not stay: deviations are from the motion through it, and the model is that of its instant."
+            "This state is no equilibrium: the model holds at its instant, for deviations from the motion through it."
         )
     else:
         frame = ", in the frame of the support that moves" if scene.is_moved else ""
