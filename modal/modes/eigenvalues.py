@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,6 @@ from modal.assembly import Hanging, Rig, Units, rig_of, single
 from modal.eigen import (
     EVERYTHING,
     LIGHT,
-    MOST_COORDINATES,
     UNCERTAIN,
     Limits,
     ModalSpectrum,
@@ -21,9 +20,13 @@ from modal.eigen import (
     short_squares,
     structured_error,
 )
-from modal.modes.mode import SupportResponse, hertz, oscillating, swing_period
+from modal.modes.mode import MOST_REFINED, Mode, hertz, oscillating, swing_period
+from modal.report import deferred
 from modal.scene import Scene
 from modal.types import Booleans, Floats, Ints
+
+if TYPE_CHECKING:
+    from modal.modes.expansion import FiniteMotion
 
 A = TypeVar("A", bound=NDArray[Any])
 
@@ -114,16 +117,27 @@ class Eigenvalues:
     def _range(self) -> range:
         return range(len(self._full_spectrum.eigenvalue))[self.which or slice(None)]
 
-    @cached_property
-    def support_response(self) -> SupportResponse | None:
-        """What the structure does at twice the frequency of a mode; None beyond MOST_COORDINATES."""
-        links = sum(int(block.mass.shape[0] * block.count.sum()) for block in self.rig.blocks)
-        return SupportResponse.of(self.rig) if links <= MOST_COORDINATES else None
-
     @property
-    def pivots_sink(self) -> bool:
-        """Whether a coordinate of what carries the pendula moves a pivot down to first order."""
-        return bool(self.hanging.phi.down.any())
+    def is_expanded(self) -> bool:
+        """Whether amplitudes are found by expansion: on structures, about moved equilibria, and with laws of joints."""
+        return self.scene.is_structured or self.rig.leans or "law" in self.scene.features
+
+    @cached_property
+    def not_expanded(self) -> str:
+        """Where not, in words; "" where they are."""
+        if self.rig.spatial:
+            return "on structures in space"
+        if self.rig.has_loops:
+            return "with feedback"
+        if self.scene.n_links + self.rig.leading > MOST_REFINED:
+            return f"beyond {MOST_REFINED} coordinates where pivots move down" * bool(self.hanging.phi.down.any())
+        return "" if self.finite_motion.is_known else "with laws of joints that do work without a potential"
+
+    @cached_property
+    def finite_motion(self) -> FiniteMotion:
+        """The nonlinear equations by which they are, in the plane."""
+        motion: FiniteMotion = deferred("modal.modes.expansion:FiniteMotion")(self.scene, self.rig)
+        return motion
 
     @cached_property
     def hanging(self) -> Hanging:
@@ -138,12 +152,12 @@ class Eigenvalues:
         d = self.rig.leading
         return self.hanging.inertia.diagonal() if d > 1 else np.ones(d)
 
-    def moving_near(self, omega: float) -> str:
-        """The mode of the scene nearest to a frequency (rad/s) that moves more than pendula on a support at rest."""
+    def resonance_near(self, mode: Mode, harmonic: int) -> str:
+        """The other mode of the scene nearest to so many times the frequency of a mode, if those are known."""
         sizes = np.abs(self._full_spectrum.eigenvalue) * self.units.rate
-        moving = [n for n, parts in enumerate(self._full_spectrum.groups) if not all(part.is_still for part in parts)]
-        nearest = min(moving, key=lambda n: abs(float(sizes[n]) - omega), default=None)
-        return "a mode of the support" if nearest is None else f"mode {nearest + 1}"
+        sizes[mode.number - 1] = np.inf
+        nearest = f"mode {int(np.abs(sizes - harmonic * mode.omega).argmin()) + 1}"
+        return f"1:{harmonic} with {nearest if np.isfinite(sizes).any() else 'another mode'}"
 
     @property
     def is_partial(self) -> bool:

@@ -18,19 +18,19 @@ Near 2:1 this depends on the frequency itself, ω(a)²/ω² − 1 = 2a² (κ₀ 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import degrees, pi, sqrt
-from typing import Any, NamedTuple
+from math import pi
+from typing import Any
 
 import numpy as np
 
-from modal.assembly import Hanging, Rig, scene_squares
-from modal.eigen import ONE_PERCENT, UNCERTAIN
-from modal.modes.shapes import Shape
+from modal.eigen import UNCERTAIN
 from modal.report import Displayed, Summary, deferred
 from modal.types import Floats, Ints
 
 DISTANCE_OF_RESONANCE = 0.02
 """Physics: distance from 1:1 or 1:3, relative to the frequency, within which two modes are told to be in resonance."""
+MOST_REFINED = 120
+"""Limit: coordinates up to which a mode takes work of its own: terms that cancel are refined, motion is expanded."""
 PROMISED_ERROR = 0.03
 """Tolerance: relative error of an angle of 1 % without a star, as docs and tables say; a star stands beyond."""
 ERROR_UNSEEN = 0.002
@@ -200,60 +200,3 @@ def answering(omega: Floats, number: int, partners: Ints) -> list[tuple[int, int
         neighbours = others[max(at - 3, 0) : at + 3]  # those further from the ratio respond less
         pairs += [(harmonic, k) for k in neighbours.tolist() if omega[k]]
     return pairs
-
-
-class Amplitude(NamedTuple):
-    """κ (1/rad²), and the largest angle (deg) at which ω is 1 % off; both NaN where they are unknown."""
-
-    kappa: float
-    one_percent_deg: float
-
-
-UNKNOWN = Amplitude(np.nan, np.nan)
-
-
-@dataclass(frozen=True, eq=False)
-class SupportResponse:
-    """The response of the structure of a rig to modes that leave it still to first order."""
-
-    hanging: Hanging
-    M: Floats
-    K: Floats
-    D: Floats
-
-    @classmethod
-    def of(cls, rig: Rig) -> SupportResponse:
-        """That of a rig in SI units."""
-        return cls(Hanging(rig), *scene_squares(rig).matrices)
-
-    def pushes(self, shape: Shape) -> Floats:
-        """Σ Ψ σ b φ² (d,) of a shape over all links, 0 where only rounding is left."""
-        hanging, squares = self.hanging, np.real(shape.angles) ** 2
-        moments = np.concatenate([self._moments(*kind) for kind in hanging.kinds.tolist()])
-        forces = hanging.phi.down * np.add.reduceat(moments * squares, hanging.first[:-1])[:, None]
-        pushes, terms = forces.sum(0), np.abs(forces).sum(0)
-        return np.where(np.abs(pushes) <= len(forces) * 2.0**-48 * terms, 0.0, pushes)
-
-    def _moments(self, number: int, column: int) -> Floats:
-        block = self.hanging.rig.blocks[number]
-        return np.asarray(block.sigma[:, column] * block.b[:, column])
-
-    def amplitude(self, shape: Shape, omega: float, fixed_kappa: float) -> Amplitude:
-        """Those of a shape with a largest angle of 1 that pushes the structure; κ at rest is `fixed_kappa`."""
-        pushes = self.pushes(shape)
-
-        def second(r: float) -> float:
-            """κ₂ (1/rad²) at r ω."""
-            driven = 2 * r * omega
-            stiffness = self.K + 1j * driven * self.D - driven**2 * self.M
-            force = np.zeros(len(stiffness))
-            force[: len(pushes)] = -((r * omega) ** 2) * pushes
-            return float(-(force @ np.linalg.solve(stiffness, force)).real) / (shape.modal_mass * omega**2)
-
-        try:
-            kappa = fixed_kappa + second(1.0)
-            r = 1 + np.copysign(ONE_PERCENT, kappa)
-            square = (r**2 - 1) / 2 / (fixed_kappa + second(r))
-        except np.linalg.LinAlgError:
-            return UNKNOWN
-        return Amplitude(kappa, degrees(sqrt(square)) if 0 < square < np.inf else np.nan)

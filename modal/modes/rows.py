@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import fields, replace
 from itertools import groupby
-from math import isfinite, radians
+from math import isfinite, nan, radians
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -31,9 +31,8 @@ from modal.modes.eigenvalues import Eigenvalues
 from modal.modes.mode import (
     DISTANCE_OF_DOUBT,
     DOUBT_ELSEWHERE,
+    MOST_REFINED,
     PROMISED_ERROR,
-    UNKNOWN,
-    Amplitude,
     Mode,
     answering,
     is_guide,
@@ -50,8 +49,6 @@ STRUCTURE_STILL, FREE = "supports at rest", "free"
 UNNAMED = {"tilt": "board", "heave": "support", "modal": "structure"}
 ALIKE = {"cart": "carts", "swing": "swings"}
 COUNTED = ("", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
-MOST_REFINED = 120
-"""Limit: coordinates up to which a mode is refined where its terms cancel; beyond, it has the digits of floats."""
 FIXED, CART_STILL = "fixed support", "cart still"
 
 
@@ -235,16 +232,16 @@ def _head(pieces: list[_RowPart]) -> _RowPart:
 
 def mode_rows(modes: Eigenvalues, numbers: Sequence[int]) -> Iterator[tuple[int, Mode]]:
     """The rows of the modes with these indices (from 0), each with its index, in this order."""
-    on_structure = modes.scene.is_structured  # whose resonances are those of `_shaking`
-    resonances_of = {n: () if on_structure else _resonances(modes, n) for n in numbers}
+    expands = modes.is_expanded  # where `_expanded` finds the resonances
+    resonances_of = {n: () if expands else _resonances(modes, n) for n in numbers}
     partners_of = {
-        n: [] if resonances_of[n] or on_structure else answering(modes.omega, n, _partners(modes, n)) for n in numbers
+        n: [] if resonances_of[n] or expands else answering(modes.omega, n, _partners(modes, n)) for n in numbers
     }
     pieces = _pieces(modes, sorted({*numbers, *(k for pairs in partners_of.values() for _, k in pairs)}))
     for n in numbers:
         mode = _mode(modes, n, pieces[n])
-        if on_structure and isfinite(mode.kappa):
-            yield n, _shaking(modes, mode, _head(pieces[n]).part)
+        if expands:
+            yield n, _expanded(modes, mode, _head(pieces[n]).part) if pieces[n] else mode
             continue
         answers = (
             _answers(modes, n, partners_of[n], pieces)
@@ -254,31 +251,29 @@ def mode_rows(modes: Eigenvalues, numbers: Sequence[int]) -> Iterator[tuple[int,
         yield n, replace(mode, resonances=(*resonances_of[n], *answers) if isfinite(mode.kappa) else ())
 
 
-def _shaking(modes: Eigenvalues, mode: Mode, part: SpectrumPart) -> Mode:
-    """A mode that leaves its structure still to first order, with what the structure does at twice its frequency.
+def _expanded(modes: Eigenvalues, mode: Mode, part: SpectrumPart) -> Mode:
+    """A mode with κ and its angle of 1 % by the expansion of its motion, and a star where that converges slowly.
 
     Of several shapes of one frequency it is that of the first, with a star: they differ, and exchange energy.
     """
-    if not modes.pivots_sink:
+    unknown, rig = replace(mode, kappa=nan, linear_to_1_percent_deg=nan), modes.rig
+    if modes.not_expanded or mode.is_uncertain or not mode.omega or abs(mode.damping_ratio) >= LIGHT:
+        return unknown
+    if modes.scene.n_links + rig.leading > MOST_REFINED:
         return mode
-    if modes.support_response is None:
-        return _with_amplitude(mode, UNKNOWN, ())
     details = modes.spectrum.details(part.source, [part.row])
-    shape = expand(modes.rig, modes.units, part, 0, details, "angle", uncertain=mode.is_uncertain)
-    if not modes.support_response.pushes(shape).any():
-        return mode
-    amplitude = modes.support_response.amplitude(shape, mode.omega, mode.kappa)
-    deviation = abs(amplitude.one_percent_deg / one_percent_amplitude(amplitude.kappa) - 1)
-    # Of the next order in a, which terms of opposite sign in κ leave large beside their sum.
-    next_order = 0.01 * (mode.kappa**2 + (amplitude.kappa - mode.kappa) ** 2) / amplitude.kappa**2
-    words = [] if deviation + next_order <= PROMISED_ERROR else [f"1:2 with {modes.moving_near(2 * mode.omega)}"]
-    several = [f"1:1 among its own {mode.multiplicity} shapes"] if mode.multiplicity > 1 else []
-    return _with_amplitude(mode, amplitude, (*several, *words))
-
-
-def _with_amplitude(mode: Mode, amplitude: Amplitude, resonances: tuple[str, ...]) -> Mode:
+    shape = expand(rig, modes.units, part, 0, details, "angle", uncertain=False)
+    phi = np.concatenate([shape.leading[: rig.leading], shape.angles])
+    if not shape.angles.any() or np.abs(phi.imag).max() >= LIGHT * np.abs(phi.real).max():
+        return unknown
+    expansion = modes.finite_motion.expand(phi.real, mode.omega, is_single=mode.multiplicity == 1)
+    several = f"1:1 among its own {mode.multiplicity} shapes"
+    near = several if mode.multiplicity > 1 else modes.resonance_near(mode, expansion.harmonic)
     return replace(
-        mode, kappa=amplitude.kappa, linear_to_1_percent_deg=amplitude.one_percent_deg, resonances=resonances
+        mode,
+        kappa=expansion.kappa,
+        linear_to_1_percent_deg=expansion.one_percent_deg,
+        resonances=() if expansion.converges else (near,),
     )
 
 

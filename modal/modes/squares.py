@@ -24,7 +24,7 @@ from modal.assembly.squares import SceneSquares, SquareRows
 from modal.assembly.structure import modal_supports
 from modal.eigen import REFINED_DIGITS, Digits
 from modal.errors import ComputationError, SceneError
-from modal.modes.rows import MOST_REFINED
+from modal.modes.mode import MOST_REFINED
 from modal.scene import Scene
 from modal.scene.parameters import Place, number_at
 from modal.scene.validation import Part

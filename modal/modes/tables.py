@@ -183,6 +183,8 @@ def _footnotes(modes: Modes, rows: Sequence[Mode], starred: str) -> list[str]:
     notes = list(modes.notes)
     if any(row.resonances for row in rows):
         notes.append(f"* near a 1:1, 1:2 or 1:3 resonance, with another mode or among its own: {starred}.")
+    if modes.is_expanded and modes.not_expanded:
+        notes.append(f"1 % angle: not computed {modes.not_expanded}.")
     if any(row.is_uncertain for row in rows):
         notes.append("! beyond double precision: no digit of this frequency is certain.")
     if modes.rig.is_damped and any(row.effective_mass > 0 for row in rows):

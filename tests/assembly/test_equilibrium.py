@@ -161,7 +161,6 @@ def test_modes_are_those_of_the_matrices(name: str) -> None:
     for omega, bound in zip(modes.omega, modes.error, strict=True):
         apart = 1e-7 if omega == 0 else (bound + 1e-11) * omega
         assert np.abs(values - omega).min() < apart
-    assert np.isnan(modes.kappa[modes.omega > 0]).all()
     assert "about the equilibrium under constant forces" in modes.route
     assert modes.residual.max() < 1e-12
     for number in range(len(modes)):

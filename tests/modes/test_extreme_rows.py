@@ -122,8 +122,8 @@ def test_a_row_without_its_shape_says_so_and_the_others_stand(monkeypatch: pytes
 
 
 def test_a_star_never_names_a_mode_of_the_selection_in_the_place_of_one_of_the_scene() -> None:
-    pendulum = Pendulum(links=(Bob(mass=0.2, length=1.0),))
-    scene = Scene(gravity=9.81, support=Heave(mass=1.0, stiffness=47.0), pendulum=(pendulum,))
+    pendulum = Pendulum(links=(Bob(mass=0.3, length=1.0),))
+    scene = Scene(gravity=9.81, support=Heave(mass=1.0, stiffness=20.0), pendulum=(pendulum,))
     whole = natural_modes(scene)
     assert whole[0].resonances == ("1:2 with mode 2",)
-    assert natural_modes(scene, modes=slice(0, 1))[0].resonances == ("1:2 with a mode of the support",)
+    assert natural_modes(scene, modes=slice(0, 1))[0].resonances == ("1:2 with another mode",)
