@@ -1,14 +1,14 @@
 """The motion of a mode at finite amplitude, by expansion in the amplitude: any planar scene, about any equilibrium.
 
-With τ = Ω t and q = q₀ + a φ cos τ + a² q₂(τ) + a³ q₃(τ) + …, Ω² = ω² (1 + s₂ a² + s₄ a⁴ + …), the equations of motion
-at each order in a (Lindstedt and Poincaré) [Nayfeh1979, §2.3]
+With τ = Ω t and q = q₀ + a φ cos τ + a² q₂(τ) + a³ q₃(τ) + …, the equations of motion at each order in a are (the
+method of Lindstedt and Poincaré [Nayfeh1979, §2.3], at the frequency Ω of the motion itself)
 
-    K q_m + ω D q_m' + ω² M q_m'' = −N_m − ω² Σ_j s_j (M q_{m−j}'' + I_{m−j}),      φᵀ (first harmonic at right) = 0,
+    K q_m + Ω D q_m' + Ω² M q_m'' = −N_m,      (Ω² − ω²) φᵀMφ = a² φᵀN₃ + a⁴ φᵀN₅ + …   in the first harmonic, cos τ,
 
-give s₂ = 2κ, s₄ and the motion itself.  N_m are the nonlinear terms of order m in what is known by then, I_m those of
-inertia.  They are found from the equations themselves at complex amplitudes on a circle, whose mean over a⁻ᵐ is the
-term of order m: carriers that turn or move down, springs between points, constant forces and laws of joints, each by
-its geometry.  A second mode near 1, 2 or 3 times the frequency makes a term large: s₄ a² beside s₂ tells it.
+N_m being the nonlinear terms of order m in what is known by then: the mean over aᵐ of the forces themselves at complex
+amplitudes on a circle.  Carriers that turn or move down, springs between points, constant forces and laws of joints
+enter by their geometry.  At Ω = ω the first term is 2κω² a² φᵀMφ; at Ω = ω (1 ± 0.01) both give the amplitude there.  A
+mode near 1, 2 or 3 times the frequency makes a response, and the second term, large.
 """
 
 from __future__ import annotations
