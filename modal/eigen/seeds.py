@@ -36,7 +36,7 @@ def seeds(suspension: Suspension) -> tuple[Floats, Floats]:
     matrix, removed_norm = _scaled_matrices(suspension)
     size = matrix.shape[-1]
     try:
-        values = {1: _single_eigenvalue, 2: _two_eigenvalues}.get(size, np.linalg.eigvalsh)(matrix)
+        values = {1: lambda rows: rows[..., 0], 2: _two_eigenvalues}.get(size, np.linalg.eigvalsh)(matrix)
     except np.linalg.LinAlgError:
         values = np.full(matrix.shape[:2], np.nan)
     largest = values[:, -1:]
@@ -99,10 +99,6 @@ def _product(suspension: Suspension) -> tuple[Callable[[Floats], Floats], float]
 def seed_matrices(links: int, supports: int) -> tuple[tuple[str, int, int], ...]:
     """The matrices behind the seeds of `supports` supports, as (name, order, count)."""
     return (("seeds", links, supports),) if 1 < links <= LARGEST_SEEDED else ()
-
-
-def _single_eigenvalue(matrix: Floats) -> Floats:
-    return matrix[..., 0]
 
 
 def _two_eigenvalues(matrix: Floats) -> Floats:

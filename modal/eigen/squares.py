@@ -184,7 +184,9 @@ def squares_of(suspension: Suspension, indices: Ints, modes: int, accuracy: floa
     """
     if not indices.size:
         return Squares.exact(np.zeros((0, suspension.supports)))
-    if _is_slow(suspension, indices):
+    is_sprung = suspension.stiffness is not None and bool(suspension.stiffness[0] > 0)
+    are_lowest = bool(indices[-1] == len(indices) - 1)
+    if _are_few(suspension, indices) and suspension.supports == 1 and are_lowest and not is_sprung:
         guess, error = slow_seeds(suspension, len(indices))
         guesses = guess, np.maximum(error, 3 * accuracy)  # nothing tells that none was missed, so that a count must
         return _settle(suspension, indices, _try_seeds(suspension, indices, accuracy, guesses), modes)
@@ -196,13 +198,6 @@ def squares_of(suspension: Suspension, indices: Ints, modes: int, accuracy: floa
     trials = [_try_seeds(piece, indices, accuracy, seeds(piece)) for piece in pieces]
     trial = Trial(*(np.concatenate(parts, axis=1) for parts in zip(*trials, strict=True)))
     return _settle(suspension, indices, trial, modes)
-
-
-def _is_slow(suspension: Suspension, indices: Ints) -> bool:
-    """Whether these are a few of the lowest modes of one long support without a spring."""
-    sprung = suspension.stiffness is not None and bool(suspension.stiffness[0] > 0)
-    lowest = bool(indices[-1] == len(indices) - 1)
-    return _are_few(suspension, indices) and suspension.supports == 1 and lowest and not sprung
 
 
 def _are_few(suspension: Suspension, indices: Ints) -> bool:

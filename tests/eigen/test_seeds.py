@@ -145,7 +145,7 @@ def test_scalar_arithmetic_is_that_of_numpy(seed: int) -> None:
             (recursion._count_in_arrays(hung, x, 0.0), lambda y: recursion.count_in_floats(counted, y)),
             (
                 recursion._count_in_arrays(hung, x, recursion.NUDGE),
-                lambda y: recursion.nudged_count_in_floats(counted, y, recursion.NUDGE),
+                lambda y: recursion.count_in_floats(counted, y, recursion.NUDGE),
             ),
             (seeds._mass_and_energy(hung, x), lambda y: recursion.mass_and_energy_in_floats(links, y)),
         ]
