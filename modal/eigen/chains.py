@@ -14,7 +14,6 @@ import numpy as np
 
 from modal.assembly import Block, CartNumbers
 from modal.eigen.recursion import Suspension, SweepResult, from_above, from_below, joint_masses, kinetic
-from modal.eigen.seeds import sums_without_each
 from modal.eigen.squares import EVERYTHING, Limits, Squares, squares_of
 from modal.types import EPS, Booleans, Floats
 
@@ -147,3 +146,12 @@ def _join_halves(
         y[i + 1] = np.where(over, upper_joints[i + 1], y[i] * lower_half.gain[i])
         a[i] = np.where(over, upper_joints[i + 1] * turn_above[i], y[i] * lower_half.turn[i])
     return y, a
+
+
+def sums_without_each(base: Floats, parts: list[Floats]) -> list[Floats]:
+    """Own + Σ of all rows but each one, for rows (P, …) in several arrays, without subtraction."""
+    rows = np.concatenate(parts)
+    before, after = np.zeros_like(rows), np.zeros_like(rows)
+    np.cumsum(rows[:-1], axis=0, out=before[1:])
+    after[:-1] = np.cumsum(rows[:0:-1], axis=0)[::-1]
+    return np.split(base + (before + after), np.cumsum([len(part) for part in parts])[:-1])

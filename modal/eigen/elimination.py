@@ -28,7 +28,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from decimal import Context, Decimal, localcontext
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -179,44 +179,21 @@ REFINED_DIGITS = 80
 """Cost: decimal digits in which a mode is refined: half of them may cancel."""
 
 
-class Arithmetic(Protocol):
-    """What an elimination asks of its numbers."""
-
-    omega: Any
-    rates: Floats
-    """The angular frequencies (rad/s) as real floats."""
-
-    def number(self, values: ArrayLike) -> Any:
-        """Floats as numbers."""
-
-    def exact(self, values: Any) -> Any:
-        """Decimals as numbers."""
-
-    def imaginary(self, values: Any) -> Any:
-        """I times these numbers."""
-
-    def round_off(self, values: Any) -> Any:
-        """The numbers with their rounding."""
-
-    def pivot(self, values: Any, neighbours: Any) -> Any:
-        """The numbers, with zeros replaced by a last digit of those beside them."""
-
-
 class Rounded:
     """Floats, real or complex, at the angular frequencies (W,) and again for every replica: (W (REPLICAS + 1),)."""
 
     def __init__(self, omega: Floats | Complexes) -> None:
         ways = np.concatenate(([0.0], (-1.0) ** np.arange(REPLICAS)))
-        self.omega = np.tile(omega, REPLICAS + 1) * np.repeat(1 + EPS * ways, len(omega))
+        self.omega: Any = np.tile(omega, REPLICAS + 1) * np.repeat(1 + EPS * ways, len(omega))
         self.rates = np.real(np.tile(omega, REPLICAS + 1))
         self._first = len(omega)
         self._random = np.random.default_rng(0)
 
-    def number(self, values: ArrayLike) -> Floats:
+    def number(self, values: ArrayLike) -> Any:
         """The floats themselves."""
         return np.asarray(values, dtype=np.float64)
 
-    def exact(self, values: Any) -> Floats:
+    def exact(self, values: Any) -> Any:
         """The floats next to decimals."""
         return np.asarray(values, dtype=np.float64)
 
@@ -287,6 +264,10 @@ class Digits:
         return np.frompyfunc(lambda value, neighbour: neighbour * last if value == 0 else value, 2, 1)(
             values, neighbours
         )
+
+
+Arithmetic = Rounded | Digits
+"""What an elimination asks of its numbers: floats with their rounding, or decimals."""
 
 
 class Complex:

@@ -3,21 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Any
 
 import numpy as np
 
 from modal.eigen.component_matrices import ComponentMatrices, Numbers, StructureShapes
 from modal.eigen.sources import Details, ProblemSize
 from modal.types import EPS, Booleans, Complexes, Floats, Ints
-
-
-class CartModes(Protocol):
-    """The source of the modes that move with the structure."""
-
-    @property
-    def accelerance(self) -> float:
-        """Σ φ_x² over all finite modes of a cart (1/kg)."""
 
 
 def details_of(
@@ -43,7 +35,7 @@ class FreeMotions:
     """The motions of one component that nothing holds, ω = 0; where a damper drags it no dynamics are left of them."""
 
     matrices: ComponentMatrices
-    moving: CartModes
+    moving: Any
     route = "exact"
     is_damped = is_singular = False
 

@@ -346,28 +346,16 @@ def one_by_one(sweep: Sweep, constants: Sequence[Floats], x: Floats) -> tuple[Fl
     return results[0], results[1]
 
 
-def count_in_floats(links: list[Any], y: float) -> tuple[int, float]:
-    """Pivots D < 0 and the mass at the pivot of links (1/k, J, m s², m (1 − s)², m), tip first."""
-    mu, count = 0.0, 0
-    for k, J, top_inertia, tip_inertia, m in links:
-        t = y * k
-        w = 1.0 - J * t
-        D = w - (mu + top_inertia) * t
-        if D < 0.0:
-            count += 1
-        mu = (mu * (w - tip_inertia * t) + m * w) / D
-    return count, mu
-
-
-def nudged_count_in_floats(links: list[Any], y: float, nudge: float) -> tuple[int, float]:
-    """The same with D less the nudge."""
+def count_in_floats(links: list[Any], y: float, nudge: float = 0.0) -> tuple[int, float]:
+    """Pivots D < 0, less a nudge, and the mass at the pivot of links (1/k, J, m s², m (1 − s)², m), tip first."""
     mu, count = 0.0, 0
     for k, J, top_inertia, tip_inertia, m in links:
         t = y * k
         w = 1.0 - J * t
         D = w - (mu + top_inertia) * t - nudge
+        if D < 0.0:
+            count += 1
         mu = (mu * (w - tip_inertia * t) + m * w) / D
-        count += D < 0
     return count, mu
 
 

@@ -7,19 +7,14 @@ to N ε of the largest [Parlett1998, §10.3] and to a few ε of the largest of K
 of whose entries, none negative, the terms of that difference are rounded; it exceeds the largest of the difference by
 Σ b/M_tot at most.  Slow modes have many digits, fast ones fewer.
 
-They are improved by one Rayleigh quotient step each.  Elimination leaves at one joint, displaced by 1, an unbalanced
+They are improved by one Rayleigh quotient step each.  Elimination leaves at the pivot, displaced by 1, an unbalanced
 mass T and a shape of kinetic energy N, twice over ω². The Rayleigh quotient of that shape is x (1 − T/N), with an error
-that is the square of that of x.
-
-Elimination from the free ends ends at the pivot, which moves in most modes.  Elimination from both ends may end at any
-joint (a twisted factorization: [Dhillon2004, §2]): a mode that leaves
-the pivot still has a suitable joint, that of the least T²/N in units of the joint's own mass.
+that is the square of that of x.  A mode that leaves the pivot still is found by a search.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from typing import NamedTuple
+from collections.abc import Callable
 
 import numpy as np
 
@@ -27,7 +22,6 @@ from modal.eigen.recursion import (
     NUMBERS_IN_CACHE,
     Chains,
     Suspension,
-    joint_masses,
     mass_and_energy_in_floats,
     one_by_one,
 )
@@ -42,7 +36,7 @@ def seeds(suspension: Suspension) -> tuple[Floats, Floats]:
     matrix, removed_norm = _scaled_matrices(suspension)
     size = matrix.shape[-1]
     try:
-        values = {1: _single_eigenvalue, 2: _two_eigenvalues}.get(size, np.linalg.eigvalsh)(matrix)
+        values = {1: lambda rows: rows[..., 0], 2: _two_eigenvalues}.get(size, np.linalg.eigvalsh)(matrix)
     except np.linalg.LinAlgError:
         values = np.full(matrix.shape[:2], np.nan)
     largest = values[:, -1:]
@@ -107,10 +101,6 @@ def seed_matrices(links: int, supports: int) -> tuple[tuple[str, int, int], ...]
     return (("seeds", links, supports),) if 1 < links <= LARGEST_SEEDED else ()
 
 
-def _single_eigenvalue(matrix: Floats) -> Floats:
-    return matrix[..., 0]
-
-
 def _two_eigenvalues(matrix: Floats) -> Floats:
     """The eigenvalues (S, 2) of matrices of two rows, ascending, sooner than by LAPACK."""
     first, last, off_diagonal = matrix[:, 0, 0], matrix[:, 1, 1], matrix[:, 1, 0]
@@ -143,18 +133,6 @@ def _scaled_matrices(suspension: Suspension) -> tuple[Floats, Floats]:
         matrices[0, 0] = suspension.total_mass / root_stiffness / root_stiffness
         matrices[1:, 0] = all_moments / root_stiffness
     return matrices.transpose(2, 0, 1), np.broadcast_to((all_moments * cart_coupling).sum(0), (supports,))
-
-
-class _Side(NamedTuple):
-    """Mass and twice the kinetic energy over ω² of one side of each joint displaced by 1, (n + 1, P, R, S)."""
-
-    mass: Floats
-    energy: Floats
-
-    @property
-    def reverse_order(self) -> _Side:
-        """The joints in the opposite order."""
-        return _Side(self.mass[::-1], self.energy[::-1])
 
 
 def at_pivot(suspension: Suspension, x: Floats) -> Floats:
@@ -211,86 +189,3 @@ def _mass_and_energy(chains: Chains, x: Floats) -> tuple[Floats, Floats]:
             energy *= D
             energy += p
     return mass, energy
-
-
-def twisted_quotients(suspension: Suspension, x: Floats) -> Floats:
-    """The Rayleigh quotients (R, S) of the shapes at x (R, S) out of balance at the best joint; NaN without one."""
-    step = max(1, NUMBERS_IN_CACHE // (suspension.size * suspension.supports))
-    with np.errstate(all="ignore"):
-        pieces = [
-            x[at : at + step] * (1.0 - _least_imbalance(suspension, x[at : at + step])) for at in range(0, len(x), step)
-        ]
-    return np.concatenate(pieces)
-
-
-def _least_imbalance(suspension: Suspension, x: Floats) -> Floats:
-    """(μ + ν)/N (R, S) at the best joint."""
-    choices = []
-    for lower_side, upper_side, masses in _sides_of_joints(suspension, x):
-        mass, energy = lower_side.mass + upper_side.mass, lower_side.energy + upper_side.energy
-        imbalance = mass / energy
-        cost = np.abs(mass * imbalance) / masses
-        choices.append(
-            (np.where(np.isfinite(cost), cost, np.inf).reshape(-1, *x.shape), imbalance.reshape(-1, *x.shape))
-        )
-    costs, imbalance = (np.concatenate(parts) for parts in zip(*choices, strict=True))
-    at = costs.argmin(0)[None]
-    chosen: Floats = np.take_along_axis(imbalance, at, 0)[0]
-    return chosen
-
-
-def _sides_of_joints(suspension: Suspension, x: Floats) -> Iterator[tuple[_Side, _Side, Floats]]:
-    """Both sides of each joint, and the joints' own masses, for every group of chains."""
-    mass, stiffness = suspension.mass, suspension.stiffness
-    from_below = [_sweep_side(chains, x, 0.0, 0.0, upward=True).reverse_order for chains in suspension.chains]
-    if mass is None or stiffness is None:
-        for chains, lower_side in zip(suspension.chains, from_below, strict=True):
-            first = chains.r[0] - 1.0 / (chains.inverse[0] * x)
-            upper_side = _sweep_side(chains.rest, x, first, np.broadcast_to(chains.r[0], first.shape), upward=False)
-            yield _Side(lower_side.mass[1:], lower_side.energy[1:]), upper_side, joint_masses(chains.p, chains.r)[1:]
-        return
-    others = sums_without_each(mass - stiffness / x, [lower_side.mass[0] for lower_side in from_below])
-    energies = sums_without_each(np.broadcast_to(mass, x.shape), [lower_side.energy[0] for lower_side in from_below])
-    pivot = mass + sum(chains.p[0].sum(0) for chains in suspension.chains)
-    for chains, lower_side, pivot_mass, energy in zip(suspension.chains, from_below, others, energies, strict=True):
-        masses = joint_masses(chains.p, chains.r)
-        masses[0] = pivot
-        yield lower_side, _sweep_side(chains, x, pivot_mass, energy, upward=False), masses
-
-
-def _sweep_side(chains: Chains, x: Floats, mass: Floats | float, energy: Floats | float, *, upward: bool) -> _Side:
-    """One side of each joint in the order of the sweep, given mass and energy at the first joint."""
-    order = slice(None, None, -1 if upward else 1)
-    m, J, top_inertia, tip_inertia, cross, r, p, q = (values[order] for values in chains[:8])
-    if not upward:
-        top_inertia, tip_inertia, r, p = tip_inertia, top_inertia, p, r
-    t = chains.inverse[order] * x
-    light = 1.0 - J * t
-    free, gains, energy_gains, addends = light - top_inertia * t, light - tip_inertia * t, light + cross * t, m * light
-    side = _Side(*(np.empty((chains.n + 1, *t.shape[1:])) for _ in range(2)))
-    side.mass[0], side.energy[0] = mass, energy
-    twice, D = 2 * q, np.empty(t.shape[1:])
-    for i in range(chains.n):
-        joint_mass, next_mass = side.mass[i], side.mass[i + 1]
-        np.multiply(t[i], joint_mass, out=D)
-        np.subtract(free[i], D, out=D)
-        np.multiply(gains[i], joint_mass, out=next_mass)
-        next_mass += addends[i]
-        next_mass /= D
-        np.divide(energy_gains[i], D, out=D)
-        next_energy = side.energy[i + 1]
-        np.add(side.energy[i], r[i], out=next_energy)
-        next_energy *= D
-        next_energy += twice[i]
-        next_energy *= D
-        next_energy += p[i]
-    return side
-
-
-def sums_without_each(base: Floats, parts: list[Floats]) -> list[Floats]:
-    """Own + Σ of all rows but each one, for rows (P, …) in several arrays, without subtraction."""
-    rows = np.concatenate(parts)
-    before, after = np.zeros_like(rows), np.zeros_like(rows)
-    np.cumsum(rows[:-1], axis=0, out=before[1:])
-    after[:-1] = np.cumsum(rows[:0:-1], axis=0)[::-1]
-    return np.split(base + (before + after), np.cumsum([len(part) for part in parts])[:-1])

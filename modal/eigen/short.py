@@ -7,11 +7,9 @@ that float there is no answer, and the general route has its further ways.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Sequence
 from math import inf, nextafter
 from operator import lt
-from typing import Any
 
 import numpy as np
 
@@ -22,13 +20,11 @@ from modal.eigen.recursion import (
     count_in_floats,
     lever_masses,
     mass_and_energy_in_floats,
-    nudged_count_in_floats,
 )
 from modal.eigen.squares import PLACES_OF_SECOND_GUESS
 from modal.types import Floats
 
 Link = tuple[float, float, float, float]
-Count = Callable[[list[Any], float], tuple[int, float]]
 Constants = tuple[float, float, float, float, float]
 """1/k, J, m s², m (1 − s)² and m of a link."""
 
@@ -102,26 +98,28 @@ def _seeds(constants: list[tuple[float, float, float]], hanging: float, cart: Ca
     return seeds
 
 
-def _step_of_count(links: list[Constants], mass: float, stiffness: float, index: int, x: float) -> float:
+def _step_of_count(
+    links: list[Constants], mass: float, stiffness: float, index: int, x: float, nudge: float = 0.0
+) -> float:
     """The float within PLACES_OF_SECOND_GUESS of x at which the count passes the number `index`, 0 without one.
 
     The count is that of a chain on a cart with a rigid translation; a `mass` of −∞ is a fixed support.
     """
     if not 0 < x < inf:
         return 0.0
+
+    def is_past(trial: float) -> bool:
+        number, mu = count_in_floats(links, trial, nudge)
+        return number + (mu + mass > stiffness / trial) > index
+
     try:
-        return _neighbour(count_in_floats, links, mass, stiffness, index, x)
+        high, trial = is_past(x), x
+        for _ in range(PLACES_OF_SECOND_GUESS):
+            last, trial = trial, nextafter(trial, 0.0 if high else inf)
+            if is_past(trial) != high:
+                return last if high else trial
     except ZeroDivisionError:
-        return _neighbour(partial(nudged_count_in_floats, nudge=NUDGE), links, mass, stiffness, index, x)
-
-
-def _neighbour(count: Count, links: list[Constants], mass: float, stiffness: float, index: int, x: float) -> float:
-    number, mu = count(links, x)
-    high = number + (mu + mass > stiffness / x) > index
-    way = 0.0 if high else inf
-    for _ in range(PLACES_OF_SECOND_GUESS):
-        last, x = x, nextafter(x, way)
-        number, mu = count(links, x)
-        if (number + (mu + mass > stiffness / x) > index) != high:
-            return last if high else x
+        if nudge:
+            raise
+        return _step_of_count(links, mass, stiffness, index, x, NUDGE)
     return 0.0

@@ -8,7 +8,7 @@ pendula.  In space the motion across the rail is that on a fixed support.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise, repeat
@@ -122,7 +122,9 @@ def batches(rig: Rig, limits: Limits) -> Iterator[Batch]:
         if matrices.free.size:
             yield _moving(FreeMotions(matrices, moving))
         if isinstance(moving, CartPendula) and fixed_squares and moving.clusters.shared_clusters.size:
-            yield _still_batch(StillModes(moving))
+            still = StillModes(moving)
+            first = np.cumsum(still.folds) - still.folds
+            yield Batch(still, first, still.folds, np.zeros_like(first), is_still=True)
         if rig.cart or matrices.size > matrices.coasting.shape[1]:
             yield _moving(moving)
 
@@ -130,11 +132,6 @@ def batches(rig: Rig, limits: Limits) -> Iterator[Batch]:
 _ratio_at = deferred("modal.assembly.modal_damping:ratio_at")
 _on_structure = deferred("modal.eigen.structured:OnStructure")
 """Loaded with the scenes that need them: others wait for neither."""
-
-
-def _still_batch(modes: StillModes) -> Batch:
-    first = np.cumsum(modes.folds) - modes.folds
-    return Batch(modes, first, modes.folds, np.zeros_like(first), is_still=True)
 
 
 def _group_batches(parted_rig: PartedRig, group: StillGroup, source: Source, rows: Ints) -> Iterator[Batch]:
@@ -169,12 +166,7 @@ def notes(sources: Sequence[Source]) -> tuple[str, ...]:
     """What these `sources` omitted or took as equal, and why."""
     has_merger = any(isinstance(source, StillModes) and source.clusters.has_rounding for source in sources)
     is_dense = any(SEEDS in source.route for source in sources)
-    return (MASSLESS,) * _omission_count(sources) + (MERGED,) * has_merger + (DENSE,) * is_dense
-
-
-def _omission_count(sources: Iterable[Source]) -> int:
-    """How many modes have no finite frequency."""
-    return sum(source.is_singular for source in sources)
+    return (MASSLESS,) * sum(source.is_singular for source in sources) + (MERGED,) * has_merger + (DENSE,) * is_dense
 
 
 @dataclass(frozen=True, eq=False)
@@ -257,7 +249,7 @@ def find_spectrum(rig: Rig, limits: Limits = EVERYTHING) -> ModalSpectrum:
 
 def _compare_with_states(rig: Rig, parts: Sequence[Batch]) -> None:
     """ComputationError where the modes are not as many as the states, of which a decay or a dragged rest has one."""
-    missing = _omission_count(batch.source for batch in parts)
+    missing = sum(batch.source.is_singular for batch in parts)
     links = sum(int(block.count.sum()) * block.n for block in rig.blocks) * (1 + rig.spatial)
     states, mode_states = 2 * (rig.leading + links - missing), 0
     for batch in parts:

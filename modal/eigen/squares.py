@@ -19,7 +19,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from modal.eigen.recursion import Suspension
-from modal.eigen.seeds import LARGEST_SEEDED, at_pivot, seeds, slow_seeds, twisted_quotients
+from modal.eigen.seeds import LARGEST_SEEDED, at_pivot, seeds, slow_seeds
 from modal.errors import ComputationError
 from modal.types import EPS, NUMBERS_IN_CHUNK, Booleans, Floats, Ints
 
@@ -184,7 +184,9 @@ def squares_of(suspension: Suspension, indices: Ints, modes: int, accuracy: floa
     """
     if not indices.size:
         return Squares.exact(np.zeros((0, suspension.supports)))
-    if _is_slow(suspension, indices):
+    is_sprung = suspension.stiffness is not None and bool(suspension.stiffness[0] > 0)
+    are_lowest = bool(indices[-1] == len(indices) - 1)
+    if _are_few(suspension, indices) and suspension.supports == 1 and are_lowest and not is_sprung:
         guess, error = slow_seeds(suspension, len(indices))
         guesses = guess, np.maximum(error, 3 * accuracy)  # nothing tells that none was missed, so that a count must
         return _settle(suspension, indices, _try_seeds(suspension, indices, accuracy, guesses), modes)
@@ -196,13 +198,6 @@ def squares_of(suspension: Suspension, indices: Ints, modes: int, accuracy: floa
     trials = [_try_seeds(piece, indices, accuracy, seeds(piece)) for piece in pieces]
     trial = Trial(*(np.concatenate(parts, axis=1) for parts in zip(*trials, strict=True)))
     return _settle(suspension, indices, trial, modes)
-
-
-def _is_slow(suspension: Suspension, indices: Ints) -> bool:
-    """Whether these are a few of the lowest modes of one long support without a spring."""
-    sprung = suspension.stiffness is not None and bool(suspension.stiffness[0] > 0)
-    lowest = bool(indices[-1] == len(indices) - 1)
-    return _are_few(suspension, indices) and suspension.supports == 1 and lowest and not sprung
 
 
 def _are_few(suspension: Suspension, indices: Ints) -> bool:
@@ -226,13 +221,13 @@ def _settle(suspension: Suspension, indices: Ints, trial: Trial, modes: int) -> 
     if not rows.size:
         return Squares(x, error)
     if suspension.supports == 1:
-        x[rows] = _find_otherwise(suspension, indices[rows, None], guess[rows], seed_error[rows], modes)
+        x[rows] = search(suspension, indices[rows, None], guess[rows], seed_error[rows], modes)
         return Squares(x, error)
     squares, step = [], max(1, NUMBERS_IN_CHUNK // suspension.size)
     for at in range(0, len(rows), step):
         row, support = rows[at : at + step], supports[at : at + step]
         arguments = indices[None, row], guess[None, row, support], seed_error[None, row, support]
-        squares.append(_find_otherwise(suspension.take(support), *arguments, modes)[0])
+        squares.append(search(suspension.take(support), *arguments, modes)[0])
     x[is_wrong] = np.concatenate(squares)
     return Squares(x, error)
 
@@ -267,13 +262,3 @@ def _improve(suspension: Suspension, indices: Ints, guess: Floats) -> tuple[Floa
             steps[rows], is_wrong[rows] = confirm(suspension, indices[rows], squares[rows], PLACES_OF_SECOND_GUESS)
         return steps, is_wrong
     return squares, ~lies_within(suspension, indices, squares, 2 * EPS)
-
-
-def _find_otherwise(suspension: Suspension, indices: Ints, guess: Floats, error: Floats, modes: int) -> Floats:
-    """The eigenvalues with these indices (R, S) from another shape, and by a search where that is not confirmed."""
-    squares, is_wrong = confirm(suspension, indices, twisted_quotients(suspension, guess), PLACES_OF_SECOND_GUESS)
-    if is_wrong.any():
-        rows, supports = (np.flatnonzero(is_wrong.any(axis)) for axis in (1, 0))
-        part = np.ix_(rows, supports)
-        squares[part] = search(suspension.take(supports), indices[part], guess[part], error[part], modes)
-    return squares

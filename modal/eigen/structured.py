@@ -147,7 +147,8 @@ class OnStructure:
         """ω (R,) and shapes (n, R) from the factors."""
         dense.refuse_beyond(MOST_COORDINATES, self.matrices.size, "shapes on a structure")
         M, K, _ = self.matrices.factors
-        return _product_modes(K, M, self.matrices.free.shape[1])
+        modes: tuple[Floats, Floats] = _product_modes(K, M, self.matrices.free.shape[1])
+        return modes
 
     @cached_property
     def _dense(self) -> dense.Eigen:
@@ -348,12 +349,7 @@ class OnStructure:
 
 
 _inertial_mass = deferred("modal.eigen.trees:inertial_mass")
-
-
-def _product_modes(stiffness: SquareSum, inertia: SquareSum, free: int) -> tuple[Floats, Floats]:
-    """ω and shapes by `modal.eigen.product`, which loads SciPy's linear algebra: scenes without structures do not."""
-    modes: tuple[Floats, Floats] = deferred("modal.eigen.product:product_modes")(stiffness, inertia, free)
-    return modes
+_product_modes = deferred("modal.eigen.product:product_modes")
 
 
 def _condition(S: Floats) -> float:

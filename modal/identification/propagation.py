@@ -9,35 +9,21 @@ To first order, with exact derivatives, for a result r(p)
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from math import nan, pi
-from typing import Any
 
 import numpy as np
 
-from modal.assembly import Arrays, matrices, shared_differences
-from modal.errors import ComputationError
+from modal.assembly import shared_differences
 from modal.identification.derivatives import ModeDerivatives, matrix_derivatives, polar, require_polynomial
 from modal.identification.estimate import Estimate
 from modal.modes import Modes
 from modal.report import percent
-from modal.scene import Scene
 from modal.scene.doors import checked
-from modal.statespace.geometry import Geometry, geometry_of
+from modal.statespace.channels import Arrays, Channel, Model, channel_model
 from modal.statespace.model import StateSpace
 from modal.statespace.shapers import Drive, Shaper, residual_vibration, swing_rows
-from modal.statespace.signals import (
-    DRIVES,
-    OF_A_CART,
-    PUSHES,
-    READINGS,
-    SUPPORT,
-    Signal,
-    is_point,
-    push_of,
-    reading_in,
-)
 from modal.types import Complexes, Floats
 
 NODES = 21
@@ -83,93 +69,29 @@ def mode_stds(modes: Modes, estimate: Estimate, rows: Sequence[int]) -> list[Mod
 
 
 def response_slopes(model: StateSpace, estimate: Estimate, omega: Floats) -> tuple[Complexes, Complexes]:
-    """G(iω) (p, m, W) and its derivatives (p, m, W, numbers) by the estimate's numbers.
+    """G(iω) (p, m, W) and its derivatives (p, m, W, numbers) by the estimate's numbers; NaN at a pole without a damper.
 
-    With Q = s²M + sD + K, y = (Y₀ + sY₁ + s²Y₂) q + T u and Q q = F u, or without the row of a cart whose motion
-    q₀ = X u₀ is prescribed, (∂Q/∂p) q + Q ∂q/∂p = ∂F/∂p u.
+    Those of every input and output by themselves (`modal.statespace.channels`); a cart whose motion is an input is held
+    under all others.
     """
-    scene = estimate.scene
-    geometry = geometry_of(scene)
+    scene, at = estimate.scene, np.atleast_1d(omega)
     require_polynomial(scene)
-    drive = next((signal.name for signal in model.inputs if signal.name in DRIVES), None)
-    motions = [signal.name for signal in model.inputs if signal.name in SUPPORT]
-    if motions:
-        raise ComputationError(
-            f"responses to {motions[0]} have no standard deviations: choose forces or the cart's motion"
-        )
-    inputs, outputs = _groups(geometry, model.inputs, PUSHES), _groups(geometry, model.outputs, READINGS)
-
-    def arrays_of(response: Scene) -> Arrays:
-        return _linear(response, inputs, outputs)
-
-    arrays = arrays_of(scene)
-    slopes = [
-        shared_differences(scene, places, unit, arrays_of)
+    form = channel_model(scene, [Channel(read.name, push.name) for read in model.outputs for push in model.inputs])
+    if any(kind.moves == "cart" for kind in form.kinds):
+        form = replace(form, kinds=tuple(kind._replace(moves=kind.moves or "held") for kind in form.kinds))
+    parts = [
+        shared_differences(scene, places, unit, form.arrays)
         for places, unit in zip(estimate.shared, estimate.units, strict=True)
     ]
+    slopes = Arrays(*(np.array(part) for part in zip(*parts, strict=True)))
+    responses = Model(form.kinds, form.arrays(scene))
     with np.errstate(all="ignore"):
-        responses = [_at(1j * w, arrays, slopes, drive) for w in np.atleast_1d(omega).tolist()]
-    G = np.stack([response for response, _ in responses], axis=-1)
-    return G, np.stack([change for _, change in responses], axis=2)
-
-
-def _groups(geometry: Geometry, signals: Iterable[Signal], known_groups: Mapping[str, Any]) -> tuple[str, ...]:
-    """The names of the groups that signals belong to, in their order; of a signal of a structure alone its own."""
-    names = [name for name in known_groups if geometry.on_cart or name not in OF_A_CART]
-    present = {signal.name for signal in signals}
-    owner: dict[str, str] = {}
-    for name in names:
-        members = [signal.name for signal in known_groups[name](geometry).signals]
-        owner |= {signal_name: name if present.issuperset(members) else signal_name for signal_name in members}
-    owner |= {signal.name: signal.name for signal in signals if is_point(signal.name)}
-    return tuple(dict.fromkeys(owner[signal.name] for signal in signals if signal.name in owner))
-
-
-def _linear(scene: Scene, inputs: Sequence[str], outputs: Sequence[str]) -> Arrays:
-    """M, K, D, F, T and Y₀, Y₁, Y₂ of these groups of signals."""
-    linear, geometry = matrices(scene), geometry_of(scene)
-    pushes = [push_of(scene, geometry, name) for name in inputs]
-    F = np.hstack([np.zeros((geometry.size, 0)), *(push.F for push in pushes)])
-    thrust = np.hstack([np.zeros((len(geometry.tips), 0)), *(push.thrust for push in pushes)])
-    parts: list[list[Floats]] = [[], [], [], []]
-    for name in outputs:
-        reading = reading_in(geometry, name)
-        rows = len(reading.signals)
-        for rows_of, part in zip(parts, (reading.position, reading.rate, reading.acceleration), strict=False):
-            rows_of.append(np.zeros((rows, geometry.size)) if part is None else part)
-        parts[3].append(thrust if reading.pushed else np.zeros((rows, F.shape[1])))
-    Y0, Y1, Y2, T = (np.vstack(rows_of) for rows_of in parts)
-    return linear.M, linear.K, linear.D, F, T, Y0, Y1, Y2
-
-
-def _at(s: complex, arrays: Arrays, slopes: Sequence[Arrays], drive: str | None) -> tuple[Complexes, Complexes]:
-    """G (p, m) and its derivatives (p, m, numbers) at one s."""
-    M, K, D, F, T, Y0, Y1, Y2 = arrays
-    n_driven = int(drive is not None)
-    Q, Y = (s * s * M + s * D + K).astype(np.complex128), Y0 + s * Y1 + s * s * Y2
-    size, m = len(Q), F.shape[1] + n_driven
-    q = np.zeros((size, m), dtype=np.complex128)
-    force, thrust = np.zeros((size, m), dtype=np.complex128), np.zeros((len(Y), m), dtype=np.complex128)
-    force[:, n_driven:], thrust[:, n_driven:] = F, T
-    if n_driven:
-        q[0, 0] = 1 / s**2 if drive == "cart_acceleration" else 1 / s
-    free = slice(n_driven, None)
-    inner = Q[free, free]
-    if not np.linalg.cond(inner) < 1 / np.finfo(float).eps:  # at a pole of a mode without a damper
-        nothing = np.full((len(Y), m), np.nan + 0j)
-        return nothing, np.repeat(nothing[..., None], len(slopes), axis=2)
-    q[free] = np.linalg.solve(inner, force[free] - Q[free, :n_driven] @ q[:n_driven])
-    changes = []
-    for dM, dK, dD, dF, dT, dY0, dY1, dY2 in slopes:
-        dQ = s * s * dM + s * dD + dK
-        d_force = np.zeros_like(force)
-        d_force[:, n_driven:] = dF
-        dq = np.zeros_like(q)
-        dq[free] = np.linalg.solve(inner, (d_force - dQ @ q)[free])
-        d_thrust = np.zeros_like(thrust)
-        d_thrust[:, n_driven:] = dT
-        changes.append((dY0 + s * dY1 + s * s * dY2) @ q + Y @ dq + d_thrust)
-    return Y @ q + thrust, np.stack(changes, axis=-1)
+        pairs = [responses.gradient(channel, at, slopes) for channel in range(len(form.channels))]
+        at_pole = ~(responses.condition(at) < 1 / np.finfo(float).eps)
+    shape = len(model.outputs), len(model.inputs), len(at)
+    G, changes = (np.array(part).reshape(*shape, *part[0].shape[1:]) for part in zip(*pairs, strict=True))
+    G[:, :, at_pole] = changes[:, :, at_pole] = np.nan
+    return G, changes
 
 
 def magnitude_std(model: StateSpace, estimate: Estimate, omega: Floats) -> Floats:

@@ -8,7 +8,7 @@ from math import prod
 
 import numpy as np
 
-from modal.assembly import Block, Stack, can_stack, keep_form, stack_scenes, vary_scene
+from modal.assembly import Stack, can_stack, keep_form, stack_scenes, vary_scene
 from modal.eigen import CLOSE, Suspension, squares_of
 from modal.errors import ComputationError, SceneError
 from modal.modes.eigenvalues import ShortChain
@@ -76,7 +76,12 @@ def natural_frequencies(
         raise SceneError(["vary: the numbers of one scene can be varied, not those of several"])
     validate_scenes(scenes)
     pieces = _pieces(scenes[0], len(scenes)) if len(scenes) else []
-    return _concatenate([_of_scenes(scenes[piece], limit) for piece in pieces])
+
+    def of_piece(part: Sequence[Scene]) -> Floats:
+        omegas = _solve_together(stack_scenes(part), limit) if can_stack(part) else np.full((len(part), 1), np.nan)
+        return _fill_missing(omegas, lambda missing: [part[k] for k in missing], limit)
+
+    return _concatenate([of_piece(scenes[piece]) for piece in pieces])
 
 
 def _frequencies_of_variations(scene: Scene, vary: Vary, accuracy: float) -> Floats:
@@ -108,11 +113,6 @@ def _frequencies_of_variations(scene: Scene, vary: Vary, accuracy: float) -> Flo
 def _pieces(scene: Scene, size: int) -> list[slice]:
     step = max(1, LINKS_OF_PIECE // sum(pendulum.n_links for pendulum in scene.pendulum))
     return [slice(at, at + step) for at in range(0, size, step)]
-
-
-def _of_scenes(scenes: Sequence[Scene], accuracy: float) -> Floats:
-    omegas = _solve_together(stack_scenes(scenes), accuracy) if can_stack(scenes) else np.full((len(scenes), 1), np.nan)
-    return _fill_missing(omegas, lambda missing: [scenes[k] for k in missing], accuracy)
 
 
 def _of_numbers(variable: Variable, members: Mapping[str, Floats], piece: slice, accuracy: float) -> Floats:
@@ -196,7 +196,8 @@ def _squares(stack: Stack, accuracy: float) -> Iterator[Floats]:
     for block in stack.blocks:
         times = block.count * (1 + stack.spatial) - (cart is not None)
         if several or times.any():
-            squares = _own_squares(block, 0.0 if several else accuracy)
+            squares = _squares_of(Suspension.on_fixed_support(block), block.n, 0.0 if several else accuracy)
+            squares = squares.reshape(block.n, block.size, -1)
             stretches.append(squares)
             yield np.repeat(squares, times, axis=1).reshape(-1, len(stack.rate))
     if cart is None:
@@ -208,11 +209,6 @@ def _squares(stack: Stack, accuracy: float) -> Iterator[Floats]:
     size = suspension.size + (not free)
     squares = _squares_of(suspension, size, accuracy)
     yield np.where(_meet(stretches) if several else False, np.nan, squares)
-
-
-def _own_squares(block: Block, accuracy: float) -> Floats:
-    """ω² (n, P, S) on fixed supports."""
-    return _squares_of(Suspension.on_fixed_support(block), block.n, accuracy).reshape(block.n, block.size, -1)
 
 
 def _squares_of(suspension: Suspension, modes: int, accuracy: float) -> Floats:

@@ -180,10 +180,11 @@ def fixed_base_masses(
 
 def _masses_on_free_cart(modes: Modes, rows: Ints) -> Floats:
     """Masses of the fixed-base modes that belong to modes on a free cart, in natural units."""
-    shape_counts = np.array([_count_along(parts) for parts in modes.spectrum.groups], dtype=np.int64)
-    last_places = (
-        _count_before(modes.spectrum) + np.cumsum(shape_counts) - 1
-    )  # shapes up to each row, without the rigid translation
+    spectrum = modes.spectrum
+    shape_counts = np.array([_count_along(parts) for parts in spectrum.groups], dtype=np.int64)
+    all_parts = [part for index, batch in enumerate(spectrum.batches) for part in batch.parts(index)]
+    earlier = _count_along(all_parts[k] for k in spectrum.order[: spectrum.cuts[0]].tolist())
+    last_places = earlier + np.cumsum(shape_counts) - 1  # shapes up to each row, without the rigid translation
     natural, _ = replace(modes.rig, cart=None, damping_ratio=0.0, spatial=False).natural()
     lowest = int(last_places.max(initial=0)) + 1 if modes.is_partial else None
     fixed_spectrum = find_spectrum(natural, Limits(lowest=lowest))
@@ -201,12 +202,6 @@ def _masses_on_free_cart(modes: Modes, rows: Ints) -> Floats:
     masses: Floats = np.zeros(len(rows))
     np.add.at(masses, owner, _masses(fixed_spectrum, groups))
     return masses
-
-
-def _count_before(spectrum: ModalSpectrum) -> int:
-    """How many shapes along the rail have lower frequencies than those that were selected."""
-    parts = [part for index, batch in enumerate(spectrum.batches) for part in batch.parts(index)]
-    return _count_along(parts[k] for k in spectrum.order[: spectrum.cuts[0]].tolist())
 
 
 def _count_along(parts: Iterable[SpectrumPart]) -> int:

@@ -64,15 +64,10 @@ def family(*, where: str, folds: dict[str, int], motion: str, ratio: float) -> s
     sorts = (
         [", ".join(f"{sort} {count}" for sort, count in named_sorts)] if several else [sort for sort, _ in named_sorts]
     )
-    words = ", ".join(word for word in (*sorts, motion, _decay(ratio)) if word)
+    fate = "unstable" if ratio < -1e-12 else "overdamped" if ratio >= 1.0 else ""
+    words = ", ".join(word for word in (*sorts, motion, fate) if word)
     where += f" ({total} degenerate modes)" if total > 1 else ""
     return f"{where}: {words}" if words else where
-
-
-def _decay(ratio: float) -> str:
-    if ratio < -1e-12:
-        return "unstable"
-    return "overdamped" if ratio >= 1.0 else ""
 
 
 def motion_words(
@@ -304,8 +299,22 @@ def _details(modes: Eigenvalues, source: int, rows: list[int]) -> list[tuple[Det
 def _mode(modes: Eigenvalues, number: int, pieces: list[_RowPart]) -> Mode:
     """One row: sums over its pieces, and the shape of the one that moves most of the scene."""
     ratio, unit = float(modes.damping_ratio[number]), modes.units.mass
+    known: dict[str, Any] = {
+        "number": modes.first + number + 1,
+        "omega": float(modes.omega[number]),
+        "damping_ratio": ratio,
+        "multiplicity": int(modes.multiplicity[number]),
+        "resonances": (),
+        "relative_error_bound": float(modes.error[number]),
+        "indistinct": bool(modes.indistinct[number]),
+    }
     if not pieces:
-        return _without_shape(modes, number, ratio)
+        known = (
+            dict.fromkeys((field.name for field in fields(Mode)), np.nan)
+            | known
+            | {"family": f"its shape is {BEYOND_DOUBLE}"}
+        )
+        return Mode(**known)
     head = _head(pieces)
     certain = 1.0 if modes.error[number] < UNCERTAIN else np.nan
     effective = certain * unit * sum(piece.effective_mass(modes.rig) for piece in pieces)
@@ -321,10 +330,7 @@ def _mode(modes: Eigenvalues, number: int, pieces: list[_RowPart]) -> Mode:
     light = (not modes.is_classical or ratio < LIGHT) and "law" not in modes.scene.features
     kappa = certain * float(head.details.kappa[head.at]) if light else np.nan
     return Mode(
-        number=modes.first + number + 1,
-        omega=float(modes.omega[number]),
-        damping_ratio=ratio,
-        multiplicity=int(modes.multiplicity[number]),
+        **known,
         family=_family(modes, number, head, ratio),
         cart_participation=certain * float(sum(p.details.participation[p.at] for p in pieces)),
         effective_mass=effective,
@@ -332,10 +338,7 @@ def _mode(modes: Eigenvalues, number: int, pieces: list[_RowPart]) -> Mode:
         effective_mass_across=certain * unit * sum(piece.effective_mass_across() for piece in pieces),
         kappa=kappa,
         linear_to_1_percent_deg=one_percent_amplitude(kappa),
-        resonances=(),
         residual=float(max(p.details.residual[p.at] for p in pieces)),
-        relative_error_bound=float(modes.error[number]),
-        indistinct=bool(modes.indistinct[number]),
     )
 
 
@@ -356,28 +359,6 @@ def row_of(details: Details, at: int) -> Details:
         value = getattr(details, field.name)
         single[field.name] = tuple(part[..., [at]] for part in value) if isinstance(value, tuple) else value[[at]]
     return Details(**single)
-
-
-def _without_shape(modes: Eigenvalues, number: int, ratio: float) -> Mode:
-    """The row of a mode of which no more than the frequency is known."""
-    unknown = dict.fromkeys(
-        (
-            *("cart_participation", "effective_mass", "effective_mass_share", "effective_mass_across"),
-            *("kappa", "linear_to_1_percent_deg", "residual"),
-        ),
-        np.nan,
-    )
-    return Mode(
-        number=modes.first + number + 1,
-        omega=float(modes.omega[number]),
-        damping_ratio=ratio,
-        multiplicity=int(modes.multiplicity[number]),
-        family=f"its shape is {BEYOND_DOUBLE}",
-        resonances=(),
-        relative_error_bound=float(modes.error[number]),
-        indistinct=bool(modes.indistinct[number]),
-        **unknown,
-    )
 
 
 def _family(modes: Eigenvalues, number: int, head: _RowPart, ratio: float) -> str:

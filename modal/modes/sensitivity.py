@@ -36,7 +36,7 @@ from modal.modes.modes import Modes
 from modal.modes.shapes import Shape
 from modal.modes.squares import CANCELLED, slopes_by_squares
 from modal.report import NOTHING, Displayed, ReportTable, Summary, brief, listed, tabulated
-from modal.scene import Body, Pendulum, refusals
+from modal.scene import Body, Scene, refusals
 from modal.scene.doors import checked
 from modal.scene.parameters import number_at, with_numbers
 from modal.types import EPS, NEWTON_ROUNDS, Complexes, Floats
@@ -119,7 +119,9 @@ def sensitivities(modes: Modes, number: int) -> Sensitivities:
     refuse(modes, number)
     value, shape = complex(modes.eigenvalue[number]), modes.shape(number, 0, "mass")
     if value == 0:
-        return _zero_sensitivities(modes.scene.n_links)
+        zero = np.zeros(modes.scene.n_links)
+        zeros = {field.name: zero if field.type == "Floats" else 0.0 for field in fields(Sensitivities)}
+        return Sensitivities(**zeros)  # type: ignore[arg-type]
     links_and_angles = list(_chains_with_angles(modes, shape))
     centres = [_centres(*chain, shape.cart) for chain in links_and_angles]
     if (
@@ -177,11 +179,6 @@ def refuse(modes: Modes, number: int) -> None:
         )
 
 
-def _zero_sensitivities(n_links: int) -> Sensitivities:
-    zeros = {field.name: np.zeros(n_links) if field.type == "Floats" else 0.0 for field in fields(Sensitivities)}
-    return Sensitivities(**zeros)  # type: ignore[arg-type]
-
-
 class _Chain(NamedTuple):
     """The links of one pendulum, each (n,), with σ = ±1 for down or up, and a mask of proportional c and I."""
 
@@ -204,14 +201,10 @@ def _chains_with_angles(modes: Modes, shape: Shape) -> Iterator[tuple[_Chain, Co
         m, l, c, I = (values[:, column] for values in (arrays.mass, arrays.length, arrays.centre, arrays.inertia))
         J, sigma, damping, drag = (getattr(arrays, name)[:, column] for name in ("rotor", "sigma", "damping", "drag"))
         size = copies * arrays.n
-        chain = _Chain(m, l, c, I, J, sigma, damping, drag, _follows(pendulum))
+        follows = [float(link.is_uniform) for link in pendulum.links for _ in range(link.count)]
+        chain = _Chain(m, l, c, I, J, sigma, damping, drag, np.array(follows))
         yield chain, angles[at : at + size].reshape(copies, arrays.n)
         at += size
-
-
-def _follows(pendulum: Pendulum) -> Floats:
-    """1 where c is proportional to l and I to m l²; 0 for a body."""
-    return np.repeat([float(link.is_uniform) for link in pendulum.links], [link.count for link in pendulum.links])
 
 
 def _centres(chain: _Chain, phi: Complexes, cart: complex) -> Complexes:
@@ -319,15 +312,13 @@ def _excite(
             continue
         slope = inverse - last[1]
         step = abs(complex(slope[0]))
-        if not step or abs(complex(inverse[0])) < 1e-60 * abs(complex(last[1][0])) or _agree(omega, last[0]):
+        change = abs(complex((omega - last[0])[0]))
+        has_settled = change <= 10.0 ** (20 - REFINED_DIGITS) * abs(complex(omega[0]))
+        if not step or abs(complex(inverse[0])) < 1e-60 * abs(complex(last[1][0])) or has_settled:
             break
         following = omega - inverse * (omega - last[0]) / slope
         last, omega = (omega, inverse), following
     return centres, turns
-
-
-def _agree(omega: Any, last: Any) -> bool:
-    return abs(complex((omega - last)[0])) <= 10.0 ** (20 - REFINED_DIGITS) * abs(complex(omega[0]))
 
 
 def _load_link(
@@ -385,7 +376,12 @@ def of_mode(modes: Modes, row: Mode) -> dict[str, Sensitivity]:
     try:
         if modes.rig.structure:
             return dict(_on_structure(modes, row.omega, modes.index_of(row)))
-        return dict(_places(modes, row.omega, sensitivities(modes, modes.index_of(row))))
+        places = _places(modes.scene, sensitivities(modes, modes.index_of(row)))
+        return {
+            path: _sensitivity(number, derivative, row.omega)
+            for path, number, derivative in places
+            if number or path == "support.mass"
+        }
     except ComputationError:
         return {}
 
@@ -398,12 +394,13 @@ def _on_structure(modes: Modes, omega: float, number: int) -> Iterator[tuple[str
         yield with_numbers(place), _sensitivity(number_at(modes.scene, place), derivative, omega)
 
 
-def _places(modes: Modes, omega: float, slopes: Sensitivities) -> Iterator[tuple[str, Sensitivity]]:
-    scene, at = modes.scene, 0
+def _places(scene: Scene, slopes: Sensitivities) -> Iterator[tuple[str, float, float]]:
+    """Places with their numbers and derivatives."""
+    at = 0
     if (cart := scene.cart) is not None:
-        yield "support.mass", _sensitivity(cart.mass, slopes.cart_mass, omega)
-        yield from _one("support.damping", cart.damping, slopes.cart_damping, omega)
-        yield from _one("support.stiffness", cart.stiffness, slopes.cart_stiffness, omega)
+        yield "support.mass", cart.mass, slopes.cart_mass
+        yield "support.damping", cart.damping, slopes.cart_damping
+        yield "support.stiffness", cart.stiffness, slopes.cart_stiffness
     for p, pendulum in enumerate(scene.pendulum):
         members = slice(at, at + pendulum.count * pendulum.n_links)
         at, first = members.stop, 0
@@ -415,29 +412,19 @@ def _places(modes: Modes, omega: float, slopes: Sensitivities) -> Iterator[tuple
                 return float(values[links].reshape(-1, n)[:, span].sum())
 
             name = f"pendulum[{p}].links[{i}]"
-            yield from _one(f"{name}.mass", link.mass, total(slopes.mass), omega)
-            yield from _one(f"{name}.length", link.length, total(slopes.length), omega)
-            if isinstance(link, Body):
-                yield from _one(f"{name}.centre", link.centre, total(slopes.centre), omega)
-                yield from _one(f"{name}.inertia", link.inertia, total(slopes.inertia), omega)
-            yield from _one(f"{name}.damping", link.damping, total(slopes.damping), omega)
-            yield from _one(f"{name}.stiffness", link.stiffness, total(slopes.stiffness), omega)
-            yield from _one(f"{name}.drag", link.drag, total(slopes.drag), omega)
+            of_body = ("centre", "inertia") if isinstance(link, Body) else ()
+            for key in ("mass", "length", *of_body, "damping", "stiffness", "drag"):
+                yield f"{name}.{key}", getattr(link, key), total(getattr(slopes, key))
             reflected, gear = total(slopes.rotor), link.gear_ratio
-            yield from _one(f"{name}.rotor_inertia", link.rotor_inertia, gear**2 * reflected, omega)
+            yield f"{name}.rotor_inertia", link.rotor_inertia, gear**2 * reflected
             if link.rotor_inertia:
-                yield from _one(f"{name}.gear_ratio", gear, 2 * link.rotor_inertia * gear * reflected, omega)
+                yield f"{name}.gear_ratio", gear, 2 * link.rotor_inertia * gear * reflected
             spring, damper = total(slopes.stiffness), total(slopes.damping)
             for steps, part in link.placed_laws:
                 for parameter, (stiffness, damping) in part.coefficient_slopes.items():
                     path = with_numbers(("pendulum", p, "links", i, *steps, parameter))
-                    yield from _one(path, part.numbers[parameter], stiffness * spring + damping * damper, omega)
-    yield from _one("gravity", scene.gravity, slopes.gravity, omega)
-
-
-def _one(path: str, number: float, derivative: float, omega: float) -> Iterator[tuple[str, Sensitivity]]:
-    if number:
-        yield path, _sensitivity(number, derivative, omega)
+                    yield path, part.numbers[parameter], stiffness * spring + damping * damper
+    yield "gravity", scene.gravity, slopes.gravity
 
 
 def _sensitivity(number: float, derivative: float, omega: float) -> Sensitivity:
@@ -456,14 +443,11 @@ def sensitivities_of(modes: Modes, rows: Sequence[Mode]) -> tuple[str, ReportTab
     slopes_of_modes = [of_mode(modes, row) for row in rows]
     relative = [{place: slope.relative for place, slope in slopes.items()} for slopes in slopes_of_modes]
     places = list(dict.fromkeys(place for slopes in slopes_of_modes for place in slopes))
-    cells = [[place, *(_decimals(slopes.get(place)) for slopes in relative)] for place in places]
+    columns = [[slopes.get(place) for slopes in relative] for place in places]
+    words = ([NOTHING if value is None else f"{value:z.4f}" for value in row] for row in columns)
+    cells = [[place, *row] for place, row in zip(places, words, strict=True)]
     headings = ["number", *(f"mode {row.number}" for row in rows)]
     lacking = [f"{row.number}" for row, slopes in zip(rows, slopes_of_modes, strict=True) if not slopes]
     which = f"mode{'s' * (len(lacking) > 1)} {listed(lacking, len(lacking))}"
     why = f"No single derivative: {which} ({NO_DERIVATIVE})." if lacking else ""
     return SENSITIVITIES, ReportTable(headings, cells), why
-
-
-def _decimals(value: float | None) -> str:
-    """Four decimals, zero without a sign."""
-    return NOTHING if value is None else f"{value:z.4f}"

@@ -93,17 +93,6 @@ class Shape(Displayed):
         return Summary(title, facts, headings, rows, len(self.angles))
 
 
-@dataclass(frozen=True, eq=False)
-class _Vector:
-    """A shape over what carries the pendula (d,) and all links, in the scale of its source, with its φᵀMφ and φᵀMe."""
-
-    eta: NDArray[np.inexact]
-    angles: NDArray[np.inexact]
-    shares: Floats
-    modal_mass: float
-    momentum: float
-
-
 def validate_normalisation(name: str) -> Normalisation:
     """The name itself; ValueError for any other."""
     if name not in get_args(Normalisation):
@@ -121,13 +110,39 @@ def expand(
     *,
     uncertain: bool,
 ) -> Shape:
-    """The copy-th vector of a part, with `details` of its one row."""
-    vector = _of_copies(rig, part, part.kind, copy, details) if part.kind else _of_all(rig, details)
-    if not np.all(np.isfinite(vector.angles)):
+    """The copy-th vector of a part, with `details` of its one row.
+
+    The first of the largest angles becomes real and positive.  A rigid translation has no angles: there the coordinate
+    that moves most, as that of a cart, moves by 1 of its unit instead of the largest angle's 1 rad.
+    """
+    is_single = copy >= part.along_count or not is_balanced(rig, part)
+    if part.kind:
+        eta = np.zeros(rig.leading)
+        angles, shares = _of_copies(rig, part.kind, _weights(rig, part, part.kind, copy), details)
+    else:
+        eta = np.array([row[0] for row in displacements(rig, details)])
+        angles, shares = _of_all(rig, details)
+    if not np.all(np.isfinite(angles)):
         raise ComputationError("a mode shape of this scene is beyond double precision")
-    vector = replace(vector, eta=vector.eta * np.array(coordinate_units(rig.support, units.length)))
-    scale = _scale(vector, units, normalise)
-    return _scale_vector(rig, vector, units, scale, is_across=copy >= part.along_count, uncertain=uncertain)
+    eta = eta * np.array(coordinate_units(rig.support, units.length))
+    leading = first_of_largest(angles) if angles.any() else eta[np.abs(eta).argmax()]
+    moment = details.modal_mass[0] * units.mass * units.length**2
+    length = abs(leading) if normalise == "angle" else np.sqrt(details.modal_mass[0] * units.mass) * units.length
+    scale = np.conj(leading) / abs(leading) / length
+    scale = scale if np.iscomplexobj(angles) else scale.real
+    momentum = details.momentum[0] if is_single or not part.kind or np.isnan(details.momentum[0]) else 0.0
+    modal_mass = moment * abs(scale) ** 2
+    factor = momentum * scale.real * units.mass * units.length / modal_mass if np.isfinite(momentum) else np.nan
+    return Shape(
+        cart=eta[0] * scale if rig.cart else 0.0 * scale * units.length,
+        angles=angles * scale,
+        kinetic_energy_share=shares,
+        modal_mass=float(modal_mass),
+        participation_factor=float(factor),
+        across=copy >= part.along_count,
+        uncertain=uncertain,
+        supports=NONE if rig.cart else eta * scale,
+    )
 
 
 def displacements(rig: Rig, details: Details) -> tuple[NDArray[np.inexact], ...]:
@@ -152,18 +167,20 @@ def is_balanced(rig: Rig, part: SpectrumPart) -> bool:
     return bool(rig.blocks[block].count[column] > part.along_count)
 
 
-def _of_all(rig: Rig, details: Details) -> _Vector:
+def _of_all(rig: Rig, details: Details) -> tuple[NDArray[np.inexact], Floats]:
+    """The angles and shares of energy of all links."""
     kinds = [(block, column) for block, column, copies in rig.members for _ in range(copies)]
     angles, shares = (
         np.concatenate([values[block][:, column, 0] for block, column in kinds])
         for values in (details.angles, details.shares)
     )
-    eta = np.array([row[0] for row in displacements(rig, details)])
-    return _Vector(eta, angles, shares.real, details.modal_mass[0], details.momentum[0])
+    return angles, shares.real
 
 
-def _of_copies(rig: Rig, part: SpectrumPart, kind: tuple[int, int], copy: int, details: Details) -> _Vector:
-    weights = _weights(rig, part, kind, copy)
+def _of_copies(
+    rig: Rig, kind: tuple[int, int], weights: Floats, details: Details
+) -> tuple[NDArray[np.inexact], Floats]:
+    """The same where the copies of one kind move alone, by these weights."""
     copy_shape, share = details.angles[0][:, 0, 0], details.shares[0][:, 0, 0]
     angles, shares, used = [], [], 0
     for block, column, count in rig.members:
@@ -176,10 +193,7 @@ def _of_copies(rig: Rig, part: SpectrumPart, kind: tuple[int, int], copy: int, d
             np.outer(amplitudes, copy_shape).ravel() if amplitudes.any() else np.zeros(count * n, copy_shape.dtype)
         )
         shares.append(np.outer(amplitudes**2, share).ravel() if amplitudes.any() else np.zeros(count * n))
-    single = copy >= part.along_count or not is_balanced(rig, part)
-    momentum = details.momentum[0] if single or np.isnan(details.momentum[0]) else 0.0
-    zero = np.zeros(rig.leading)
-    return _Vector(zero, np.concatenate(angles), np.concatenate(shares), details.modal_mass[0], momentum)
+    return np.concatenate(angles), np.concatenate(shares)
 
 
 def _weights(rig: Rig, part: SpectrumPart, kind: tuple[int, int], copy: int) -> Floats:
@@ -197,35 +211,3 @@ def first_of_largest(angles: NDArray[np.inexact]) -> Any:
     """The first of the largest angles, those that agree to 1e-9."""
     size = np.abs(angles)
     return angles[np.argmax(size >= size.max() * (1 - 1e-9))]
-
-
-def _scale(vector: _Vector, units: Units, how: Normalisation) -> complex:
-    """The factor from the vector's angles to normalised ones: the first of the largest becomes real and positive.
-
-    A rigid translation has no angles: there the coordinate that moves most, as that of a cart, moves by 1 of its unit
-    instead of the largest angle's 1 rad.
-    """
-    leading = first_of_largest(vector.angles) if vector.angles.any() else vector.eta[np.abs(vector.eta).argmax()]
-    turn = np.conj(leading) / abs(leading)
-    length = abs(leading) if how == "angle" else np.sqrt(vector.modal_mass * units.mass) * units.length
-    scale: complex = turn / length
-    return scale if np.iscomplexobj(vector.angles) else scale.real
-
-
-def _scale_vector(
-    rig: Rig, vector: _Vector, units: Units, scale: complex, *, is_across: bool, uncertain: bool
-) -> Shape:
-    eta = vector.eta * scale
-    modal_mass = vector.modal_mass * abs(scale) ** 2 * units.mass * units.length**2
-    has_momentum = np.isfinite(vector.momentum)
-    momentum = vector.momentum * scale.real * units.mass * units.length
-    return Shape(
-        cart=eta[0] if rig.cart else 0.0 * scale * units.length,
-        angles=vector.angles * scale,
-        kinetic_energy_share=vector.shares,
-        modal_mass=float(modal_mass),
-        participation_factor=float(momentum / modal_mass) if has_momentum else np.nan,
-        across=is_across,
-        uncertain=uncertain,
-        supports=NONE if rig.cart else eta,
-    )

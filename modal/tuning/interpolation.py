@@ -15,7 +15,7 @@ from itertools import combinations, product
 import numpy as np
 
 from modal.errors import SceneError
-from modal.tuning.model import Arrays
+from modal.statespace.channels import Arrays
 from modal.types import Floats
 
 NODES = (1.0, 2.0, 0.5)

@@ -25,6 +25,7 @@ from modal.report import deferred
 from modal.scene import Scene, require
 from modal.scene.parameters import Place, number_at, vary, with_numbers
 from modal.scene.records import Spectrum
+from modal.statespace.channels import Arrays, Channel, Model, channel_model
 from modal.statespace.hoisting import Travel, travel_swing
 from modal.statespace.shapers import Kind
 from modal.tuning.interpolation import Interpolated, interpolate
@@ -32,11 +33,7 @@ from modal.tuning.model import (
     COORDINATES_MAX,
     DAMPING_MIN,
     STILL_RATE,
-    Arrays,
-    Channel,
-    Model,
     TunedNumbers,
-    channel_model,
     find_peaks,
 )
 from modal.tuning.quantities import FreeNumber, Quantity
@@ -188,7 +185,7 @@ class At:
         """Its responses."""
         if self._polynomial is None:
             return self.problem.numbers.model(self.scene)
-        return Model(self.problem.form.kinds, self._polynomial.arrays(self.values), lambda places: self.slopes)
+        return Model(self.problem.form.kinds, self._polynomial.arrays(self.values))
 
     @cached_property
     def slopes(self) -> Arrays:

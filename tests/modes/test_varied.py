@@ -103,7 +103,7 @@ def test_two_counts_confirm_a_mode_of_a_scene(monkeypatch: pytest.MonkeyPatch) -
         return reached(problem, wanted, points)  # type: ignore[arg-type, return-value]
 
     monkeypatch.setattr(squares, "_is_past", counted)
-    monkeypatch.setattr(squares, "_find_otherwise", None)
+    monkeypatch.setattr(squares, "search", None)
     values = {path: column[:6] for path, column in numbers(0.1).items()}
     natural_frequencies(chain(Cart(mass=2.0)), vary=values)
     assert trials == [2 * 3 * 6]
