@@ -16,7 +16,7 @@ from modal.scene import Scene, validate_scene
 from modal.types import Floats
 from nonlinear.dynamics import (
     Arranged,
-    HoistedMaximal,
+    Maximal,
     Reduced,
     Symmetry,
     Written,
@@ -145,8 +145,8 @@ def prepare(
     ComputationError where the motion cannot begin.
     """
     validate_scene(scene)
-    has_hoists = isinstance(equations, HoistedMaximal)
-    y = cast("HoistedMaximal", equations).begin_at(start, float(times[0])) if has_hoists else equations.begin(start)
+    is_maximal = isinstance(equations, Maximal)
+    y = equations.begin_at(start, float(times[0])) if is_maximal else equations.begin(start)
     pace = _sampled(equations, y, times, pace)
     if isinstance(equations, Switched):
         equations.release(float(times[0]), y, before)
