@@ -13,7 +13,7 @@ import numpy as np
 from modal.types import Floats
 from nonlinear.integration.arguments import DRIVE_LOOKS, drive_of
 from nonlinear.integration.run import FIRST_STEP_MAX, NEAR_ZERO
-from nonlinear.integration.steppers import FEW_COMPONENTS
+from nonlinear.integration.steppers import first_step_of, tolerance_factor
 from nonlinear.system import Layout, Numbers
 
 
@@ -80,26 +80,11 @@ def longest_first(rate: Floats, members: int) -> Floats:
     return np.asarray(np.broadcast_to(FIRST_STEP_MAX / rate, members))
 
 
-def tolerance_factors(slope: Floats, scale: Floats) -> Floats:
-    """What to take a tolerance times where much of y rests at the start, (S,), as for a run by itself."""
-    speed = np.abs(slope / scale)
-    largest = speed.max(0)
-    rests = largest == 0
-    shares = (speed / (largest + rests)) ** 2
-    alive = shares.sum(0) ** 2 / ((shares**2).sum(0) + rests)
-    factors = np.minimum(1.0, np.sqrt(np.maximum(4 * alive, FEW_COMPONENTS) / len(slope)))
-    return np.where(largest > 0, factors, 1.0)  # also where rates are not numbers: such a member fails by itself
-
-
 def tolerances(
     y: Floats, slope: Floats, scale: Floats, size: Floats, rate: Floats, tolerance: float
 ) -> tuple[Floats, Floats, Floats]:
     """Relative (S,) and absolute (size, S) tolerances and the first steps (S,) in s."""
-    relative = tolerance * tolerance_factors(slope, scale)
+    relative = tolerance * tolerance_factor(slope, scale)
     absolute = NEAR_ZERO * relative * size * scale
-    limit = absolute + relative * np.abs(y)
-    distance, speed = (np.max(np.abs(values / limit), axis=0) for values in (y, slope))
-    longest = longest_first(rate, len(distance))
-    is_known = (distance > 0) & (speed > 0)
-    first = np.where(is_known, np.minimum(distance / np.where(is_known, speed, 1.0), longest), longest)
-    return relative, absolute, first
+    longest = longest_first(rate, y.shape[1])
+    return relative, absolute, first_step_of(y, slope, absolute + relative * np.abs(y), longest)
