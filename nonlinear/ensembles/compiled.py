@@ -16,13 +16,14 @@ from nonlinear.dynamics.compiling import available
 from nonlinear.dynamics.contacts import JAMMED as STUCK
 from nonlinear.dynamics.generated import Rates
 from nonlinear.dynamics.inputs import Inputs
-from nonlinear.ensembles.lanes import Watches, slope_of, stretched, task_of, watches_of
+from nonlinear.ensembles.lanes import Watches, slope_of, task_of, watches_of
 from nonlinear.ensembles.results import MemberResults, Wanted
 from nonlinear.integration.crowds import Crowd, RailWork
 from nonlinear.integration.kernels import code_of_text, module_of, source
 from nonlinear.integration.lanes import NOT_FINITE, TOO_SHORT, LaneTask
 from nonlinear.integration.loops import INFINITE, JAMMED, SHORT, TURNED, WIDTH
 from nonlinear.integration.method import LOOKS, STAGES
+from nonlinear.integration.pacing import stretched
 from nonlinear.integration.readiness import make_ready
 from nonlinear.integration.switches import Switches
 from nonlinear.integration.within import Step, Watch
@@ -61,7 +62,8 @@ def run(numbers: Numbers, y: Floats, wanted: Wanted) -> MemberResults:
     rubbed = crowd.work(ran.y, ran.state) + sum(watch.work for watch in rubbing) if rubs else 0.0
     results = watches.added_to(MemberResults(ran.y, ran.error, ran.horizon, ran.reasons, rubbed=rubbed))
     if wanted.stretching:
-        task, scale = stretched(numbers, y[: 2 * lanes.layout.half], wanted)
+        end = (1 + TRANSIENT) * wanted.duration
+        task, scale = stretched(numbers, y[: 2 * lanes.layout.half], end, wanted.tolerance)
         units, none = np.concatenate((scale, scale)), np.zeros(y.shape[1])
         ends = [wanted.duration * TRANSIENT, task.end]
         before, gain = (integrate(replace(task, end=end), units, none, None, grows=False) for end in ends)

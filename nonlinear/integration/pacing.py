@@ -5,15 +5,20 @@ The rules are those of `nonlinear.integration.steppers` and `nonlinear.integrati
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from math import pi
+from typing import Any
 
 import numpy as np
 
 from modal.types import Floats
+from nonlinear.dynamics import Lanes
 from nonlinear.integration.arguments import DRIVE_LOOKS, drive_of
+from nonlinear.integration.lanes import LaneTask
 from nonlinear.integration.run import FIRST_STEP_MAX, NEAR_ZERO
 from nonlinear.integration.steppers import first_step_of, tolerance_factor
+from nonlinear.integration.watches import tangent_direction
 from nonlinear.system import Layout, Numbers
 
 
@@ -38,10 +43,10 @@ class MemberUnits:
         return np.concatenate((half, half * rate, energy[None][: int(layout.works)]))
 
 
-def units_of(numbers: Numbers) -> MemberUnits:
-    """Of members with these numbers."""
+def units_of(numbers: Numbers, of: Callable[..., Any] = np.max) -> MemberUnits:
+    """Of members with these numbers; with `of` the least the length is that of the shortest link."""
     system = numbers.arrays
-    length = np.max([group.block.length.max((0, 1)) for group in system.groups], axis=0)
+    length = of([of(group.block.length, (0, 1)) for group in system.groups], 0)
     weight = sum(group.block.b.sum((0, 1)) for group in system.groups)
     gravity = np.atleast_1d(system.gravity)
     structure = numbers.system.structure
@@ -78,6 +83,20 @@ def shaken(numbers: Numbers, layout: Layout, y: Floats, start_size: Floats, end:
 def longest_first(rate: Floats, members: int) -> Floats:
     """The longest first steps (s) of so many members, (S,)."""
     return np.asarray(np.broadcast_to(FIRST_STEP_MAX / rate, members))
+
+
+def stretched(numbers: Numbers, y: Floats, end: float, tolerance: float) -> tuple[LaneTask, Floats]:
+    """The task of plane motions from y (size, S) without work and of a tangent vector each, and natural units of y.
+
+    These are of the shortest link, and every vector begins with the length 1 in them, in the same direction drawn at
+    random.
+    """
+    lanes, members = Lanes(numbers, tangent=True), y.shape[1]
+    scale = units_of(numbers, np.min).scale(replace(lanes.layout, works=False))
+    units = np.broadcast_to(scale, y.shape)
+    both, absolute = np.concatenate((y, units * tangent_direction(len(y)))), tolerance * np.concatenate((units, units))
+    first = longest_first(units_of(numbers).rate, members)
+    return LaneTask(lanes, numbers, both, end, np.full(members, tolerance), absolute, first), scale
 
 
 def tolerances(
