@@ -260,7 +260,9 @@ def equations_of(
     if system.rubs or system.has_escapements:
         return Switched(Generated(system, load=load))
     if choice.form == "spatial":
-        return _in_space(system, load)
+        if system.n_links <= FLOATS:  # written out they take a third of NumPy's time
+            return Generated(system, load=load)
+        return Spatial(system, tuple(SpatialRecursion(group) for group in system.groups), load)
     if choice.form == "hamiltonian":
         return SpatialHamiltonian(system, load) if system.spatial else Hamiltonian(system, load)
     if choice.compiled:
@@ -269,13 +271,6 @@ def equations_of(
 
             return Compiled(system)
     return _free(system, load)
-
-
-def _in_space(system: System, load: Load | None) -> Arranged:
-    """The equations in space: written out they take a third of NumPy's time for a hundred links side by side."""
-    if system.n_links <= FLOATS:
-        return Generated(system, load=load)
-    return Spatial(system, tuple(SpatialRecursion(group) for group in system.groups), load)
 
 
 def _free(system: System, load: Load | None) -> Arranged:
