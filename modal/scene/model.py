@@ -126,10 +126,6 @@ class Pendulum(Part):
         hanging: tuple[Way, ...] = ("down",)
         return self.equilibrium or hanging * self.n_links
 
-    def _wires(self) -> list[Any]:
-        """The loss angle of the wire of every link."""
-        return [link.wire_loss for link in self.links for _ in range(link.count)]
-
     def problems(self) -> Iterator[str]:
         """Lists that do not fit the links, a wire that stands, and a last link on which gravity does not act."""
         if self.n_links > CHAIN_LINKS_MAX:
@@ -138,7 +134,7 @@ class Pendulum(Part):
         if self.links[-1].centre == 0:
             at = f".links[{len(self.links) - 1}].centre = 0.0"
             yield f"{at}: must be positive in the last link, or gravity does not act on it"
-        wires = self._wires() if "up" in self.ways else []
+        wires = [link.wire_loss for link in self.links for _ in range(link.count)] if "up" in self.ways else []
         for place, (way, loss) in enumerate(zip(self.ways, wires, strict=False)):
             if way == "up" and is_lossy(loss):
                 yield f'.equilibrium[{place}] = "up": this link has a wire_loss, and a wire hangs'

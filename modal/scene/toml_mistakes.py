@@ -81,7 +81,7 @@ class Broken:
         place = PLACE.search(words)
         at = len(document)
         if place and place[1]:
-            starts = _starts(document)
+            starts = [0, *(newline.end() for newline in re.finditer("\n", document))]
             at = min(starts[int(place[1]) - 1] + int(place[2]) - 1, len(document))
         return cls(document, at, PLACE.sub("", words))
 
@@ -175,10 +175,6 @@ class Guess:
     def line(self, number: int) -> str:
         """A line of the corrected document, by its number from 1."""
         return [*self.document.split("\n"), ""][number - 1].strip()
-
-
-def _starts(document: str) -> list[int]:
-    return [0, *(newline.end() for newline in re.finditer("\n", document))]
 
 
 # ---------------------------------------------------------------------------------------------- the usual mistakes

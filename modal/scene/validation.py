@@ -222,7 +222,7 @@ class Part:
         cls.fields = {name: field for fields in base_fields for name, field in fields.items()} | own_fields
         cls.__doc__ = PartDocumentation(vars(cls).get("__doc__"))  # type: ignore[assignment]
         KEYS.update(cls.fields)
-        TAGS.update(_kinds_of(cls))
+        TAGS.update(cls.fields["kind"].schema["expected"] if "kind" in cls.fields else [])
         kinds = {key: list(_kinds(field.schema)) for key, field in cls.fields.items() if key != "kind"}
         KINDS.update(
             {
@@ -379,10 +379,6 @@ def _parts(schema: Any) -> Iterator[type[Part]]:
         yield schema["cls"]
     for inner in schema.values() if isinstance(schema, dict) else schema if isinstance(schema, list) else ():
         yield from _parts(inner)
-
-
-def _kinds_of(cls: type[Part]) -> list[str]:
-    return cls.fields["kind"].schema["expected"] if "kind" in cls.fields else []
 
 
 def _kinds(schema: Schema) -> Iterator[str]:

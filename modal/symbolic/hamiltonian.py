@@ -137,7 +137,9 @@ def _in_plane(system: SymbolicStructure) -> Iterator[Line]:
         return
     yield from _constants(system, W)
     s = lengthwise_symbols(system)
-    yield from _closing(system, W, p, s)
+    yield Line("the momenta s along the links follow from the constant lengths: one linear equation a link")
+    for name, form in zip(s, along_equations(system, W, p, s), strict=True):
+        yield Line(f"of {name}", equal(form, 0))
     yield from _rates(system, W, p, s)
     yield from _forces(system, p, s)
     if len(system.links) <= 3:
@@ -204,12 +206,6 @@ def lengthwise_symbols(system: SymbolicStructure) -> list[Any]:
 def _angles(system: SymbolicStructure) -> list[Any]:
     """The angles of all rows, 0 of the cart: n = e_x and u = e_z."""
     return [*(sp.S.Zero for _ in rail(system)), *(angle.q for angle in system.angles)]
-
-
-def _closing(system: SymbolicStructure, W: Any, p: list[Coordinate], s: list[Any]) -> Iterator[Line]:
-    yield Line("the momenta s along the links follow from the constant lengths: one linear equation a link")
-    for name, form in zip(s, along_equations(system, W, p, s), strict=True):
-        yield Line(f"of {name}", equal(form, 0))
 
 
 def along_equations(system: SymbolicStructure, W: Any, p: list[Coordinate], s: list[Any]) -> list[Any]:

@@ -6,8 +6,12 @@ With places of points from `carriers` and along each chain, r_i = r_p + Σ l (si
     V = −Σ m g z + Σ (½ k η² + W η) + Σ ½ k (ℓ − ℓ₀)² + joints,    R = Σ ½ d ℓ'² + …
 
 W is the slope of the weights along η as drawn, ∂(Σ m g z)/∂η, which the own spring carries; ℓ₀ is the length of a
-spring as drawn.  Where that is 0, ½ k |Δr|² and ½ d |Δr'|² replace its terms.  Nothing here calls `modal.structure`:
-it is another route from where chains hang and springs end to all numbers of a scene.
+spring as drawn.  Where that is 0, ½ k |Δr|² and ½ d |Δr'|² replace its terms.  A law of a joint adds
+
+    V = −∫ τ(γ, 0) dγ,    R = −∫ [τ(γ, γ') − τ(γ, 0)] dγ'
+
+Nothing here calls `modal.structure`: it is another route from where chains hang and springs end to all numbers of a
+scene.
 """
 
 from __future__ import annotations
@@ -20,13 +24,57 @@ from typing import Any, NamedTuple
 import sympy as sp
 
 from modal import pair
+from modal.errors import SceneError
+from modal.exact import exact
+from modal.extend.registry import call
 from modal.report import Displayed, Summary, counted
 from modal.scene.laws import JointPart
 from modal.scene.points import CarrierEnd, End, LinkEnd
 from modal.symbolic.carriers import Chain, Coordinate, SymbolicCarrier, coordinate, time_derivative
-from modal.symbolic.laws import dissipation_of, potential_of
 from modal.symbolic.papers import equal
 from modal.symbolic.typesetting import in_display
+
+ANGLE, RATE = sp.symbols("gamma gammadot", real=True)
+
+
+def potential_of(part: JointPart, angle: Any) -> Any:
+    """The energy V of a law at an angle, as it says itself or from its torque at rest.
+
+    >>> from modal.extend.laws import SpringLaw
+    >>> from modal.scene.laws import part_of
+    >>> potential_of(part_of(SpringLaw)(stiffness=3.0), sp.Symbol("theta"))
+    3*theta**2/2
+    """
+    law, numbers = part.law, _numbers(part)
+    if law.has_potential:
+        return sp.sympify(call(law, "potential", ANGLE, numbers)).subs(ANGLE, angle)
+    return -_integral(part, call(law, "torque", ANGLE, sp.S.Zero, numbers), ANGLE).subs(ANGLE, angle)
+
+
+def dissipation_of(part: JointPart, angle: Any, rate: Any) -> Any:
+    """The function R of a law at an angle and a rate.
+
+    >>> from modal.extend.laws import DamperLaw
+    >>> from modal.scene.laws import part_of
+    >>> dissipation_of(part_of(DamperLaw)(damping=3.0), sp.S.Zero, sp.Symbol("omega"))
+    3*omega**2/2
+    """
+    torque = (call(part.law, "torque", ANGLE, speed, _numbers(part)) for speed in (RATE, sp.S.Zero))
+    total, elastic = torque
+    return -_integral(part, sp.expand(total - elastic), RATE).subs({ANGLE: angle, RATE: rate}, simultaneous=True)
+
+
+def _numbers(part: JointPart) -> dict[str, Any]:
+    return {name: sp.Rational(exact(value)) for name, value in part.numbers.items()}
+
+
+def _integral(part: JointPart, torque: Any, by: Any) -> Any:
+    """The integral from 0; SceneError where SymPy finds none."""
+    integral = sp.integrate(sp.sympify(torque), by)
+    if integral.has(sp.Integral):
+        raise SceneError([f"law {part.law.name}: SymPy finds no integral of its torque: give it a potential"])
+    return integral - integral.subs(by, 0)
+
 
 Place = tuple[Any, ...]
 """Along the rail and down; in space also across."""

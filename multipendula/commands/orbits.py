@@ -34,7 +34,13 @@ def orbits(options: argparse.Namespace) -> tuple[Branch, ...]:
             branches = (*branches, *newest)
     say(_told(scene, branches, options), options.format)
     if options.output:
-        _draw(scene, branches, options)
+        from nonlinear.orbits import oscillating
+
+        mode = None
+        if options.mode and not options.vary:
+            modes, row = oscillating(scene, options.mode)
+            mode = modes[row]
+        draw_in(options, options.output, "nonlinear.plotting", "draw_orbits", scene, branches, mode=mode)
     if options.film:
         _film(scene, branches, options)
     return branches
@@ -172,16 +178,6 @@ def _told(scene: Scene, branches: tuple[Branch, ...], options: argparse.Namespac
         modes, row = oscillating(scene, options.mode)
         linear = float(modes.omega[row])
     return orbits_text(scene, branches, linear)
-
-
-def _draw(scene: Scene, branches: tuple[Branch, ...], options: argparse.Namespace) -> None:
-    from nonlinear.orbits import oscillating
-
-    mode = None
-    if options.mode and not options.vary:
-        modes, row = oscillating(scene, options.mode)
-        mode = modes[row]
-    draw_in(options, options.output, "nonlinear.plotting", "draw_orbits", scene, branches, mode=mode)
 
 
 def _film(scene: Scene, branches: tuple[Branch, ...], options: argparse.Namespace) -> None:

@@ -203,7 +203,9 @@ def start_of(
         if kind == "mode":
             return _in_mode(scene, int(number), float(degrees), undamped=undamped)
         if words == "orbit":
-            return _under_drives(scene)
+            from nonlinear.orbits import forced_orbit
+
+            return forced_orbit(scene).state
         if kind == "orbit":
             return _on_orbit(scene, int(number), float(degrees))
     except ValueError as error:
@@ -231,13 +233,6 @@ def _usual_start(scene: Scene, *, undamped: bool) -> str:
     except SceneError as error:
         raise SceneError([f"{error}: give --start angles:10,20,... in degrees"]) from None
     return f"mode:{number}:{USUAL_DEG:g}"
-
-
-def _under_drives(scene: Scene) -> State:
-    """The start of the motion that repeats with the drives."""
-    from nonlinear.orbits import forced_orbit
-
-    return forced_orbit(scene).state
 
 
 def _on_orbit(scene: Scene, number: int, degrees: float) -> State:

@@ -19,6 +19,7 @@ from multipendula.command import (
     report_file,
     text_file,
 )
+from multipendula.commands.hoisting import LIMITS, limits_of
 from multipendula.commands.shared import (
     about,
     draw_in,
@@ -35,7 +36,6 @@ from multipendula.commands.shared import (
     remark,
     say,
 )
-from multipendula.commands.travels import LIMITS, limits_of
 from multipendula.completion import extensions, words
 
 if TYPE_CHECKING:

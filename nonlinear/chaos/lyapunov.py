@@ -26,15 +26,14 @@ from modal.report import TextResult, silent, visible
 from modal.scene import Scene, frequencies_of, require, title_of, validate_scene
 from modal.scene.doors import checked, checked_number, formerly
 from modal.types import Crew, Floats, map_by_crew
-from nonlinear.chaos.tangent import Tangent
-from nonlinear.dynamics import Lanes, Mechanics
+from nonlinear.dynamics import Mechanics
 from nonlinear.integration import validate, validate_numbers, validate_whole
 from nonlinear.integration.crowds import switching
-from nonlinear.integration.lanes import LaneTask, integrate
-from nonlinear.integration.pacing import longest_first, units_of
+from nonlinear.integration.lanes import integrate
+from nonlinear.integration.pacing import stretched
 from nonlinear.integration.switches import numbers_of as switching_numbers
-from nonlinear.integration.watches import GrowthSamples, tangent_direction
-from nonlinear.system import State, initial_state, numbers_of, system_of, validate_state
+from nonlinear.integration.watches import GrowthSamples
+from nonlinear.system import Layout, State, initial_state, numbers_of, system_of, validate_state
 
 TRANSIENT = 0.5
 """Format: fraction of the duration run beforehand, for v to align with the fastest growing direction."""
@@ -221,8 +220,12 @@ class Exponent(TextResult):
 
 def _apparent(scene: Scene, transient: float, since: Any) -> Any:
     """The λ (1/s) that regular motion shows, `since` seconds after a transient."""
-    rate = sqrt(scene.gravity / min(link.length for link in scene.links()))
-    return (1 + np.log(rate * (transient + since))) / since
+    return (1 + np.log(_fastest(scene) * (transient + since))) / since
+
+
+def _fastest(scene: Scene) -> float:
+    """sqrt(g/l) of the shortest link (rad/s), in which tangent vectors are measured."""
+    return sqrt(scene.gravity / min(link.length for link in scene.links()))
 
 
 @checked
@@ -273,11 +276,12 @@ def lyapunov_exponent(
         lambda: validate_whole(0, seed=seed),
     )
     validate_duration(scene, duration)
-    tangent = Tangent(system_of(scene))
-    _refuse_endless(duration, float(tangent.scale[-1, 0]), members if starts is None else len(starts))
+    system = system_of(scene)
+    layout = Layout.of(system, works=False)
+    _refuse_endless(duration, _fastest(scene), members if starts is None else len(starts))
     rng = np.random.default_rng(seed)
     states = starts if starts is not None else nearby(start or initial_state(scene), members, spread, rng)
-    y = np.stack([tangent.equations.begin(validate_state(state, tangent.system)) for state in states], axis=1)
+    y = np.stack([layout.begin(validate_state(state, system)) for state in states], axis=1)
     shortest = TRANSIENT * duration + DURATION_TIMES_MIN / DURATION_TIMES * usual_duration(scene)
     end = (1 + TRANSIENT) * duration
     grow = partial(_grow, scene, end, tolerance, shortest)
@@ -295,9 +299,9 @@ def lyapunov_exponent(
             np.concatenate([growth[: len(common_times) - 1] for _, growth, _ in parts], axis=1),
         )
         last = np.concatenate([last for _, _, last in parts], axis=1)
-    system, drift = tangent.system, float("nan")
+    drift = float("nan")
     if not system.works:
-        before, after = (Mechanics(system, tangent.equations.read(rows.T)).energy for rows in (y, last))
+        before, after = (Mechanics(system, layout.read(rows.T)).energy for rows in (y, last))
         largest = system.gravity * sum(float(group.block.b.sum()) for group in system.groups)
         drift = float(np.max(np.abs(after - before)) / largest)
     return Exponent(scene, times, growth, TRANSIENT * duration, drift)
@@ -324,9 +328,9 @@ def validate_duration(scene: Scene, duration: float) -> None:
         raise SceneError([f"duration {duration!r}: {words}"])
 
 
-def _refuse_endless(duration: float, scale: float, members: int) -> None:
+def _refuse_endless(duration: float, rate: float, members: int) -> None:
     """SceneError for more samples of the growth than can be kept."""
-    if (samples := (1 + TRANSIENT) * duration * scale * members) > GROWTH_SAMPLES_MAX:
+    if (samples := (1 + TRANSIENT) * duration * rate * members) > GROWTH_SAMPLES_MAX:
         longest = duration * GROWTH_SAMPLES_MAX / samples
         raise SceneError([f"duration {duration:g}: must be at most {longest:.3g} s for {members} starts of this scene"])
 
@@ -338,18 +342,11 @@ def _grow(
 
     Every start goes with its own steps; after Ctrl-C the times are those that all of them have reached.
     """
-    tangent = Tangent(system_of(scene))
-    numbers = numbers_of(scene, system=tangent.system)
-    numbers = replace(numbers, switching=switching_numbers(tangent.system))
-    count = 3 * ceil(end * float(tangent.scale[-1, 0]) / 3)  # the transient is the first third
-    members = y.shape[1]
-    times = np.linspace(0.0, end, count + 1)
-    units = np.broadcast_to(tangent.scale, y.shape)
-    lanes_y = np.concatenate((y, units * tangent_direction(len(y))))
-    absolute = tolerance * np.concatenate((units, units))
-    first = longest_first(units_of(numbers).rate, members)
-    task = LaneTask(Lanes(numbers, tangent=True), numbers, lanes_y, end, np.full(members, tolerance), absolute, first)
-    gains = GrowthSamples(tangent.scale, times[1:], y, report)
+    system = system_of(scene)
+    numbers = replace(numbers_of(scene, system=system), switching=switching_numbers(system))
+    times = np.linspace(0.0, end, 3 * ceil(end * _fastest(scene) / 3) + 1)  # the transient is the first third
+    task, scale = stretched(numbers, y, end, tolerance)
+    gains = GrowthSamples(scale, times[1:], y, report)
     try:
         if reasons := integrate(switching(task), [gains]).reasons:
             raise ComputationError(f"a start {next(iter(reasons.values()))}")

@@ -16,7 +16,7 @@ from nonlinear.dynamics.forms import Form, form_of, jacobian_of, module_of
 from nonlinear.dynamics.generated import Generated, Lanes, Written
 from nonlinear.dynamics.hamiltonian import Hamiltonian, SpatialHamiltonian
 from nonlinear.dynamics.inputs import Inputs, Instant
-from nonlinear.dynamics.maximal import HoistedMaximal, Maximal
+from nonlinear.dynamics.maximal import Maximal
 from nonlinear.dynamics.mechanics import Mechanics, Reactions, vectors
 from nonlinear.dynamics.minimal import Arranged, GroupBody, Minimal, Recursion
 from nonlinear.dynamics.spatial import Spatial, SpatialRecursion
@@ -43,7 +43,6 @@ __all__ = [
     "Generated",
     "GroupBody",
     "Hamiltonian",
-    "HoistedMaximal",
     "Inputs",
     "Instant",
     "Lanes",

@@ -49,14 +49,11 @@ SINGULAR = "the mass matrix is singular in double precision"
 def loses_digits(group: Group, system: System) -> bool:
     """Whether a carrier, a link above a heavier one or beside a rotor is so light that dense matrices lose digits."""
     heaviest = np.maximum.accumulate(group.block.mass[::-1])[::-1]
-    masses = [0.0 if carrier.M is not None else carrier.mass for carrier in system.suspension.carriers if carrier.size]
-    light = min(masses, default=np.inf) < CART_RATIO_MIN * float(system.mass.sum())
-    return bool(light or np.any(group.block.mass < LINK_RATIO_MIN * heaviest) or has_heavy_rotors(group))
-
-
-def has_heavy_rotors(group: Group) -> bool:
-    """Whether a rotor is so heavy beside its link and all below that dense matrices would lose digits."""
-    return bool(np.any(group.block.diagonal < LINK_RATIO_MIN * group.block.rotor))
+    least = CART_RATIO_MIN * sum(part.block.mass.sum((0, 1)) for part in system.groups)
+    carriers = [carrier for carrier in system.suspension.carriers if carrier.size]
+    light = any(carrier.M is not None or np.any(carrier.mass < least) for carrier in carriers)
+    heavy_rotors = np.any(group.block.diagonal < LINK_RATIO_MIN * group.block.rotor)
+    return bool(light or np.any(group.block.mass < LINK_RATIO_MIN * heaviest) or heavy_rotors)
 
 
 class Elimination:

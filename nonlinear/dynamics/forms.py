@@ -195,13 +195,6 @@ class Symbolic:
 
     def __init__(self, form: Form) -> None:
         self.tape = Tape()
-        self.system = self._with_symbols(form)
-        self.bodies: tuple[GroupBody, ...] = tuple(
-            (SpatialRecursion if form.spatial else Elimination if dense else Recursion)(group)
-            for group, (_, _, dense) in zip(self.system.groups, form.chains, strict=True)
-        )
-
-    def _with_symbols(self, form: Form) -> System:
         self.numbers = self.tape.inputs("p", form.count)
         p = iter(self.numbers)
         entries = [next(p) if has else 0.0 for has in form.present]
@@ -212,7 +205,11 @@ class Symbolic:
                 entries[at["centre"] + k] = entries[at["length"] + k]
         ratios = [next(p) if has else 0.0 for has in form.ratios]
         self.entries = tuple(entries)
-        return system_with_constants(system_with(form.system, entries), [*ratios, *p])
+        self.system = system_with_constants(system_with(form.system, entries), [*ratios, *p])
+        self.bodies: tuple[GroupBody, ...] = tuple(
+            (SpatialRecursion if form.spatial else Elimination if dense else Recursion)(group)
+            for group, (_, _, dense) in zip(self.system.groups, form.chains, strict=True)
+        )
 
 
 class TapedEquations(Symbolic):

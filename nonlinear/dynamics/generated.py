@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from nonlinear.dynamics.elimination import CART_RATIO_MIN, LINK_RATIO_MIN, has_heavy_rotors
+from nonlinear.dynamics.elimination import loses_digits
 from nonlinear.dynamics.forms import Form, form_of, module_of
 from nonlinear.dynamics.inputs import Inputs
 from nonlinear.dynamics.minimal import Arranged, Minimal, Recursion
@@ -172,7 +172,8 @@ class Lanes:
     def form(self) -> Form:
         """What the text depends on."""
         numbers = self.numbers.entries, self.numbers.constants
-        frail = [_frail(self.numbers, group) for group in self.system.groups]
+        members = self.numbers.arrays
+        frail = [loses_digits(group, members) for group in members.groups]
         return form_of(self.system, *numbers, works=self.layout.works, frail=frail)
 
     @cached_property
@@ -205,14 +206,3 @@ class Lanes:
     def _winds(self, group: Group) -> bool:
         hoisting = self.system.hoisting
         return hoisting is not None and bool(hoisting.moving[group.index].any())
-
-
-def _frail(numbers: Numbers, group: Group) -> bool:
-    """Whether any member has so light a cart, or a link beside one below it or its rotor, that matrices lose digits."""
-    system = numbers.arrays
-    members = next(candidate for candidate in system.groups if candidate.index is group.index)
-    mass = members.block.mass
-    heaviest = np.maximum.accumulate(mass[::-1])[::-1]
-    total = sum(candidate.block.mass.sum((0, 1)) for candidate in system.groups)
-    light = system.cart is not None and np.any(np.asarray(system.cart.mass) < CART_RATIO_MIN * total)
-    return bool(light or np.any(mass < LINK_RATIO_MIN * heaviest) or has_heavy_rotors(members))

@@ -43,6 +43,7 @@ import scipy
 from modal.errors import ComputationError
 from modal.types import EPS, Floats, Ints
 from nonlinear.dynamics.forces import cart_force, forces_of, joint_torques, modal_drag, resultants
+from nonlinear.dynamics.inputs import with_lengths
 from nonlinear.dynamics.mechanics import Reactions
 from nonlinear.system import AppliedForces, Load, Motion, State, System
 
@@ -64,9 +65,9 @@ class Drift(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Maximal:
-    """The equations of a plane scene with y = (q, q', work).
+    """The equations of a plane scene with y = (q, q', work), where ropes are wound y = (q, q', time, work).
 
-    With `controlled` false, `project` reports the drift and leaves it uncorrected, as the paper's method does.
+    With `corrects_drift` false, `project` reports the drift and leaves it uncorrected, as the paper's method does.
     """
 
     system: System
@@ -75,13 +76,20 @@ class Maximal:
 
     @cached_property
     def pivots(self) -> Pivots:
-        """The constraints."""
+        """The constraints, with the lengths that the scene has without its hoists."""
         return Pivots(self.system)
 
-    @cached_property
-    def saddle(self) -> Saddle:
-        """The matrix of accelerations and forces."""
-        return Saddle(self.pivots)
+    def pivots_at(self, time: float) -> Pivots:
+        """The constraints at a time (s)."""
+        hoisting = self.system.hoisting
+        if hoisting is None:
+            return self.pivots
+        length, *winding = hoisting.at(time)
+        groups = [with_lengths(group, hoisting.moving, length[group.index]) for group in self.system.groups]
+        return Pivots(replace(self.system, groups=tuple(groups), hoisting=None), *winding)
+
+    def _pivots_of(self, y: Floats) -> Pivots:
+        return self.pivots_at(float(y[2 * self.pivots.size]) if self.system.hoisting else 0.0)
 
     @property
     def works(self) -> bool:
@@ -96,51 +104,37 @@ class Maximal:
         """The derivative y', (size,)."""
         size = self.pivots.size
         unknowns, power = self._solve(time, self._state(y))
-        return np.concatenate((y[size : 2 * size], unknowns[:size], [power] * self.works))
+        clock = [1.0] if self.system.hoisting else []
+        return np.concatenate((y[size : 2 * size], unknowns[:size], clock, [power] * self.works))
 
     def _solve(self, time: float, state: State) -> tuple[Floats, float]:
-        """The unknowns, and the power (W) of dampers, drives, the load and inertial forces."""
-        system, forces, push = self.system, np.zeros(self.pivots.size), self._push(time, state)
-        support, links = self.pivots.parts(forces)
+        """The unknowns, and the power (W) of dampers, drives, the load, inertial forces and winches."""
+        pivots, forces = self.pivots_at(time), np.zeros(self.pivots.size)
+        system, push = pivots.system, self.load(time, state) if self.load else AppliedForces()
+        support, links = pivots.parts(forces)
         on_cart, on_links, power = acting(system, state, push)
         support += on_cart, system.gravity * system.cart.mass if system.cart else 0.0
         links[:, 1] = system.gravity * system.mass
         links[:, 2] = on_links
-        cart, moving = self.pivots.parts(self.pivots.place(state)[1])
-        power += self._outside(time, state, moving, cart, support, links)
-        unknowns = self.saddle.solve(state.links, forces, self.pivots.gamma(state.links, state.link_rates))
+        cart, moving = pivots.parts(pivots.place(state)[1])
+        power += add_outside(system, time, state, moving, cart, support, links)
+        unknowns = pivots.saddle.solve(state.links, forces, pivots.gamma(state.links, state.link_rates))
+        if self.system.hoisting:
+            pulls = np.sum(_directions(state.links)[0] * unknowns[-2 * system.n_links :].reshape(-1, 2), axis=1)
+            power += float(np.sum(pivots.speed * pulls))
         return unknowns, power
-
-    def _outside(
-        self, time: float, state: State, moving: Floats, cart: Floats, on_cart: Floats, on_links: Floats
-    ) -> float:
-        """Add inertial forces, drag and the scene's forces; their power (W) at the velocities of links and cart."""
-        frame_forces = self._frame_forces(time, moving[:, :2])
-        on_links[:, :2] += frame_forces
-        power = float(np.sum(frame_forces * moving[:, :2]))
-        if self.system.forces:
-            forces, moments, cart_push = resultants(self.system, state.links, time)
-            on_links[:, :2] += forces
-            on_links[:, 2] += moments
-            on_cart[0] += cart_push
-            power += float(np.sum(forces * moving[:, :2]) + moments @ moving[:, 2] + cart_push * cart[0])
-        return power
-
-    def _push(self, time: float, state: State) -> AppliedForces:
-        return self.load(time, state) if self.load else AppliedForces()
-
-    def _frame_forces(self, time: float, velocities: Floats) -> Floats:
-        """Inertial forces and drag (N) on centres with these velocities (L, 2) in the frame of the support."""
-        (acceleration, velocity), system = frame_of(self.system, time), self.system
-        forces = -system.mass[:, None] * acceleration
-        return forces + forces_of(system, (velocities + velocity)[None])[0] if system.has_drag else forces
 
     def _state(self, y: Floats) -> State:
         return self.read(y[None])[0]
 
     def begin(self, state: State) -> Floats:
-        """The vector y of a state given by its angles, with closed pivots and zero work."""
-        return np.concatenate((*self.pivots.place(state), np.zeros(int(self.works))))
+        """The vector y at time 0 of a state given by its angles, with closed pivots and zero work."""
+        return self.begin_at(state, 0.0)
+
+    def begin_at(self, state: State, time: float) -> Floats:
+        """The vector y of a state at a time (s)."""
+        clock = [time] if self.system.hoisting else []
+        return np.concatenate((*self.pivots_at(time).place(state), clock, [0.0] * self.works))
 
     def read(self, rows: Floats) -> Motion:
         """The motion in vectors (T, size)."""
@@ -156,45 +150,29 @@ class Maximal:
     @property
     def scale(self) -> Floats:
         """Natural units of y, (size,): l of positions, 1 of angles, and their rates."""
-        half = np.full(self.pivots.size, self.system.length)
+        half, rate = np.full(self.pivots.size, self.system.length), self.system.rate
         self.pivots.parts(half)[1][:, 2] = 1.0
-        return np.concatenate((half, half * self.system.rate, [self.system.energy] * self.works))
+        clock = [1 / rate] if self.system.hoisting else []
+        return np.concatenate((half, half * rate, clock, [self.system.energy] * self.works))
 
     def drift(self, y: Floats) -> Drift:
         """By how much y violates its constraints."""
-        q, v = self._halves(y)
-        reach, gravity = self.pivots.reach, self.system.gravity
-        return Drift(_widest(self.pivots.gaps(q)) / reach, _widest(self.pivots.opening(q, v)) / sqrt(gravity * reach))
+        (q, v), pivots = self._halves(y), self._pivots_of(y)
+        reach, gravity = pivots.reach, self.system.gravity
+        return Drift(_widest(pivots.gaps(q)) / reach, _widest(pivots.opening(q, v)) / sqrt(gravity * reach))
 
     def project(self, y: Floats) -> tuple[Floats, float]:
         """The nearest y that satisfies every constraint, and the largest violation removed, scaled as in `drift`.
 
         ComputationError where Newton's method does not close the pivots.
         """
-        violation = max(self.drift(y))
-        return (self._close_pivots(y) if self.corrects_drift else y), violation
-
-    def _close_pivots(self, y: Floats) -> Floats:
+        violation, pivots = max(self.drift(y)), self._pivots_of(y)
+        if not self.corrects_drift:
+            return y, violation
         q, v = self._halves(y)
-        q = self._close_gaps(q)
-        v = v + self._step(q, self.pivots.opening(q, v))
-        return np.concatenate((q, v, y[2 * self.pivots.size :]))
-
-    def _close_gaps(self, q: Floats) -> Floats:
-        extent = self.pivots.reach + abs(q[0])
-        for _ in range(CLOSING_ROUNDS):
-            gaps = self.pivots.gaps(q)
-            if _widest(gaps) <= 4 * EPS * extent:
-                return q
-            q = q + self._step(q, gaps)
-        gap = _widest(self.pivots.gaps(q))
-        if not gap <= OPEN_GAP_MAX * extent:
-            raise ComputationError(f"pivots still {gap:.2g} m open after {CLOSING_ROUNDS} steps: torn too far apart")
-        return q
-
-    def _step(self, q: Floats, gaps: Floats) -> Floats:
-        angles = self.pivots.parts(q)[1][:, 2]
-        return self.saddle.solve(angles, 0.0, -gaps)[: self.pivots.size]
+        q = pivots.closed(q)
+        v = v + pivots.step(q, pivots.opening(q, v))
+        return np.concatenate((q, v, y[2 * pivots.size :])), violation
 
     def _halves(self, y: Floats) -> tuple[Floats, Floats]:
         return y[: self.pivots.size], y[self.pivots.size : 2 * self.pivots.size]
@@ -216,9 +194,19 @@ def _widest(gaps: Floats) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Pivots:
-    """The constraints of a plane scene: 2L on 3L coordinates, and with a cart one more on two more."""
+    """The constraints of a plane scene: 2L on 3L coordinates, and with a cart one more on two more.
+
+    Ropes become longer at a `speed` (m/s) with an `acceleration` (m/s²), 0 or (L,).
+    """
 
     system: System
+    speed: Floats | float = 0.0
+    acceleration: Floats | float = 0.0
+
+    @cached_property
+    def saddle(self) -> Saddle:
+        """The matrix of accelerations and forces."""
+        return Saddle(self)
 
     @cached_property
     def first(self) -> int:
@@ -261,17 +249,21 @@ class Pivots:
     def place(self, state: State) -> tuple[Floats, Floats]:
         """The q and q' of a state, with every constraint satisfied."""
         u, n = _directions(state.links)
-        q = self._hang(u, state.links, state.cart)
-        return q, self._hang(state.link_rates[:, None] * n, state.link_rates, state.cart_rate)
+        q = self._hang(u, state.links, state.cart, 0.0 * u)
+        return q, self._hang(state.link_rates[:, None] * n, state.link_rates, state.cart_rate, self._winding(u))
 
-    def _hang(self, arms: Floats, turns: Floats, cart: float) -> Floats:
+    def _hang(self, arms: Floats, turns: Floats, cart: float, longer: Floats) -> Floats:
         support = np.array([cart, 0.0])
         links = np.column_stack((arms, turns))
         for group in self.system.groups:
             chain = arms[group.index]
-            ends = np.cumsum(group.block.length[..., None] * chain, axis=0)
+            ends = np.cumsum(group.block.length[..., None] * chain + longer[group.index], axis=0)
             links[group.index, :2] = support + ends - self.rest[group.index][..., None] * chain
         return np.concatenate((support[: self.first], links.ravel()))
+
+    def _winding(self, u: Floats) -> Floats:
+        """C' u (m/s) of every link, (L, 2)."""
+        return np.asarray(np.transpose(self.speed * u.T))
 
     def gaps(self, q: Floats) -> Floats:
         """The gaps of the pivots (m)."""
@@ -281,13 +273,35 @@ class Pivots:
     def opening(self, q: Floats, v: Floats) -> Floats:
         """The rate G q' at which the pivots open (m/s)."""
         support, rates = self.parts(v)
-        n = _directions(self.parts(q)[1][:, 2])[1]
-        return self._gaps(rates[:, :2], rates[:, 2:] * n, support)
+        u, n = _directions(self.parts(q)[1][:, 2])
+        opening = self._gaps(rates[:, :2], rates[:, 2:] * n, support)
+        opening[-u.size :] += self._winding(u).ravel()
+        return opening
 
     def gamma(self, angles: Floats, rates: Floats) -> Floats:
         """The value γ (m/s²) of G q'' that keeps the pivots closed."""
-        arms = rates[:, None] ** 2 * _directions(angles)[0]
-        return self._gaps(np.zeros_like(arms), arms, np.zeros(2))
+        u, n = _directions(angles)
+        gamma = self._gaps(np.zeros_like(u), rates[:, None] ** 2 * u, np.zeros(2))
+        gamma[-u.size :] -= np.ravel(self.acceleration * u.T + 2 * (self.speed * rates) * n.T, order="F")
+        return gamma
+
+    def closed(self, q: Floats) -> Floats:
+        """The q nearest to this one whose pivots have no gaps; ComputationError where Newton's method finds none."""
+        extent = self.reach + abs(q[0])
+        for _ in range(CLOSING_ROUNDS):
+            gaps = self.gaps(q)
+            if _widest(gaps) <= 4 * EPS * extent:
+                return q
+            q = q + self.step(q, gaps)
+        gap = _widest(self.gaps(q))
+        if not gap <= OPEN_GAP_MAX * extent:
+            raise ComputationError(f"pivots still {gap:.2g} m open after {CLOSING_ROUNDS} steps: torn too far apart")
+        return q
+
+    def step(self, q: Floats, gaps: Floats) -> Floats:
+        """The smallest mass-weighted change δ with G δ = −g, of q or of q'."""
+        angles = self.parts(q)[1][:, 2]
+        return self.saddle.solve(angles, 0.0, -gaps)[: self.size]
 
     def _gaps(self, middle: Floats, arms: Floats, support: Floats) -> Floats:
         ends = np.vstack((middle + self.rest[:, None] * arms, support))
@@ -394,97 +408,24 @@ def _entries(pivots: Pivots) -> tuple[Ints, Ints, Floats, Floats, Ints]:
     return rows, columns, values, arms, turners
 
 
-def frozen(system: System, time: float) -> tuple[System, Floats, Floats]:
-    """The system with the lengths of a time (s), and their speeds and accelerations (L,)."""
-    hoisting = system.hoisting
-    assert hoisting is not None
-    length, speed, acceleration = hoisting.at(time)
-    groups = []
-    for group in system.groups:
-        lengths = length[group.index]
-        centre = np.where(hoisting.moving[group.index], lengths, group.block.centre)
-        groups.append(replace(group, block=replace(group.block, length=lengths, centre=centre)))
-    return replace(system, groups=tuple(groups), hoisting=None), speed, acceleration
-
-
-@dataclass(frozen=True, eq=False)
-class HoistedMaximal(Maximal):
-    """The equations of `Maximal` with the lengths of `system.hoisting`, y = (q, q', time, work)."""
-
-    def derivative(self, time: float, y: Floats) -> Floats:
-        """The derivative y', (size,)."""
-        size, state = self.pivots.size, self._state(y)
-        push = self._push(time, state)
-        unknowns, power = self._solve_at(time, state, push)
-        return np.concatenate((y[size : 2 * size], unknowns[:size], [1.0, power]))
-
-    def _solve_at(self, time: float, state: State, push: AppliedForces) -> tuple[Floats, float]:
-        """The unknowns, and the power (W) of dampers, drives, the load and the winches."""
-        system, speed, acceleration = frozen(self.system, time)
-        pivots, forces = Pivots(system), np.zeros(self.pivots.size)
-        support, links = pivots.parts(forces)
-        on_cart, on_links, power = acting(system, state, push)
-        support += on_cart, system.gravity * system.cart.mass if system.cart else 0.0
-        links[:, 1] = system.gravity * system.mass
-        links[:, 2] = on_links
-        cart, moving = pivots.parts(pivots.place(state)[1] + self._winding(state.links, speed))
-        power += replace(self, system=system)._outside(time, state, moving, cart, support, links)
-        u, n = directions(state.links)
-        gamma = pivots.gamma(state.links, state.link_rates)
-        gamma[-2 * system.n_links :] -= (acceleration * u + 2 * speed * state.link_rates * n).T.ravel()
-        unknowns = Saddle(pivots).solve(state.links, forces, gamma)
-        pivot_forces = unknowns[-2 * system.n_links :].reshape(-1, 2)
-        return unknowns, power + float(np.sum(speed * np.sum(u.T * pivot_forces, axis=1)))
-
-    def begin(self, state: State) -> Floats:
-        """The vector y of a state at time 0."""
-        return self.begin_at(state, 0.0)
-
-    def begin_at(self, state: State, time: float) -> Floats:
-        """The vector y of a state at a time (s), with closed pivots and zero work."""
-        system, speed, _ = frozen(self.system, time)
-        q, v = Pivots(system).place(state)
-        return np.concatenate((q, v + self._winding(state.links, speed), [time, 0.0]))
-
-    @property
-    def scale(self) -> Floats:
-        """Natural units of y, (size,)."""
-        units = super().scale
-        return np.concatenate((units[:-1], [1 / self.system.rate], units[-1:]))
-
-    def project(self, y: Floats) -> tuple[Floats, float]:
-        """The nearest y that satisfies every constraint, and the largest violation removed."""
-        size = self.pivots.size
-        system, speed, _ = frozen(self.system, float(y[2 * size]))
-        momentary = Maximal(system, corrects_drift=self.corrects_drift)
-        closed_y = y.copy()
-        closed_y[size : 2 * size] -= self._winding(self._state(y).links, speed)
-        result, drift = momentary.project(closed_y)
-        if not self.corrects_drift:
-            return y, drift
-        result[size : 2 * size] += self._winding(self._state(result).links, speed)
-        return result, drift
-
-    def _winding(self, angles: Floats, speed: Floats) -> Floats:
-        """Velocities that the ropes' speeds (L,) alone give to everything below them."""
-        forces = np.zeros(self.pivots.size)
-        links = self.pivots.parts(forces)[1]
-        steps = speed * directions(angles)[0]
-        for group in self.system.groups:
-            links[group.index, :2] = np.moveaxis(np.cumsum(steps[:, group.index], axis=1), 0, -1)
-        return forces
-
-
-def directions(angles: Floats) -> tuple[Floats, Floats]:
-    """The unit vectors u along and n across every link, (2, ...): along the rail, down."""
-    sin, cos = np.sin(angles), np.cos(angles)
-    return np.stack((sin, cos)), np.stack((cos, -sin))
-
-
-def frame_of(system: System, time: float) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Acceleration (m/s²) and velocity (m/s) of the support, each along the rail and down, at a time (s)."""
-    support = system.support
-    return (support.acceleration(time), support.velocity(time)) if support else ((0.0, 0.0), (0.0, 0.0))
+def add_outside(
+    system: System, time: float, state: State, moving: Floats, cart: Floats, on_cart: Floats, on_links: Floats
+) -> float:
+    """Add inertial forces, drag and the scene's forces; their power (W) at the velocities of links and cart."""
+    frame, velocity = system.support, moving[:, :2]
+    acceleration, wind = (frame.acceleration(time), frame.velocity(time)) if frame else ((0.0, 0.0), (0.0, 0.0))
+    frame_forces = -system.mass[:, None] * acceleration
+    if system.has_drag:
+        frame_forces = frame_forces + forces_of(system, (velocity + wind)[None])[0]
+    on_links[:, :2] += frame_forces
+    power = float(np.sum(frame_forces * velocity))
+    if system.forces:
+        forces, moments, cart_push = resultants(system, state.links, time)
+        on_links[:, :2] += forces
+        on_links[:, 2] += moments
+        on_cart[0] += cart_push
+        power += float(np.sum(forces * velocity) + moments @ moving[:, 2] + cart_push * cart[0])
+    return power
 
 
 def acting(system: System, state: State, push: AppliedForces) -> tuple[float, Floats, float]:

@@ -79,7 +79,7 @@ def _lower_velocity(distance: Any, y: Any, upper: Any) -> tuple[Any, Any]:
 def _answer_step(link: Any, y: Any, u: Any, v: Any) -> list[Any]:
     theta, rate, _, _, moment, *frame = y[:9]
     s, c, support, wind = theta.sin(), theta.cos(), frame[:2], frame[2:]
-    bend, speed = _joint_bend(link, y)
+    bend, speed = y[0] - y[2] - link.bent, y[1] - y[3]
     elastic, working = joint_law(bend, speed, link.stiffness, link.damping)
     working = working + VanDerPolLaw().torque(bend, speed, vars(link))
     torque, (tx, tz) = elastic + working, u[6:8]
@@ -101,10 +101,6 @@ def _answer_step(link: Any, y: Any, u: Any, v: Any) -> list[Any]:
     outside = moment + inertial_law(link.static, s, c, support)
     power = u[8] + working * speed + outside * rate + fx * velocity[0] + fz * velocity[1]
     return [*answer, torque, tx + fx, tz + fz, power, turn.hx, turn.hz, turn.e, turn.D]
-
-
-def _joint_bend(link: Any, y: Any) -> tuple[Any, Any]:
-    return y[0] - y[2] - link.bent, y[1] - y[3]
 
 
 def _fall_step(link: Any, y: Any, u: Any, v: Any) -> list[Any]:

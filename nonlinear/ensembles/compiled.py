@@ -16,13 +16,14 @@ from nonlinear.dynamics.compiling import available
 from nonlinear.dynamics.contacts import JAMMED as STUCK
 from nonlinear.dynamics.generated import Rates
 from nonlinear.dynamics.inputs import Inputs
-from nonlinear.ensembles.lanes import Watches, slope_of, stretched, task_of, watches_of
+from nonlinear.ensembles.lanes import Watches, slope_of, task_of, watches_of
 from nonlinear.ensembles.results import MemberResults, Wanted
 from nonlinear.integration.crowds import Crowd, RailWork
 from nonlinear.integration.kernels import code_of_text, module_of, source
 from nonlinear.integration.lanes import NOT_FINITE, TOO_SHORT, LaneTask
 from nonlinear.integration.loops import INFINITE, JAMMED, SHORT, TURNED, WIDTH
 from nonlinear.integration.method import LOOKS, STAGES
+from nonlinear.integration.pacing import stretched
 from nonlinear.integration.readiness import make_ready
 from nonlinear.integration.switches import Switches
 from nonlinear.integration.within import Step, Watch
@@ -61,7 +62,8 @@ def run(numbers: Numbers, y: Floats, wanted: Wanted) -> MemberResults:
     rubbed = crowd.work(ran.y, ran.state) + sum(watch.work for watch in rubbing) if rubs else 0.0
     results = watches.added_to(MemberResults(ran.y, ran.error, ran.horizon, ran.reasons, rubbed=rubbed))
     if wanted.stretching:
-        task, scale = stretched(numbers, y[: 2 * lanes.layout.half], wanted)
+        end = (1 + TRANSIENT) * wanted.duration
+        task, scale = stretched(numbers, y[: 2 * lanes.layout.half], end, wanted.tolerance)
         units, none = np.concatenate((scale, scale)), np.zeros(y.shape[1])
         ends = [wanted.duration * TRANSIENT, task.end]
         before, gain = (integrate(replace(task, end=end), units, none, None, grows=False) for end in ends)
@@ -82,39 +84,27 @@ def integrate(
     module, code = module_of(text), code_of_text(task.lanes, text, has_switches=crowd is not None)
     size, count = task.initial.shape
     constants = crowd.constants() if crowd else task.lanes.constants(task.numbers)
-    numbers, members = _given(constants, count), np.full(WIDTH, -1)
+    numbers = _given(constants, count)
     times = np.array(watches.samples.times if watches and watches.samples else ())
     if len(times) and times[0] == 0:
         times = times[1:]
     section = watches.section if watches else None
     flags = (bool(len(times)), bool(watches and watches.turns), bool(watches and watches.largest), bool(section))
     wants = np.array([*flags, section.row if section else 0, grows, task.lanes.tangent])
-    front = np.zeros((TURNED + task.lanes.system.n_links, WIDTH))
-    lanes = [np.zeros((size, WIDTH)) for _ in range(2)]
     held = 2 * switches.places.J if switches else 0
     final = np.zeros((switches.places.length if switches else 0, count))
     error, horizon, gain, largest = np.zeros((4, count))
     ran = Ran(np.full((size, count), np.nan), error, horizon, gain, largest, final)
-    status = np.zeros(count, dtype=np.int64)
-    which, marks = np.zeros(BUFFER_STEPS, dtype=np.int64), np.zeros((2, BUFFER_STEPS))
-    before, after, stages = (
-        np.zeros((size, BUFFER_STEPS)),
-        np.zeros((size, BUFFER_STEPS)),
-        np.zeros((STAGES + 1, size, BUFFER_STEPS)),
-    )
-    acting = np.zeros((held, BUFFER_STEPS))
+    status, which = np.zeros(count, dtype=np.int64), np.zeros(BUFFER_STEPS, dtype=np.int64)
+    results = ran.y, error, horizon, gain, largest, status
+    shapes = (2,), (size,), (size,), (STAGES + 1, size), (held,)
+    steps = tuple(np.zeros((*shape, BUFFER_STEPS)) for shape in shapes)
     spread = np.ascontiguousarray(np.broadcast_to(scale, (size, scale.shape[1])))
     ends, tables = np.append(task.breaks, task.end), _tables(task.lanes.inputs)
-    arguments = (
-        (task.initial, numbers, task.relative, task.absolute, task.first, ends, task.longest, spread, local, tables),
-        *(times, wants, section.level if section else 0.0, members, np.zeros(1, dtype=np.int64), front, *lanes),
-        *(np.zeros((STAGES + 1, size, WIDTH)), np.zeros((max(len(numbers), 1), WIDTH)), np.zeros(WIDTH)),
-        *(np.ones((size, WIDTH)), np.ones((size, WIDTH)), np.zeros(WIDTH)),
-        *(np.zeros((size, WIDTH)) for _ in range(3)),
-        *(np.zeros(WIDTH) for _ in range(3)),
-        *(ran.y, ran.error, ran.horizon, ran.gain, ran.largest, status, which, marks, before, after, stages, acting),
-        *(np.zeros((max(task.lanes.inputs.count + held, 1), WIDTH)), _switching(switches, final)),
-    )
+    whole = task.initial, numbers, task.relative, task.absolute, task.first, ends, task.longest, spread, local, tables
+    lanes = _lanes(size, len(numbers), task.lanes.system.n_links, task.lanes.inputs.count + held)
+    level, begun = section.level if section else 0.0, np.zeros(1, dtype=np.int64)
+    switching = _switching(switches, final)
 
     def rates_in(numbers: Numbers, contact_inputs: Floats) -> Rates:
         rates: Rates = crowd.rates(numbers)(contact_inputs) if crowd else task.lanes.rates(numbers)
@@ -123,11 +113,10 @@ def integrate(
     filled = 0
     while filled >= 0:
         with make_ready(code), without_interrupts():
-            filled = module.run(*arguments)
+            filled = module.run(whole, times, wants, level, begun, lanes, results, (which, *steps), switching)
         kept = filled if filled >= 0 else -1 - filled
         if watches and kept:
-            seen = (rows[..., :kept] for rows in (marks, before, after, stages, acting))
-            _see(task, [*beside, *watches.all], rates_in, which[:kept], *seen)
+            _see(task, [*beside, *watches.all], rates_in, which[:kept], *(rows[..., :kept] for rows in steps))
     if watches and watches.largest:
         watches.largest.angle = np.maximum(watches.largest.angle, ran.largest)
     for member in np.flatnonzero(status):
@@ -136,6 +125,17 @@ def integrate(
     if switches:
         ran.error[:], ran.horizon[:] = np.nan, np.nan
     return ran
+
+
+def _lanes(size: int, constants: int, links: int, inputs: int) -> tuple[Floats | Ints, ...]:
+    """What of a module's arguments has a column for each lane, none of which has a member yet."""
+    front, K = np.zeros((TURNED + links, WIDTH)), np.zeros((STAGES + 1, size, WIDTH))
+    y, z, v, w, g = (np.zeros((size, WIDTH)) for _ in range(5))
+    absolute, scale = (np.ones((size, WIDTH)) for _ in range(2))
+    relative, local, length, error, is_good = (np.zeros(WIDTH) for _ in range(5))
+    c, u = (np.zeros((max(count, 1), WIDTH)) for count in (constants, inputs))
+    first = np.full(WIDTH, -1), front, y, z, K, c, relative, absolute, scale, local
+    return *first, v, w, g, length, error, is_good, u
 
 
 def _switching(switches: Switches | None, final: Floats) -> tuple[Any, ...]:

@@ -13,15 +13,7 @@ from nonlinear.ensembles.results import MemberResults, Wanted
 from nonlinear.integration import pacing
 from nonlinear.integration.crowds import RailWork, switching
 from nonlinear.integration.lanes import LaneTask, integrate
-from nonlinear.integration.watches import (
-    Crossings,
-    FirstTurns,
-    Growth,
-    GrowthSamples,
-    Largest,
-    Samples,
-    tangent_direction,
-)
+from nonlinear.integration.watches import Crossings, FirstTurns, Growth, GrowthSamples, Largest, Samples
 from nonlinear.integration.within import Watch, fill
 from nonlinear.system import Layout, Numbers
 
@@ -109,31 +101,9 @@ def stretching(numbers: Numbers, y: Floats, wanted: Wanted) -> Floats:
 
     It begins in a direction drawn at random, the same for all.
     """
-    task, scale = stretched(numbers, y, wanted)
+    task, scale = pacing.stretched(numbers, y, (1 + TRANSIENT) * wanted.duration, wanted.tolerance)
     watch = GrowthSamples(scale, np.array([TRANSIENT, 1 + TRANSIENT]) * wanted.duration, y, lambda elapsed: None)
     outcome = integrate(switching(task), [watch])
     growth = watch.rows[1] - watch.rows[0]
     growth[[*outcome.reasons]] = np.nan
     return np.asarray(growth)
-
-
-def stretched(numbers: Numbers, y: Floats, wanted: Wanted) -> tuple[LaneTask, Floats]:
-    """The task of y and a tangent vector, the transient included, and natural units of this."""
-    lanes = Lanes(numbers, tangent=True)
-    layout = replace(lanes.layout, works=False)
-    scale = shortest_scale(numbers, layout)
-    v = np.broadcast_to(tangent_direction(layout.size) * scale, y.shape)
-    both, units = np.concatenate((y, v)), np.broadcast_to(scale, y.shape)
-    absolute = wanted.tolerance * np.concatenate((units, units))
-    members = y.shape[1]
-    first = pacing.longest_first(pacing.units_of(numbers).rate, members)
-    relative = np.full(members, wanted.tolerance)
-    return LaneTask(lanes, numbers, both, (1 + TRANSIENT) * wanted.duration, relative, absolute, first), scale
-
-
-def shortest_scale(numbers: Numbers, layout: Layout) -> Floats:
-    """Natural units of tangent vectors, (size, S or 1), in which l is the shortest link (`nonlinear.chaos.tangent`)."""
-    system = numbers.arrays
-    length = np.min([group.block.length.min((0, 1)) for group in system.groups], axis=0)
-    rate = np.sqrt(np.atleast_1d(system.gravity) / length)
-    return pacing.MemberUnits(length, rate, 0 * rate).scale(layout)

@@ -87,7 +87,7 @@ class Drive:
         """Advance to the last sampled time, or as far as possible."""
         record = RunRecord(self.times, np.empty((len(self.times), len(self.stepper.y))))
         record.keep(self.stepper.y[None])
-        advance = self._sweep if self._sweeps else self._on
+        advance = self._sweep if isinstance(self.stepper, DOP853Stepper if self._has_watches else Sweeper) else self._on
         try:
             while record.row_count < len(self.times) and not record.stopped:
                 advance(record)
@@ -118,11 +118,6 @@ class Drive:
     @property
     def _has_watches(self) -> bool:
         return bool(self.events or self.watches)
-
-    @property
-    def _sweeps(self) -> bool:
-        """Whether many steps are taken at once: series are seen step by step."""
-        return isinstance(self.stepper, DOP853Stepper if self._has_watches else Sweeper)
 
     def _friction(self, record: RunRecord) -> Friction:
         """What friction did as far as the run came."""

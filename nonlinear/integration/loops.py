@@ -155,7 +155,7 @@ def looping(
 
     def apply_switch(k: Any, member: Any, front: Any, y: Any, f: Any, u: Any, switching: Any) -> Any:
         constants_of, numbers, d, a, state, s, _, aim, following, low, high, _, usual, _ = switching
-        begins = front[FRESH, k] == BEGINS
+        begins, t = front[FRESH, k] == BEGINS, front[TIME, k]
         if begins:
             for i in range(len(d)):
                 d[i, k] = constants_of[i, member % constants_of.shape[1]]
@@ -174,26 +174,13 @@ def looping(
         now, slope = [y[i, k] for i in range(SIZE)], [f[i, k] for i in range(SIZE)]
         state_values, events = [0.0 if begins else state[i, k] for i in range(M)], [(0.0, 0.0, 0.0, 0.0)]
         if begins:
-            begin(
-                front[TIME, k], now, [0.0] * len(parameters), state_values, parameters, constants, time_inputs, events
-            )
+            begin(t, now, [0.0] * len(parameters), state_values, parameters, constants, time_inputs, events)
         else:
             columns = zeros((D // SIZE - 1, SIZE))
             for n in range(len(columns)):
                 for i in range(SIZE):
                     columns[n, i] = y[(n + 1) * SIZE + i, k]
-            now = change(
-                front[TIME, k],
-                following[k],
-                now,
-                slope,
-                state_values,
-                parameters,
-                constants,
-                time_inputs,
-                columns,
-                events,
-            )
+            now = change(t, following[k], now, slope, state_values, parameters, constants, time_inputs, columns, events)
             for i in range(SIZE):
                 y[i, k] = now[i]
             for n in range(len(columns)):
@@ -221,21 +208,8 @@ def looping(
                 switch, largest = j, V[0, j, k]
         return switch
 
-    def renew(
-        members: Any,
-        front: Any,
-        h: Any,
-        tables: Any,
-        y: Any,
-        u: Any,
-        c: Any,
-        K: Any,
-        g: Any,
-        out: Any,
-        horizon: Any,
-        status: Any,
-        switching: Any,
-    ) -> None:
+    def renew(lanes: Any, tables: Any, results: Any, switching: Any) -> None:
+        members, front, y, _, K, c, _, _, _, _, _, _, g, h, _, _, u = lanes
         _, _, d, _, _, s, V, _, following, _, _, _, _, _ = switching
         for _ in range(SWITCHES_AT_ONCE):
             fresh = False
@@ -248,7 +222,7 @@ def looping(
                 for k in range(WIDTH):
                     changes = front[FRESH, k] == BEGINS or following[k] >= 0
                     if changes and not apply_switch(k, members[k], front, y, K[0], u, switching):
-                        fail(k, JAMMED, members, front, y, out, horizon, status)
+                        fail(k, JAMMED, lanes, results)
             rates(y, u, s, c, g)
             for k in range(WIDTH):
                 if front[FRESH, k] > 0.0:
@@ -266,7 +240,9 @@ def looping(
             if N > 0:
                 following[k] = -1
 
-    def fail(k: Any, why: Any, members: Any, front: Any, y: Any, out: Any, horizon: Any, status: Any) -> None:
+    def fail(k: Any, why: Any, lanes: Any, results: Any) -> None:
+        members, front, y, _, _, _, _, _, _, _, _, _, _, _, _, _, _ = lanes
+        out, _, horizon, _, _, status = results
         member = members[k]
         status[member], horizon[member] = why, front[TIME, k]
         for i in range(D):
@@ -274,48 +250,17 @@ def looping(
         members[k], front[STEP, k], front[FRESH, k] = -1, 0.0, 0.0
 
     def run(
-        task: Any,
-        times: Any,
-        wants: Any,
-        level: Any,
-        members: Any,
-        counts: Any,
-        front: Any,
-        y: Any,
-        z: Any,
-        K: Any,
-        c: Any,
-        rel: Any,
-        ab: Any,
-        sc: Any,
-        loc: Any,
-        v: Any,
-        w: Any,
-        g: Any,
-        h: Any,
-        err: Any,
-        ok: Any,
-        out: Any,
-        error: Any,
-        horizon: Any,
-        gain: Any,
-        largest: Any,
-        status: Any,
-        which: Any,
-        marks: Any,
-        before: Any,
-        after: Any,
-        stages: Any,
-        contact_inputs: Any,
-        u: Any,
-        switching: Any,
+        task: Any, times: Any, wants: Any, level: Any, counts: Any, lanes: Any, results: Any, kept: Any, switching: Any
     ) -> Any:
+        members, front, y, z, K, c, rel, ab, sc, loc, v, w, g, h, err, ok, u = lanes
+        out, error, horizon, gain, largest, _ = results
+        which, marks, before, after, stages, contact_inputs = kept
         ends, longest, tables, size = task[5], task[6], task[9], task[0].shape[1]
         _, _, d, _, state, s, V, aim, following, low, high, next_length, usual, final = switching
         end = ends[len(ends) - 1]
         step_count, room = 0, len(which) - WIDTH
         while step_count <= room:
-            renew(members, front, h, tables, y, u, c, K, g, out, horizon, status, switching)
+            renew(lanes, tables, results, switching)
             came, busy = False, False
             for k in range(WIDTH):
                 if members[k] >= 0 and front[TIME, k] >= end - BREAK_ULPS * spacing(end):
@@ -375,7 +320,7 @@ def looping(
                         for i in range(D):
                             finite = finite and isfinite(K[0, i, k])
                         error[member], gain[member] = front[ERROR, k], front[TIME, k]
-                        fail(k, SHORT if finite else INFINITE, members, front, y, out, horizon, status)
+                        fail(k, SHORT if finite else INFINITE, lanes, results)
                     continue
                 ok[k] = 1.0
                 if N > 0 and answer == MET:

@@ -19,7 +19,6 @@ from nonlinear.dynamics import (
     Generated,
     GroupBody,
     Hamiltonian,
-    HoistedMaximal,
     Maximal,
     Minimal,
     Recursion,
@@ -256,14 +255,14 @@ def equations_of(
     """The equations of motion in the chosen form, of the system that remains after symmetry reductions."""
     if symmetries:
         return Reduced(system, equations_of(symmetries[-1].system, choice), symmetries)
-    if system.hoisting is not None and choice.form == "maximal":
-        return HoistedMaximal(system, load)
+    if choice.form == "maximal":
+        return Maximal(system, load)
     if system.rubs or system.has_escapements:
         return Switched(Generated(system, load=load))
     if choice.form == "spatial":
-        return _in_space(system, load)
-    if choice.form == "maximal":
-        return Maximal(system, load)
+        if system.n_links <= FLOATS:  # written out they take a third of NumPy's time
+            return Generated(system, load=load)
+        return Spatial(system, tuple(SpatialRecursion(group) for group in system.groups), load)
     if choice.form == "hamiltonian":
         return SpatialHamiltonian(system, load) if system.spatial else Hamiltonian(system, load)
     if choice.compiled:
@@ -272,13 +271,6 @@ def equations_of(
 
             return Compiled(system)
     return _free(system, load)
-
-
-def _in_space(system: System, load: Load | None) -> Arranged:
-    """The equations in space: written out they take a third of NumPy's time for a hundred links side by side."""
-    if system.n_links <= FLOATS:
-        return Generated(system, load=load)
-    return Spatial(system, tuple(SpatialRecursion(group) for group in system.groups), load)
 
 
 def _free(system: System, load: Load | None) -> Arranged:

@@ -5,15 +5,20 @@ The rules are those of `nonlinear.integration.steppers` and `nonlinear.integrati
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from math import pi
+from typing import Any
 
 import numpy as np
 
 from modal.types import Floats
+from nonlinear.dynamics import Lanes
 from nonlinear.integration.arguments import DRIVE_LOOKS, drive_of
+from nonlinear.integration.lanes import LaneTask
 from nonlinear.integration.run import FIRST_STEP_MAX, NEAR_ZERO
-from nonlinear.integration.steppers import FEW_COMPONENTS
+from nonlinear.integration.steppers import first_step_of, tolerance_factor
+from nonlinear.integration.watches import tangent_direction
 from nonlinear.system import Layout, Numbers
 
 
@@ -38,10 +43,10 @@ class MemberUnits:
         return np.concatenate((half, half * rate, energy[None][: int(layout.works)]))
 
 
-def units_of(numbers: Numbers) -> MemberUnits:
-    """Of members with these numbers."""
+def units_of(numbers: Numbers, of: Callable[..., Any] = np.max) -> MemberUnits:
+    """Of members with these numbers; with `of` the least the length is that of the shortest link."""
     system = numbers.arrays
-    length = np.max([group.block.length.max((0, 1)) for group in system.groups], axis=0)
+    length = of([of(group.block.length, (0, 1)) for group in system.groups], 0)
     weight = sum(group.block.b.sum((0, 1)) for group in system.groups)
     gravity = np.atleast_1d(system.gravity)
     structure = numbers.system.structure
@@ -80,26 +85,25 @@ def longest_first(rate: Floats, members: int) -> Floats:
     return np.asarray(np.broadcast_to(FIRST_STEP_MAX / rate, members))
 
 
-def tolerance_factors(slope: Floats, scale: Floats) -> Floats:
-    """What to take a tolerance times where much of y rests at the start, (S,), as for a run by itself."""
-    speed = np.abs(slope / scale)
-    largest = speed.max(0)
-    rests = largest == 0
-    shares = (speed / (largest + rests)) ** 2
-    alive = shares.sum(0) ** 2 / ((shares**2).sum(0) + rests)
-    factors = np.minimum(1.0, np.sqrt(np.maximum(4 * alive, FEW_COMPONENTS) / len(slope)))
-    return np.where(largest > 0, factors, 1.0)  # also where rates are not numbers: such a member fails by itself
+def stretched(numbers: Numbers, y: Floats, end: float, tolerance: float) -> tuple[LaneTask, Floats]:
+    """The task of plane motions from y (size, S) without work and of a tangent vector each, and natural units of y.
+
+    These are of the shortest link, and every vector begins with the length 1 in them, in the same direction drawn at
+    random.
+    """
+    lanes, members = Lanes(numbers, tangent=True), y.shape[1]
+    scale = units_of(numbers, np.min).scale(replace(lanes.layout, works=False))
+    units = np.broadcast_to(scale, y.shape)
+    both, absolute = np.concatenate((y, units * tangent_direction(len(y)))), tolerance * np.concatenate((units, units))
+    first = longest_first(units_of(numbers).rate, members)
+    return LaneTask(lanes, numbers, both, end, np.full(members, tolerance), absolute, first), scale
 
 
 def tolerances(
     y: Floats, slope: Floats, scale: Floats, size: Floats, rate: Floats, tolerance: float
 ) -> tuple[Floats, Floats, Floats]:
     """Relative (S,) and absolute (size, S) tolerances and the first steps (S,) in s."""
-    relative = tolerance * tolerance_factors(slope, scale)
+    relative = tolerance * tolerance_factor(slope, scale)
     absolute = NEAR_ZERO * relative * size * scale
-    limit = absolute + relative * np.abs(y)
-    distance, speed = (np.max(np.abs(values / limit), axis=0) for values in (y, slope))
-    longest = longest_first(rate, len(distance))
-    is_known = (distance > 0) & (speed > 0)
-    first = np.where(is_known, np.minimum(distance / np.where(is_known, speed, 1.0), longest), longest)
-    return relative, absolute, first
+    longest = longest_first(rate, y.shape[1])
+    return relative, absolute, first_step_of(y, slope, absolute + relative * np.abs(y), longest)

@@ -16,7 +16,7 @@ from modal.scene import Scene, validate_scene
 from modal.types import Floats
 from nonlinear.dynamics import (
     Arranged,
-    HoistedMaximal,
+    Maximal,
     Reduced,
     Symmetry,
     Written,
@@ -145,12 +145,12 @@ def prepare(
     ComputationError where the motion cannot begin.
     """
     validate_scene(scene)
-    has_hoists = isinstance(equations, HoistedMaximal)
-    y = cast("HoistedMaximal", equations).begin_at(start, float(times[0])) if has_hoists else equations.begin(start)
+    begun = float(times[0])
+    y = equations.begin_at(start, begun) if isinstance(equations, Maximal) else equations.begin(start)
     pace = _sampled(equations, y, times, pace)
     if isinstance(equations, Switched):
-        equations.release(float(times[0]), y, before)
-    slope = _slope(equations, float(times[0]), y)
+        equations.release(begun, y, before)
+    slope = _slope(equations, begun, y)
     return Prepared(
         scene, choice, equations, _stepper(scene, equations, choice, y, slope, times, size, pace), times, before
     )
@@ -267,11 +267,10 @@ def _stepper(
 
         pace = replace(pace, first=taylor.first_step(estimate_timescales(scene).swing))
         return taylor.TaylorStepper(cast("Arranged", inner), y, first, last, choice.tolerance * size, pace)
-    relative = choice.tolerance * tolerance_factor(slope, equations.scale)
+    relative = choice.tolerance * float(tolerance_factor(slope, equations.scale))
     absolute = NEAR_ZERO * relative * size * equations.scale
-    pace = replace(
-        pace, first=first_step_of(y, slope, absolute + relative * np.abs(y), FIRST_STEP_MAX / equations.system.rate)
-    )
+    first_step = first_step_of(y, slope, absolute + relative * np.abs(y), FIRST_STEP_MAX / equations.system.rate)
+    pace = replace(pace, first=float(first_step))
     if choice.method == "DOP853" and isinstance(inner, Written):
         return FloatStepper(inner, first, y, last, relative, absolute, pace)
     if choice.method == "DOP853" and choice.compiled:

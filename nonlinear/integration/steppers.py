@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import inf, sqrt, ulp
+from math import inf, ulp
 from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
@@ -63,30 +63,33 @@ class Pace:
 AT_EASE = Pace()
 
 
-def first_step_of(y: Floats, slope: Floats, scale: Floats, longest: float) -> float:
-    """A first step (s) to try, at most `longest`: the one in which y at this slope changes by its distance from zero.
+def first_step_of(y: Floats, slope: Floats, scale: Floats, longest: Floats | float) -> Floats:
+    """First steps (s) to try, at most `longest`: those in which y at this slope changes by its distance from zero.
 
-    Both are measured in `scale`, the absolute tolerance of each component.  SciPy's rule [Hairer1993, §II.4] ends with
-    a power of seconds, so its steps depend on the units.
+    Of one y (size,), or of many (size, S).  Both are measured in `scale`, the absolute tolerance of each component.
+    SciPy's rule [Hairer1993, §II.4] ends with a power of seconds, so its steps depend on the units.
     """
-    size, speed = (float(np.max(np.abs(values / scale))) for values in (y, slope))
-    return min(size / speed, longest) if size and speed else longest
+    distance, speed = (np.max(np.abs(values / scale), axis=0) for values in (y, slope))
+    is_known = (distance > 0) & (speed > 0)
+    steps = np.minimum(distance / np.where(is_known, speed, 1.0), longest)
+    return np.asarray(np.where(is_known, steps, longest))
 
 
-def tolerance_factor(slope: Floats, units: Floats) -> float:
-    """A factor, at most 1, for the tolerance of a run in which most of y is at rest at the start.
+def tolerance_factor(slope: Floats, units: Floats) -> Floats:
+    """A factor, at most 1, for the tolerance of a run in which most of y is at rest at the start; of many runs (S,).
 
     SciPy's methods except LSODA bound the root mean square of all errors by the tolerance, so that of k moving
-    components among n may be √(n/k) too large.  With s the slope in natural units (size,), k = (Σ s²)²/Σ s⁴; since
+    components among n may be √(n/k) too large.  With s the slope in natural units (size, …), k = (Σ s²)²/Σ s⁴; since
     velocities are zero in a start from rest and unequal pendula move unequally, 4 k components count, and few
     components are never sharpened.
     """
     speed = np.abs(slope / units)
-    if not (largest := float(speed.max())):
-        return 1.0
-    shares = (speed / largest) ** 2
-    alive = float(shares.sum() ** 2 / (shares**2).sum())
-    return min(1.0, sqrt(max(4 * alive, FEW_COMPONENTS) / shares.size))
+    largest = speed.max(0)
+    rests = largest == 0
+    shares = (speed / (largest + rests)) ** 2
+    alive = shares.sum(0) ** 2 / ((shares**2).sum(0) + rests)
+    factors = np.minimum(1.0, np.sqrt(np.maximum(4 * alive, FEW_COMPONENTS) / len(slope)))
+    return np.where(largest > 0, factors, 1.0)  # also where rates are not numbers: such a member fails by itself
 
 
 class DOP853Solver(ABC):
@@ -111,7 +114,7 @@ class DOP853Solver(ABC):
         self.t, self.t_bound, self.max_step, self.rtol = t, t_bound, max_step, rtol
         self.y, self.f = y, self.fun(t, y)
         self.t_old, self.y_old, self.atol = t, y, np.array(np.broadcast_to(atol, y.shape))
-        self.h_abs = first_step or first_step_of(y, self.f, atol + rtol * np.abs(y), min(max_step, t_bound - t))
+        self.h_abs = first_step or float(first_step_of(y, self.f, atol + rtol * np.abs(y), min(max_step, t_bound - t)))
 
     def fun(self, time: float, y: Floats) -> Floats:
         """The derivative, counted."""

@@ -30,7 +30,9 @@ def dataset_of(trajectory: Trajectory) -> Any:
     """
     xarray = _xarray()
     system, motion, run, scene = trajectory.system, trajectory.motion, trajectory.run, trajectory.scene
-    place = _places(system.pendulum)
+    pendulum = system.pendulum
+    first = np.searchsorted(pendulum, pendulum)
+    place = pendulum, np.asarray(np.arange(len(pendulum)) - first)
     counts = (system.n_pendula, int(place[1].max()) + 1)
     if len(trajectory.times) * counts[0] * counts[1] > NUMBERS_MAX:  # with those that fill up shorter pendula
         raise ComputationError(
@@ -117,12 +119,6 @@ def _xarray() -> Any:
 
 def _attributes(units: str, long_name: str) -> dict[str, str]:
     return {"units": units, "long_name": long_name}
-
-
-def _places(pendulum: Ints) -> tuple[Ints, Ints]:
-    """The pendulum of every link and its place in it, both from 0, (L,); links of a pendulum follow each other."""
-    first = np.searchsorted(pendulum, pendulum)
-    return pendulum, np.asarray(np.arange(len(pendulum)) - first)
 
 
 def _spread(values: Floats, place: tuple[Ints, Ints], counts: tuple[int, int]) -> Floats:

@@ -239,8 +239,8 @@ def _matrices(inner: Any, run: SolverInfo) -> Iterator[tuple[int, int]]:
         yield len(inner.scale), 1
     if run.form == TRUNCATED:
         yield inner.shapes.shape[1], 1
-    elif run.form == "maximal" and inner.saddle.is_dense:
-        yield inner.saddle.size, 1
+    elif run.form == "maximal" and inner.pivots.saddle.is_dense:
+        yield inner.pivots.saddle.size, 1
 
 
 def _coordinates(trajectory: Trajectory, inner: Any) -> Iterator[str]:

@@ -11,15 +11,18 @@ where ρ is the residual of the motion in the full equations (`residual`) and e 
 from nonlinear.reduction.defect import LARGEST, defect_error
 from nonlinear.reduction.excitation import SAMPLES_PER_PERIOD
 from nonlinear.reduction.modal_coordinates import (
+    USUAL_DEG,
     ModalMotion,
     along_rail,
+    copy_along,
     deflection,
+    first_that_swings,
     modal_motion,
     rest_angles,
     start_in_mode,
+    usual_start,
 )
 from nonlinear.reduction.residual import residual_forces
-from nonlinear.reduction.starting import USUAL_DEG, copy_along, first_that_swings, usual_start
 from nonlinear.reduction.superposition import CORRECTED, LINEAR, Superposition, superpose
 from nonlinear.reduction.truncation import in_modes, simulate_truncated, survey_modes
 

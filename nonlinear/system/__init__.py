@@ -31,7 +31,6 @@ from nonlinear.system.numbers import (
 )
 from nonlinear.system.populations import Population, burdens, populations_of, representation_obstacles, representatives
 from nonlinear.system.prescribed import UP, ActingForce
-from nonlinear.system.springs import drawn_place, ends_may_meet, place_of, slack_of
 from nonlinear.system.state import (
     AppliedForces,
     Equations,
@@ -45,7 +44,7 @@ from nonlinear.system.state import (
     unit_vectors,
     velocities,
 )
-from nonlinear.system.system import Group, JointTerm, System, system_of
+from nonlinear.system.system import Group, JointTerm, System, drawn_place, ends_may_meet, place_of, slack_of, system_of
 from nonlinear.system.translations import translations
 
 __all__ = [

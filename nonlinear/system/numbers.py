@@ -138,16 +138,11 @@ def numbers_of(
     rest = numbers_of_structure(base.suspension)
     for k, names in enumerate(_places_of_structure(scene, base.suspension)):
         rest[k] = next((replacements[name] for name in names if name in replacements), rest[k])
-    laws = _law_numbers(scene, base, replacements)
-    return Numbers(base, (replacements.get(("gravity",), scene.gravity), *fields, *rest, *laws), constants)
-
-
-def _law_numbers(scene: Scene, system: System, replacements: Values) -> list[Any]:
-    """The parameters of the laws of joints, term by term, with other values at some of their places."""
-    return [
+    laws = [
         replacements.get((*place, parameter.name), getattr(part, parameter.name))
-        for place, part, parameter in _law_entries(scene, system)
+        for place, part, parameter in _law_entries(scene, base)
     ]
+    return Numbers(base, (replacements.get(("gravity",), scene.gravity), *fields, *rest, *laws), constants)
 
 
 @checked

@@ -13,7 +13,7 @@ from modal.scene.parameters import parse_variations, vary
 from modal.types import Floats
 from nonlinear import ensemble, simulate
 from nonlinear.chaos import lyapunov_exponent
-from nonlinear.chaos.tangent import Tangent
+from nonlinear.dynamics.variational import Variational
 from nonlinear.sweeps import Study, parse_measures, sweep
 from nonlinear.system import State, system_of
 
@@ -77,7 +77,7 @@ def test_a_weak_drive_leaves_the_exponent_half_the_damping() -> None:
 
 def test_all_exponents_add_up_to_the_loss_of_area_in_chaos_too() -> None:
     """Their sum is the mean of the trace of the tangent equations, which is −2β wherever the motion goes."""
-    tangent = Tangent(system_of(DRIVEN)).equations
+    tangent = Variational(system_of(DRIVEN))
     assert tangent.inputs_at is not None
     for time, y in enumerate(np.random.default_rng(2).uniform(-9, 9, (5, 2))):
         _, J = tangent.linearize(y, tangent.inputs_at(0.37 * time, y))

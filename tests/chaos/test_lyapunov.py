@@ -15,14 +15,15 @@ from scipy.integrate import solve_ivp
 from modal.errors import SceneError
 from modal.modes import natural_modes
 from modal.scene import Bob, Cart, InitialCondition, Pendulum, Rod, Scene
+from modal.types import Floats
 from nonlinear.chaos import Case, Exponent, Finding, lyapunov_exponent, measure, study, text
 from nonlinear.chaos.claims import verdicts
 from nonlinear.chaos.studies import ChaosStudy, level_starts
-from nonlinear.chaos.tangent import Tangent
 from nonlinear.dynamics import Mechanics
+from nonlinear.dynamics.variational import Variational
 from nonlinear.plotting import draw_finding, draw_running
 from nonlinear.sweeps import parse_measures
-from nonlinear.system import State, system_of
+from nonlinear.system import Layout, State, system_of
 
 G = 9.81
 
@@ -49,26 +50,32 @@ DAMPED = Scene(
 # ------------------------------------------------------------------------------------------------ tangent dynamics
 
 
+def product(equations: Variational, y: Floats, v: Floats) -> tuple[Floats, Floats]:
+    """y' and J v, (size, E) each."""
+    rates = np.array(np.broadcast_arrays(*equations.tangent([*y, *v])))
+    return rates[: len(y)], rates[len(y) :]
+
+
 @pytest.mark.parametrize("scene", [DAMPED, chain(3), *map(extreme_scene, (4, 8, 15))], ids=range(5))
 def test_the_tangent_is_the_slope_of_the_derivative(scene: Scene) -> None:
-    tangent, rng = Tangent(system_of(scene)), np.random.default_rng(3)
-    size = tangent.equations.layout.size
-    y = rng.uniform(-1, 1, (size, 5)) * tangent.scale
-    v = rng.standard_normal((size, 5)) * tangent.scale
-    f, Jv = tangent.product(y, v)
+    equations, rng = Variational(system_of(scene)), np.random.default_rng(3)
+    size, units = equations.size, equations.layout.natural(equations.system)[:, None]
+    y = rng.uniform(-1, 1, (size, 5)) * units
+    v = rng.standard_normal((size, 5)) * units
+    f, Jv = product(equations, y, v)
     step = 1e-3
-    ahead, behind, far, back = (tangent.equations.derivative(0.0, y + k * step * v) for k in (1, -1, 2, -2))
+    ahead, behind, far, back = (equations.derivative(0.0, y + k * step * v) for k in (1, -1, 2, -2))
     slope = (8 * (ahead - behind) - (far - back)) / (12 * step)
-    assert np.allclose(f, tangent.equations.derivative(0.0, y), rtol=1e-13, atol=1e-13 * np.abs(f).max())
+    assert np.allclose(f, equations.derivative(0.0, y), rtol=1e-13, atol=1e-13 * np.abs(f).max())
     assert np.abs((slope - Jv) / np.abs(Jv).max(1, keepdims=True)).max() < 1e-8
 
 
 def test_the_motion_carried_along_is_the_simulated_one() -> None:
     """The dense form with its work column, one trajectory at a time, gives the same y'."""
     system = system_of(DAMPED)
-    tangent, plain = Tangent(system), DenseForm(system)
-    y = np.random.default_rng(1).standard_normal((tangent.equations.layout.size, 3))
-    f, _ = tangent.product(y, np.ones_like(y))
+    equations, plain = Variational(system), DenseForm(system)
+    y = np.random.default_rng(1).standard_normal((equations.size, 3))
+    f, _ = product(equations, y, np.ones_like(y))
     for k in range(3):
         assert np.allclose(f[:, k], plain.derivative(0.0, np.append(y[:, k], 0.0))[:-1], rtol=1e-12)
 
@@ -84,8 +91,8 @@ def test_the_tangent_is_sympys_jacobian() -> None:
     exact = sp.Matrix([w, u, solved[a], solved[b]]).jacobian([x, t, w, u]).subs(numbers)
     scene = Scene(gravity=G, support=Cart(mass=1.9), pendulum=(Pendulum(links=(Bob(mass=0.7, length=1.3),)),))
     y = np.array([0.2, 0.9, -0.4, 2.1])[:, None]
-    _, product = Tangent(system_of(scene)).product(np.tile(y, 4), np.eye(4))
-    assert np.allclose(product, np.array(exact.tolist(), dtype=float), rtol=1e-13, atol=1e-13)
+    _, J = product(Variational(system_of(scene)), np.tile(y, 4), np.eye(4))
+    assert np.allclose(J, np.array(exact.tolist(), dtype=float), rtol=1e-13, atol=1e-13)
 
 
 # -------------------------------------------------------------------------------------------- where λ is known
@@ -118,7 +125,7 @@ def test_at_a_standing_rest_it_is_the_fastest_growth_rate(links: int, up: int) -
 def test_the_tangent_at_a_standing_rest_has_the_modes_of_the_table() -> None:
     scene = chain(3, kind=Rod, equilibrium=("up", "down", "up"))
     y = np.array([np.pi, 0, np.pi, 0, 0, 0])[:, None]
-    _, jacobian = Tangent(system_of(scene)).product(np.tile(y, 6), np.eye(6))
+    _, jacobian = product(Variational(system_of(scene)), np.tile(y, 6), np.eye(6))
     modes = natural_modes(scene)
     expected = sorted([*modes.eigenvalue, *-modes.eigenvalue], key=lambda s: (round(s.real, 6), s.imag))
     eigenvalues = sorted(np.linalg.eigvals(jacobian), key=lambda s: (round(s.real, 6), s.imag))
@@ -278,9 +285,9 @@ def test_what_cannot_be_is_refused(scene: Scene, duration: float, words: str) ->
 @pytest.mark.parametrize("case", [*study("000").cases, *study("001").cases], ids=lambda case: case.scene.title)
 def test_every_start_has_the_energy_of_level_links(case: Case) -> None:
     system = system_of(case.scene)
-    tangent = Tangent(system)
-    y = np.stack([tangent.equations.begin(state) for state in level_starts(case.scene, 6)], axis=1)
-    mechanics = Mechanics(system, tangent.equations.read(y.T))
+    layout = Layout.of(system, works=False)
+    y = np.stack([layout.begin(state) for state in level_starts(case.scene, 6)], axis=1)
+    mechanics = Mechanics(system, layout.read(y.T))
     level = np.zeros(system.n_pendula)
     for group in system.groups:
         level[group.pendula] = G * group.block.b.sum(0)

@@ -13,8 +13,9 @@ from modal.scene import Scene, scene_from
 from nonlinear import ensemble, simulate
 from nonlinear.chaos import TRANSIENT as AFTER
 from nonlinear.chaos import lyapunov_exponent
-from nonlinear.ensembles.lanes import stretched, stretching
+from nonlinear.ensembles.lanes import stretching
 from nonlinear.ensembles.results import Wanted
+from nonlinear.integration.pacing import stretched
 from nonlinear.integration.switches import numbers_of as switching_numbers
 from nonlinear.orbits.flow import Flow
 from nonlinear.system import State, initial_state, numbers_of, system_of
@@ -50,7 +51,7 @@ def test_a_perturbation_goes_through_switches_as_in_the_flow_of_orbits(support: 
     flow, wanted = Flow(system_of(scene)), Wanted(SECONDS, 1e-12, stretching=True)
     numbers = replace(numbers_of(scene), switching=switching_numbers(flow.system))
     y = flow.equations.begin(initial_state(scene))
-    task, scale = stretched(numbers, y[:, None], wanted)
+    task, scale = stretched(numbers, y[:, None], wanted.duration, wanted.tolerance)
     v = task.initial[len(y) :]
     early, late = AFTER * SECONDS, (1 + AFTER) * SECONDS
     assert np.count_nonzero(np.diff(flow(y, v, late).path.times) == 0) >= 2
@@ -73,7 +74,7 @@ def test_a_perturbation_feels_quadratic_drag_as_neighbours_do() -> None:
     scene = hung({**BOB, "quadratic_drag": 0.3}, {**BOB, "quadratic_drag": 0.3}, support={"kind": "cart", "mass": 2.0})
     numbers, wanted, system = numbers_of(scene), Wanted(SECONDS, 1e-11, stretching=True), system_of(scene)
     y = Flow(system).equations.begin(initial_state(scene))
-    task, scale = stretched(numbers, y[:, None], wanted)
+    task, scale = stretched(numbers, y[:, None], wanted.duration, wanted.tolerance)
     v = task.initial[len(y) :, 0]
 
     def ended(aside: float, seconds: float) -> Any:
@@ -103,7 +104,7 @@ def test_what_comes_to_rest_forgets_how_fast_it_was() -> None:
     assert end.y[1] == 0.0
     assert end.V[1] == pytest.approx(np.zeros(2), abs=1e-15)
     numbers = replace(numbers_of(scene), switching=switching_numbers(system_of(scene)))
-    task, scale = stretched(numbers, y[:, None], Wanted(seconds, 1e-12, stretching=True))
+    task, scale = stretched(numbers, y[:, None], seconds, 1e-12)
     gain = np.log(np.linalg.norm(end.V @ task.initial[2:] / scale) / np.linalg.norm(early.V @ task.initial[2:] / scale))
     assert gain < -0.01
     assert stretching(numbers, y[:, None], Wanted(seconds, 1e-12, stretching=True))[0] == pytest.approx(gain, abs=1e-7)

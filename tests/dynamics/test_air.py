@@ -17,7 +17,6 @@ from nonlinear import simulate
 from nonlinear.dynamics import (
     Generated,
     Hamiltonian,
-    HoistedMaximal,
     Maximal,
     Minimal,
     Recursion,
@@ -72,7 +71,7 @@ def test_accelerations_and_power_beside_a_hoist_are_those_of_free_bodies(
     """In maximal coordinates drag acts on the velocities of centres, of which ropes that wind are a part."""
     scene = hoisting(linear, quadratic, support)
     system, state = system_of(scene), swinging(scene)
-    written, free, on_cart = Generated(system), HoistedMaximal(system), scene.support.kind == "cart"
+    written, free, on_cart = Generated(system), Maximal(system), scene.support.kind == "cart"
     rates = written.derivative(time, written.begin(state))
     other = free.derivative(time, free.begin_at(state, time))
     size = free.pivots.size

@@ -15,13 +15,13 @@ from modal.assembly import matrices
 from modal.errors import ComputationError, SceneError
 from modal.scene import Bob, Body, Cart, Fixed, Hoist, Pendulum, Rod, Scene
 from nonlinear import files
-from nonlinear.dynamics import Generated, HoistedMaximal, Mechanics, module_of
+from nonlinear.dynamics import Generated, Maximal, Mechanics, module_of
 from nonlinear.orbits.shooting import shooting
 from nonlinear.postprocessing import reaction_forces_of
 from nonlinear.reduction import simulate_truncated, superpose
 from nonlinear.simulation import resume, simulate
 from nonlinear.synchronization import study_synchronization
-from nonlinear.system import AppliedForces, State, system_of
+from nonlinear.system import State, system_of
 
 G = 9.81
 
@@ -139,7 +139,7 @@ def test_maximal_coordinates_move_alike_and_both_close_their_books(support: Fixe
     run = simulate(scene, 0.6, start=start, **how)
     other = simulate(scene, 0.6, start=start, form="maximal", **how)
     assert isinstance(run.equations, Generated)
-    assert isinstance(other.equations, HoistedMaximal)
+    assert isinstance(other.equations, Maximal)
     assert np.abs(run.motion.links - other.motion.links).max() < 1e-9
     assert np.abs(run.motion.work - other.motion.work).max() < 1e-9 * run.energy_scale
     assert abs(run.motion.work).max() > 0.1 * run.energy_scale
@@ -151,9 +151,9 @@ def test_maximal_coordinates_move_alike_and_both_close_their_books(support: Fixe
 def test_pivot_forces_are_the_multipliers() -> None:
     scene = mixed(Cart(mass=3.0))
     run = simulate(scene, 0.5, start=swinging(scene), output=5)
-    equations = HoistedMaximal(run.system)
+    equations = Maximal(run.system)
     for at, time in enumerate(run.times.tolist()):
-        unknowns, _ = equations._solve_at(time, run.motion[at], AppliedForces())
+        unknowns, _ = equations._solve(time, run.motion[at])
         pivots = unknowns[-2 * run.system.n_links :].reshape(-1, 2)
         assert np.allclose(reaction_forces_of(run).pivots[at], pivots, rtol=1e-9, atol=1e-9)
 

@@ -64,7 +64,7 @@ def test_the_unknowns_are_the_corrected_papers(n: int) -> None:
         theirs = np.linalg.solve(*(np.array(part.xreplace(values).evalf(), dtype=float) for part in (A, F)))[:, 0]
         y = equations.begin(state)
         mine, forces = equations.unknowns(0.0, y), equations.reactions(equations.read(y[None]))
-        assert len(mine) == len(theirs) == 10 * n + 3 == equations.saddle.size
+        assert len(mine) == len(theirs) == 10 * n + 3 == equations.pivots.saddle.size
         assert mine[dae.unknowns(n).index(Y.a)] == pytest.approx(0.0, abs=1e-13)
         ordered = [mine[: 6 * n + 2], forces.normal, forces.R_B.ravel(), forces.R_P.ravel()]
         np.testing.assert_allclose(np.concatenate(ordered), theirs, rtol=0, atol=1e-11 * np.abs(theirs).max())
@@ -221,7 +221,7 @@ def test_projection_is_the_least_change_and_moves_no_centre_of_mass(seed: int) -
     """Velocities change M-orthogonally to every motion that the pivots allow; nothing pushes the whole along."""
     system = system_of(plane_scene(seed))
     equations = Maximal(system)
-    size, M = equations.pivots.size, equations.saddle.masses
+    size, M = equations.pivots.size, equations.pivots.saddle.masses
     y, rng = equations.begin(random_state(system, seed)), np.random.default_rng(seed)
     off = y.copy()
     off[: 2 * size] += 1e-3 * rng.normal(size=2 * size)

@@ -260,7 +260,7 @@ class InMaximalCoordinates:
     def answers(self, time: float, y: Floats, forces: Floats) -> Floats:
         """What these forces add."""
         angles = self.maximal.pivots.parts(y[: self.size])[1][:, 2]
-        return np.array([self.maximal.saddle.solve(angles, row, 0.0) for row in forces])
+        return np.array([self.maximal.pivots.saddle.solve(angles, row, 0.0) for row in forces])
 
     def begin(self, start: State) -> Floats:
         """The y of a start."""

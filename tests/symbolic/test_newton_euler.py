@@ -16,7 +16,6 @@ from modal.symbolic.newton_euler import NewtonEuler
 from modal.symbolic.papers import cart_dae, residual
 from nonlinear.dynamics import Maximal
 from nonlinear.dynamics.forces import sizes_at
-from nonlinear.dynamics.maximal import frame_of
 from nonlinear.system import system_of
 
 
@@ -124,7 +123,8 @@ def test_forces_and_a_moved_support_are_those_of_the_engine(support: dict[str, A
     y, put = maximal.begin(state), values_of(scene, system)
     put |= {sp.Symbol(f"F_{k}"): size for k, size in enumerate(sizes_at(numeric, time), 1)}
     put[sp.Symbol("s_2")] = 0.3
-    (along, down), (vx, vz) = frame_of(numeric, time)
+    frame = numeric.support
+    (along, down), (vx, vz) = (frame.acceleration(time), frame.velocity(time)) if frame else ((0.0, 0.0), (0.0, 0.0))
     put |= {sp.Symbol("a_x"): along, sp.Symbol("a_z"): down}
     size, first = maximal.pivots.size, maximal.pivots.first
     names = [c for part in system.bodies.parts[1:] for c in system.motion(part)]
