@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from modal.plotting import HUES, colour, headline, key, legend, rest, save, scale, thickness
+from modal.plotting.layout import symbols_in
 from modal.plotting.style import BAND_OPACITY, LOG_RATIO, dot_size, sheet_of_rows
 from modal.scene import number_label, number_words, title_of
 from modal.types import Floats
@@ -101,7 +102,7 @@ def section_figure(section: PoincareSection) -> Figure:
     for number in range(section.ensemble.size):
         on_orbit = orbit == number
         axis.plot(angle[on_orbit], rate[on_orbit], ".", ms=size, mew=0, color=colour(number))
-    name = _coordinate(section.shown)
+    name = symbols_in(section.shown)
     unit = ("m", "m/s") if section.shown == "x" else ("°", "°/s")
     axis.set(xlabel=f"{name} ({unit[0]})", ylabel=f"rate of {name} ({unit[1]})")
     words = f"Poincaré section at {_crossing(section.coordinate)}, energy {section.energy:.4g} J"
@@ -109,14 +110,10 @@ def section_figure(section: PoincareSection) -> Figure:
     return figure
 
 
-def _coordinate(text: str) -> str:
-    return text if text == "x" else text.replace("theta[", r"θ$_{").replace("]", "}$")
-
-
 def _crossing(text: str) -> str:
     name, sign, value = next(text.partition(mark) for mark in "<>=" if mark in text)
     way = {">": " upwards", "<": " downwards"}.get(sign, "")
-    symbol = name.strip().replace("theta", "θ")
+    symbol = symbols_in(name.strip())
     return f"{symbol} = {value.strip()}{' m' if symbol == 'x' else '°'}{way}"
 
 

@@ -29,6 +29,7 @@ from modal.plotting import (
     secondary_colour,
     set_frame,
 )
+from modal.plotting.layout import link_names
 from modal.plotting.style import CURVE_POINTS, VISIBLE_SHARE, sheet_of_rows
 from modal.scene import Scene, title_of
 from modal.scene.doors import require_type
@@ -64,7 +65,7 @@ class _DrawnLinks:
     @classmethod
     def of(cls, trajectory: Trajectory) -> _DrawnLinks:
         """Of many links some evenly spaced."""
-        links, names, stand_for = pick(degrees(trajectory)[0].T, _names(trajectory), HUES)
+        links, names, stand_for = pick(degrees(trajectory)[0].T, link_names(trajectory.system.labels), HUES)
         return cls(links.tolist(), names, stand_for)
 
 
@@ -109,16 +110,6 @@ def _smooth(trajectory: Trajectory) -> Trajectory:
         return trajectory
 
 
-def _names(trajectory: Trajectory) -> list[str]:
-    """Names of the links: pendulum.link, or the number of either where there is one of the other."""
-    labels = [label for label in trajectory.system.labels if label.startswith("theta[")]
-    places = [label.removeprefix("theta[").removesuffix("]").split(",") for label in labels]
-    if trajectory.system.n_pendula == 1:
-        return [f"link {link}" for _, link in places]
-    single = trajectory.system.n_pendula == trajectory.system.n_links
-    return [f"pendulum {pendulum}" if single else f"{pendulum}.{link}" for pendulum, link in places]
-
-
 def degrees(trajectory: Trajectory) -> tuple[Floats, Floats]:
     """Angles (deg) and rates (deg/s) of every link, (T, L); in space those of the angle from the vertical."""
     motion = trajectory.motion
@@ -145,7 +136,7 @@ def _angles(axis: Axes, trajectory: Trajectory, chosen_links: _DrawnLinks) -> No
     if chosen_links.stand_for < values.shape[1]:
         _range(axis, times, values, "pendula" if single and trajectory.system.n_pendula > 1 else "links")
     from_what = "from the vertical" if trajectory.system.spatial else "from the downward vertical"
-    set_frame(axis, "time (s)", "angle (°)", f"Angles {from_what}" + ("" if single else ", by pendulum.link"))
+    set_frame(axis, "time (s)", "angle (°)", f"Angles {from_what}")
     legend(axis, least_count=1 if has_band else 2)
 
 
@@ -174,7 +165,7 @@ def _prescribed_panels(trajectory: Trajectory) -> list[tuple[str, str, dict[str,
         panels.append((f"{owner}, as prescribed", "displacement (m)", curves or {"to the right": right}))
     if system.hoisting is not None:
         lengths, moving = system.hoisting.at(times)[0], system.hoisting.moving
-        names = [name if name.startswith(("link", "pendulum")) else f"link {name}" for name in _names(trajectory)]
+        names = link_names(system.labels)
         curves = {names[link]: lengths[:, link] for link in np.flatnonzero(moving).tolist()}
         panels.append(("Hoist, as prescribed", "length (m)", curves))
     return panels

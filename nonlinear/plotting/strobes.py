@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from modal.plotting import colour, headline, save, scale
+from modal.plotting.layout import symbols_in
 from modal.plotting.style import dot_size, sheet_of_rows
 from modal.scene import number_label, title_of
 from nonlinear.ensembles import BifurcationDiagram, StroboscopicSection
@@ -60,8 +61,7 @@ def bifurcation_figure(diagram: BifurcationDiagram) -> Figure:
 
 def link_name(strobes: StroboscopicSection | BifurcationDiagram, link: int) -> str:
     """How a figure calls a link: θ with its pendulum and number."""
-    label = strobes.system.labels[strobes.system.first + link]
-    return label.replace("theta[", r"θ$_{").replace("]", "}$")
+    return symbols_in(strobes.system.labels[strobes.system.first + link])
 
 
 def _turn(axis: Axes, which: str, angles: np.ndarray) -> None:
