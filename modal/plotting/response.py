@@ -339,7 +339,12 @@ def _draw(axis: Axes, response: Curves) -> None:
     draw_curves(axis, curves, log="x")
     axis.axhline(top, color=secondary_colour(), ls=MARKED, lw=1.0, zorder=0)
     ends = float(response.frequency_hz[0]), float(response.frequency_hz[-1])
-    axis.set(xscale="log", xlim=ends, ylim=(low - 2, highest), ylabel=f"{_peak_words(response.name)}\n(dB re 1 {unit_words(response.unit)})")
+    axis.set(
+        xscale="log",
+        xlim=ends,
+        ylim=(low - 2, highest),
+        ylabel=f"{_peak_words(response.name)}\n(dB re 1 {unit_words(response.unit)})",
+    )
     log_ticks(axis.xaxis, ends[1] / ends[0])
 
 

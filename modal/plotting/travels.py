@@ -135,5 +135,3 @@ def _residual(axis: Axes, travel: ShapedTravel, row: int) -> None:
         "bbox": {"facecolor": paper(), "edgecolor": "none", "pad": 1},
     }
     axis.annotate(words, (over, angle), xytext=(5, 4), textcoords="offset points", va="bottom", **look)
-
-

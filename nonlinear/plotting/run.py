@@ -230,10 +230,10 @@ def _portrait(axis: Axes, trajectory: Trajectory, chosen_links: _DrawnLinks) -> 
         for k, (curve, name) in enumerate(zip(curves, chosen_links.names, strict=True)):
             axis.plot(*curve, ls="", marker=".", ms=1.6, mew=0, color=colour(k), label="_dots", rasterized=True)
             axis.plot([], [], ls="", marker="o", ms=5, color=colour(k), label=name)
-        words = "Phase portraits of the links drawn above,\nsamples as dots"
+        words = "Phase portraits of the same links,\nsamples as dots"
     else:
         draw_curves(axis, curves, names=chosen_links.names, first=1)
-        words = "Phase portraits of the links drawn above"
+        words = "Phase portraits of the same links"
     set_frame(axis, "angle (°)", "rate (°/s)", words)
     legend(axis, 3)
 
@@ -268,7 +268,7 @@ def _spectrum(axis: Axes, trajectory: Trajectory, chosen_links: _DrawnLinks) -> 
         return
     spectra = [_power(trajectory, link) for link in chosen_links.links]
     omega, highest = spectra[0][0], max(float(power.max()) for _, power in spectra)
-    marks = _linear(trajectory, float(omega[-1]))
+    marks = _linear(trajectory.scene, float(omega[-1]))
     last = min(omega[-1], max(3 * max(marks) if marks else _reach(spectra), 2 * resolution(times)))
     is_shown = omega <= 1.1 * last
     lowest = highest * SPECTRUM_DEPTH
@@ -306,14 +306,28 @@ def _power(trajectory: Trajectory, link: int) -> tuple[Floats, Floats]:
     return omega, along_rail + across_rail
 
 
-def _linear(trajectory: Trajectory, highest: float) -> list[float]:
-    """The natural frequencies (rad/s) within the picture, none where they cannot be computed."""
+def _linear(scene: Scene, highest: float) -> list[float]:
+    """The natural frequencies (rad/s) up to the highest that is drawn, none where they cannot be computed."""
     try:
-        modes = natural_modes(trajectory.scene)
+        modes = natural_modes(scene)
     except MultipendulaError:
         return []
     swinging = modes.omega[modes.eigenvalue.imag != 0]
     return [float(value) for value in swinging if 0 < value < highest]
+
+
+def resolving_duration(scene: Scene, shortest: float, *, times_as_long: float = 5.0, most_modes: int = 12) -> float:
+    """How long (s) a run of a scene of few modes is whose spectrum separates those that so many times as long could.
+
+    >>> from modal import load
+    >>> resolving_duration(load("tower"), 20.0), resolving_duration(load("paper-cart-2"), 20.0)
+    (65.0, 20.0)
+    """
+    omega = np.unique(_linear(scene, np.inf))
+    if len(omega) > most_modes:
+        return shortest
+    needed = resolution(np.array([0.0, 1.0])) / np.diff(omega)
+    return float(np.ceil(needed[needed <= times_as_long * shortest].max(initial=shortest)))
 
 
 def _caption(trajectory: Trajectory, chosen_links: _DrawnLinks) -> str:

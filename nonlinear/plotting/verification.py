@@ -77,22 +77,29 @@ def check_figure(check: Check) -> Figure:
     log_ticks(axis.xaxis, high / low)
     headline(figure, title_of(check.scene), "frequency against amplitude")
     handles = [
-        Line2D([], [], color=colour(k), ls=PREDICTED, marker=_marker(k), ms=_size(k), mec=paper())
-        for k in range(len(rows))
+        Line2D([], [], color=colour(k), ls="", marker=_marker(k), ms=_size(k), mec=paper(), label=_label(row))
+        for k, row in enumerate(rows)
     ]
-    key(figure, handles, [_label(row) for row in rows], columns=2, notes=_notes(rows))
+    key(figure, [*handles, *_style_keys(rows)], columns=2)
     return figure
 
 
-def _notes(rows: Sequence[ModeCheck]) -> str:
-    """What the marks and lines of a check are."""
-    rising = any(
-        measurement.shift > 0 and not measurement.irregular for row in rows for measurement in row.measurements
-    )
-    words = ["marks: measured" + (", hollow where the frequency rises" if rising else ""), "dashed: κa²"]
-    words += ["wide lines: periodic orbits"] if any(row.backbone for row in rows) else []
-    words += ["ticks: measured 1 %"] if any(np.isfinite(row.one_percent_deg) for row in rows) else []
-    return "; ".join(words)
+def _style_keys(rows: Sequence[ModeCheck]) -> list[Line2D]:
+    """The legend's lines of what marks and lines of a check are, of those there are."""
+    grey, steady = secondary_colour(), [m for row in rows for m in row.measurements if not m.irregular]
+    hollow: dict[str, Any] = {"ls": "", "mfc": paper(), "mec": grey}
+    keys = [
+        (True, "predicted shift κa²", {"ls": PREDICTED, "lw": 1.3}),
+        (any(row.backbone for row in rows), "periodic orbits", {"lw": 2.4, "alpha": 0.35}),
+        (any(m.shift <= 0 for m in steady), "measured, frequency falls", {"ls": "", "marker": "o"}),
+        (any(m.shift > 0 for m in steady), "measured, frequency rises", {"marker": "o", **hollow}),
+        (
+            any(np.isfinite(row.one_percent_deg) for row in rows),
+            "amplitude of a 1 % shift, measured",
+            {"ls": "", "marker": "|", "ms": 9, "mew": 1.8},
+        ),
+    ]
+    return [Line2D([], [], color=grey, label=name, **look) for is_drawn, name, look in keys if is_drawn]
 
 
 def _shifts(axis: Axes, row: ModeCheck, low: float, high: float, k: int) -> None:
