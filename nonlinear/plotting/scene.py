@@ -6,6 +6,7 @@ projection: y across the rail is drawn as y/2 to the upper right.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -67,7 +68,8 @@ class Stage:
 
     `floor` is the depth of the floor below the rail (m), None in the plane; `support` (F, 2) the place of a moved
     support to the right and up (m), zero elsewhere.  `pieces` are those of a structure, (F, K, 2) each, with the ground
-    that moves; there is neither a cart nor a beam then.  `is_spread` tells that some are not drawn in their place.
+    that moves; there is neither a cart nor a beam then.  `notes` say what is not
+    drawn in its place.
     """
 
     actors: tuple[Actor, ...]
@@ -78,7 +80,7 @@ class Stage:
     floor: float | None
     support: Floats
     pieces: tuple[Piece, ...] = ()
-    is_spread: bool = False
+    notes: Sequence[str] = ()
 
     @property
     def half(self) -> float:
@@ -163,8 +165,7 @@ def stage_of(trajectory: Trajectory, at: Floats) -> Stage:
         piece._replace(points=piece.points + support[:, None]) if support.any() or piece.role not in STILL else piece
         for piece in scaffold.pieces(motions[0].supports[::TRAIL_POINTS], joints)
     ]
-    is_spread = bool(scaffold.shifts.any() or scaffold.aside.any())
-    return replace(stage, cart=0.0 * cart, pieces=tuple(pieces), is_spread=is_spread)
+    return replace(stage, cart=0.0 * cart, pieces=tuple(pieces), notes=scaffold.notes)
 
 
 def _shape(motion: Motion, length: Floats, centre: Floats, pivots: Floats, support: Floats) -> tuple[Floats, Floats]:
