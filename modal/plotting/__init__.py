@@ -33,7 +33,6 @@ from modal.plotting.layout import (
     log_ticks,
     mark_modes,
     set_frame,
-    side_by_side,
 )
 from modal.plotting.loci import draw_loci, scale
 from modal.plotting.response import bode_figure, draw_bode, draw_impulse, draw_tuning, tuning_figure
@@ -139,7 +138,6 @@ __all__ = [
     "shapes_figure",
     "sheet",
     "show_both_themes",
-    "side_by_side",
     "sketch_figure",
     "slide",
     "spots",

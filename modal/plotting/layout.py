@@ -310,9 +310,3 @@ def mark_modes(axis: Axes, omega: Sequence[tuple[int, float]], *, has_numbers: b
 def even_choice(count: int, limit: int) -> Ints:
     """The indices, from 0, of the pendula drawn: all, or `limit` of them evenly spaced."""
     return np.unique(np.linspace(0, count - 1, min(count, limit)).astype(np.int64))
-
-
-def side_by_side(count: int, depth: float) -> Floats:
-    """Positions along the rail (m) of the drawn pivots of pendula of length `depth` (m)."""
-    spacing = depth * (0.95 if count <= 4 else 0.5)
-    return np.asarray(spacing * (np.arange(count) - (count - 1) / 2), dtype=np.float64)

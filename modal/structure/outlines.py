@@ -57,7 +57,7 @@ class Scaffold:
 
     `unit` (m) is the size of what has none of its own, that of the longest chain; `gap` is the room, over it, between
     bodies that are set apart.  `hanging` are the joints (n + 1, 2) of drawn pendula at rest, where springs hold them to
-    the ground.
+    the ground.  Without `has_rails` carts have none, where an axis stands for them.
     """
 
     structure: Structure
@@ -66,6 +66,7 @@ class Scaffold:
     unit: float
     gap: float = WALL_GAP
     hanging: Mapping[int, Floats] | None = None
+    has_rails: bool = True
 
     # ------------------------------------------------------------------------------------------- where things are
 
@@ -342,7 +343,8 @@ class Scaffold:
                 "body", middle + HALF_HEIGHT * u * np.stack((np.cos(turn), np.sin(turn)), axis=-1), is_outline=True
             )
         rail = low + HALF_HEIGHT * u
-        yield Piece("ground", self._ground_points(k, [(left_end - 0.3 * u, rail), (right_end + 0.3 * u, rail)]))
+        if self.has_rails:
+            yield Piece("ground", self._ground_points(k, [(left_end - 0.3 * u, rail), (right_end + 0.3 * u, rail)]))
         yield from self._to_wall(k, body.stiffness[0], body.damping[0], eta)
 
     def _storey(self, k: int, eta: Floats) -> Iterator[Piece]:
