@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import inf
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -27,7 +27,6 @@ from modal.plotting.style import (
     ink,
     mixture,
     paper,
-    save,
     secondary_colour,
     sheet_of_rows,
 )
@@ -42,11 +41,6 @@ FELT = r"dynamic mass $m_\mathrm{dyn}$ (kg)"
 CART_MASS = r"mass of the cart $m_c$ (kg)"
 WIDE_POLES_MAX = 8
 """Format: poles whose lines have their full width; of more they are thinner, and a linear axis may part them."""
-
-
-def draw_coupling(coupling: Coupling, stream: IO[bytes], kind: str = "png") -> None:
-    """Write the picture as png, svg or pdf."""
-    save(coupling_figure(coupling), stream, kind)
 
 
 def coupling_figure(coupling: Coupling) -> Figure:

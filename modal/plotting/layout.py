@@ -58,6 +58,7 @@ SIGNALS = {
     "cart_force": "force on the cart",
 }
 """What signals of linear models are called in pictures; others are words by themselves."""
+SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 SIGNAL = re.compile(r"([a-z_]+?)((?:_\d+){0,2})")
 COORDINATE = re.compile(r"(\w+?)(_d?dot)?_(?:m|rad)(?:_per_s2?)?")
 
@@ -157,7 +158,7 @@ def angle_symbol(*place: int | str) -> str:
     ('θ₁₂', 'θ₁₂,₁')
     """
     between = "," if max(map(len, map(str, place))) > 1 else ""
-    return "θ" + between.join(map(str, place)).translate(str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉"))
+    return "θ" + between.join(map(str, place)).translate(SUBSCRIPTS)
 
 
 def symbols_in(text: str) -> str:
@@ -172,11 +173,13 @@ def link_names(labels: Sequence[str]) -> list[str]:
     (['link 1', 'link 2'], ['θ₁₁', 'θ₂₁', 'θ₂₂'])
     """
     places = [re.findall(r"\d+", label) for label in labels if label.startswith("theta[")]
-    pendula = {pendulum for pendulum, _ in places}
+    pendula = list(dict.fromkeys(pendulum for pendulum, _ in places))
     if len(pendula) == 1:
         return [f"link {link}" for _, link in places]
-    has_chains = len(pendula) < len(places)
-    return [angle_symbol(*place) if has_chains else f"pendulum {place[0]}" for place in places]
+    if len(pendula) == len(places):
+        return [f"pendulum {pendulum}" for pendulum in pendula]
+    between = "," if max(map(len, (number for place in places for number in place))) > 1 else ""
+    return ["θ" + between.join(place).translate(SUBSCRIPTS) for place in places]
 
 
 def signal_words(name: str) -> str:

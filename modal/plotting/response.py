@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from math import ceil, floor
-from typing import IO, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -27,7 +27,6 @@ from modal.plotting.style import (
     MOST_CURVES,
     VISIBLE_SHARE,
     colour,
-    save,
     secondary_colour,
     sheet_of_rows,
     spots,
@@ -48,20 +47,6 @@ PEAK_ROOM = 0.01
 """Format: distance from an undamped mode, over its frequency, up to which heights do not count."""
 REFINED_POINTS = 12
 """Cost: points put to either side of a peak or trough in each round that looks for its height."""
-
-
-def draw_bode(
-    form: ModalForm,
-    stream: IO[bytes],
-    *,
-    source: int = 0,
-    outputs: Sequence[int] = (),
-    band: tuple[float, float] | None = None,
-    kind: str = "png",
-    std: Spread | None = None,
-) -> None:
-    """Write the picture of `bode_figure` as png, svg or pdf."""
-    save(bode_figure(form, source=source, outputs=outputs, band=band, std=std), stream, kind)
 
 
 def bode_figure(
@@ -123,19 +108,6 @@ def _shade(axis: Axes, hertz: Floats, size: Floats, spread: Floats) -> None:
                 np.clip(_decibel(np.maximum(magnitude + sign * std, smallest)), low, high) for sign in (-2, 2)
             )
         axis.fill_between(hertz, below, above, color=colour(k), alpha=BAND_OPACITY, lw=0)
-
-
-def draw_impulse(
-    form: ModalForm,
-    stream: IO[bytes],
-    *,
-    source: int = 0,
-    outputs: Sequence[int] = (),
-    duration: float | None = None,
-    kind: str = "png",
-) -> None:
-    """Write the picture of `impulse_figure` as png, svg or pdf."""
-    save(impulse_figure(form, source=source, outputs=outputs, duration=duration), stream, kind)
 
 
 def impulse_figure(
@@ -300,11 +272,6 @@ def _units(form: ModalForm, numbers: list[int], source: int) -> str:
 
 TUNED_DB = 40.0
 """Format: most decibels below and above the highest tuned peak that a panel shows."""
-
-
-def draw_tuning(tuning: Tuned, stream: IO[bytes], kind: str = "png") -> None:
-    """Write the picture of `tuning_figure` as png, svg or pdf."""
-    save(tuning_figure(tuning), stream, kind)
 
 
 def tuning_figure(tuning: Tuned) -> Figure:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from textwrap import fill
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 from matplotlib import rcParams
@@ -33,7 +33,6 @@ from modal.plotting.style import (
     mixture,
     paper,
     rest,
-    save,
     secondary_colour,
     sheet,
     sheet_of_rows,
@@ -223,19 +222,6 @@ class ShapeLayout:
         """What the pendula hang from, and their springs, at η (1, d)."""
         joints = (chain[None] for chain in chains)
         return self.scaffold.pieces(eta, dict(zip(self.scaffold.pendula.tolist(), joints, strict=True)))
-
-
-def draw_shapes(
-    modes: Modes,
-    numbers: Sequence[int] | None,
-    stream: IO[bytes],
-    *,
-    amplitude_deg: float = AMPLITUDE_DEG,
-    form: str = "png",
-) -> None:
-    """Write the picture as png, svg or pdf."""
-    require_type("modes", modes, "Modes")
-    save(shapes_figure(modes, numbers, amplitude_deg=amplitude_deg), stream, form)
 
 
 def shapes_figure(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import IO, TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -19,7 +19,6 @@ from modal.plotting.style import (
     colour,
     ink,
     paper,
-    save,
     secondary_colour,
     sheet_of_rows,
     spots,
@@ -29,11 +28,6 @@ from modal.scene import title_of
 if TYPE_CHECKING:
     from modal.statespace.hoisting import Along
     from modal.statespace.travels import ShapedTravel
-
-
-def draw_hoist(hoisting: Along, stream: IO[bytes], form: str = "png") -> None:
-    """Write the picture as png, svg or pdf."""
-    save(hoist_figure(hoisting), stream, form)
 
 
 def hoist_figure(hoisting: Along) -> Figure:
@@ -65,11 +59,6 @@ def hoist_figure(hoisting: Along) -> Figure:
 
 
 ROWS = ("unshaped", "shaped")
-
-
-def draw_travel(travel: ShapedTravel, stream: IO[bytes], form: str = "png") -> None:
-    """Write the picture of `travel_figure` as png, svg or pdf."""
-    save(travel_figure(travel), stream, form)
 
 
 def travel_figure(travel: ShapedTravel) -> Figure:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from typing import IO, TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -21,7 +21,6 @@ from modal.plotting.style import (
     MOST_CURVES,
     colour,
     ink,
-    save,
     secondary_colour,
     sheet_of_rows,
     spots,
@@ -43,11 +42,6 @@ QUANTITIES = {
     "N": "force",
 }
 """What a unit measures."""
-
-
-def draw_random(response: RandomResponse, stream: IO[bytes], kind: str = "png") -> None:
-    """Write the picture of `random_figure` as png, svg or pdf."""
-    save(random_figure(response), stream, kind)
 
 
 def random_figure(response: RandomResponse) -> Figure:
@@ -86,13 +80,6 @@ def random_figure(response: RandomResponse) -> Figure:
         mark_modes(axis, inside, has_numbers=False)
     headline(figure, title_of(response.modes.scene), "random vibration")
     return figure
-
-
-def draw_thermal(
-    noise: tuple[ThermalNoise, RandomResponse | None, Sequence[float]], stream: IO[bytes], kind: str = "png"
-) -> None:
-    """Write the picture of `thermal_figure` as png, svg or pdf."""
-    save(thermal_figure(*noise), stream, kind)
 
 
 def thermal_figure(noise: ThermalNoise, beside: RandomResponse | None = None, at: Sequence[float] = ()) -> Figure:
@@ -150,11 +137,6 @@ def _place_words(scene: Scene, place: str) -> str:
 def _positive_values(values: Floats) -> Floats:
     """The finite ones above 0."""
     return np.where((values > 0) & np.isfinite(values), values, np.nan)
-
-
-def draw_shock(response: ShockResponse, stream: IO[bytes], kind: str = "png") -> None:
-    """Write the picture of `shock_figure` as png, svg or pdf."""
-    save(shock_figure(response), stream, kind)
 
 
 def shock_figure(response: ShockResponse) -> Figure:

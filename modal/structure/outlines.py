@@ -176,12 +176,14 @@ class Scaffold:
     def _nearer(self, boxes: Sequence[tuple[float, float, float]]) -> Floats:
         """How far every carrier moves along the rail where long gaps between their boxes are shortened, (C,)."""
         longest, instead = (share * self.unit for share in GAPS_OF_CARRIERS)
-        shifts, end, moved = np.zeros(len(boxes)), np.inf, 0.0
-        for k in np.argsort([box[0] for box in boxes]).tolist():
-            gap = boxes[k][0] - end
-            moved -= max(0.0, gap - instead) if gap > longest else 0.0
-            shifts[k], end = moved, max(boxes[k][1], end if np.isfinite(end) else -np.inf)
-        return shifts - (shifts.max() + shifts.min()) / 2
+        shifts, moved = np.zeros(len(boxes)), 0.0
+        order = sorted(range(len(boxes)), key=lambda k: boxes[k][0])
+        for n, k in enumerate(order[1:], 1):
+            gap = boxes[k][0] - max(boxes[earlier][1] for earlier in order[:n])
+            moved -= gap - instead if gap > longest else 0.0
+            shifts[k] = moved
+        middle: float = shifts.min() / 2
+        return np.asarray(shifts - middle)
 
     @cached_property
     def notes(self) -> list[str]:

@@ -40,10 +40,10 @@ def hoist(options: argparse.Namespace) -> Along | None:
         start = along.times[0]
         shaper = shaper_for(scene.at(start), options.count or 1, options.kind or "zv")
         travel = shaped_travel(scene, shaper, options.travel, options.over, limits=limits)
-        draw_in(options, options.output, "modal.plotting", "draw_travel", travel)
+        draw_in(options, options.output, "modal.plotting", "travel_figure", travel)
     elif options.output:
         smooth = frequencies_along(scene, max(options.samples, 201), options.drive)
-        draw_in(options, options.output, "modal.plotting", "draw_hoist", smooth)
+        draw_in(options, options.output, "modal.plotting", "hoist_figure", smooth)
     return None if left else along
 
 

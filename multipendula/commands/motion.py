@@ -142,19 +142,16 @@ def _print_band(options: argparse.Namespace, estimate: Estimate) -> None:
     say(f"band of {members.size} members with {members.words}, from 5 to 95 %:\n{motion_words(members)}\n")
     if members.failures:
         say(f"{len(members.failures)} members failed: {next(iter(members.failures.values()))}\n")
-    draw_in(options, options.band, "nonlinear.plotting", "draw_spread", members)
+    draw_in(options, options.band, "nonlinear.plotting", "spread_figure", members)
 
 
 def plot(options: argparse.Namespace) -> Figure | None:
     """Draw a run: angles, cart, energies, phase portrait, and spectrum with the linear frequencies."""
-    from nonlinear.plotting import draw_run
-
     run = replace(RunOptions.of(options), resolves_modes=True)
     trajectory = run.shown(lambda: picture(options.output))
     if options.output is None:
         return trajectory.plot(theme=options.theme)
-    with drawn(options.output, options.theme) as stream:
-        draw_run(trajectory, stream, kind=picture(options.output))
+    draw_in(options, options.output, "nonlinear.plotting", "run_figure", trajectory)
     links, seconds = trajectory.scene.n_links, trajectory.times[-1] - trajectory.times[0]
     made(options.output, f"{seconds:.4g} s of motion of {links} link{'s' * (links > 1)}")
     return None

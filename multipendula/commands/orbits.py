@@ -181,7 +181,7 @@ def _draw(scene: Scene, branches: tuple[Branch, ...], options: argparse.Namespac
     if options.mode and not options.vary:
         modes, row = oscillating(scene, options.mode)
         mode = modes[row]
-    draw_in(options, options.output, "nonlinear.plotting", "draw_orbits", scene, branches, mode=mode)
+    draw_in(options, options.output, "nonlinear.plotting", "orbits_figure", scene, branches, mode=mode)
 
 
 def _film(scene: Scene, branches: tuple[Branch, ...], options: argparse.Namespace) -> None:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import IO, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from modal.errors import ComputationError
-from modal.plotting import HUES, headline, key, save
+from modal.plotting import HUES, headline, key
 from modal.scene import title_of
 from nonlinear.plotting.stability import LABELS, DrawnBranch, branch_keys, figure_along, mark, stability_keys
 
@@ -17,16 +17,11 @@ if TYPE_CHECKING:
     from nonlinear.synchronization import Branches, EquilibriumBranch
 
 
-def draw_branches(branches: Branches, stream: IO[bytes], form: str = "png") -> None:
-    """Write the picture as png, svg or pdf: solid lines where a branch is stable, dash-dotted ones where it is not.
-
-    Circles are critical values.  Raises ComputationError for no branch and for more than HUES.
-    """
-    save(branches_figure(branches), stream, form)
-
-
 def branches_figure(branches: Branches) -> Figure:
-    """The same as a figure."""
+    """Solid lines where a branch is stable, dash-dotted ones where it is not; circles are critical values.
+
+    Raises ComputationError for no branch and for more than HUES.
+    """
     if not 1 <= len(branches.branches) <= HUES:
         raise ComputationError(f"{len(branches.branches)} configurations do not fit in a figure: from 1 to {HUES}")
     figure = figure_along(branches.scene, branches.variation, LABELS, [_drawn(branch) for branch in branches.branches])

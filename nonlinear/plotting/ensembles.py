@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import IO, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,7 +10,7 @@ from matplotlib.colors import BoundaryNorm, ListedColormap, LogNorm, Normalize, 
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from modal.plotting import HUES, colour, headline, key, legend, mixture, rest, save, scale, thickness
+from modal.plotting import HUES, colour, headline, key, legend, mixture, rest, scale, thickness
 from modal.plotting.layout import symbols_in
 from modal.plotting.style import BAND_OPACITY, LOG_RATIO, dot_size, sheet_of_rows
 from modal.scene import number_label, number_words, title_of
@@ -27,11 +27,6 @@ TITLES = {
     "lyapunov_per_s": "how fast a small error grows",
     "attractor": "which attractor each start ends in",
 }
-
-
-def draw_basins(basins: Basins, stream: IO[bytes], kind: str = "png") -> None:
-    """Write the picture of `basins_figure` as png, svg or pdf."""
-    save(basins_figure(basins), stream, kind)
 
 
 def basins_figure(basins: Basins) -> Figure:
@@ -87,11 +82,6 @@ def _shades(figure: Figure, axis: Axes, basins: Basins) -> None:
         bar.ax.yaxis.set_minor_formatter("{x:g}")
 
 
-def draw_section(section: PoincareSection, stream: IO[bytes], kind: str = "png") -> None:
-    """Write the picture of `section_figure` as png, svg or pdf."""
-    save(section_figure(section), stream, kind)
-
-
 def section_figure(section: PoincareSection) -> Figure:
     """Every crossing as a dot, a shade for each motion, the darker the faster its first crossing; closed curves joined.
 
@@ -122,7 +112,7 @@ ISLANDS_MAX = 12
 """Format: islands of one motion up to which its closed curves are looked for."""
 CURVE_CROSSINGS = (16, 200)
 """Format: crossings from which on a curve is seen, and with which at most it is drawn."""
-STEP_ALONG_CURVE = 0.2
+STEP_ALONG_CURVE = 0.3
 """Format: largest distance of neighbours on a closed curve over its diagonal; without an order they are farther."""
 
 
@@ -166,11 +156,6 @@ def _crossing(text: str) -> str:
     way = {">": " upwards", "<": " downwards"}.get(sign, "")
     symbol = symbols_in(name.strip())
     return f"{symbol} = {value.strip()}{' m' if symbol == 'x' else '°'}{way}"
-
-
-def draw_spread(spread: Spread, stream: IO[bytes], kind: str = "png") -> None:
-    """Write the picture of `spread_figure` as png, svg or pdf."""
-    save(spread_figure(spread), stream, kind)
 
 
 def spread_figure(spread: Spread) -> Figure:

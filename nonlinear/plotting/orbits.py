@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from typing import IO, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib import rcParams
@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 
 from modal.errors import ComputationError, SceneError
 from modal.modes import Mode, natural_modes
-from modal.plotting import HUES, MARKED, PREDICTED, headline, key, save, scale, secondary_colour
+from modal.plotting import HUES, MARKED, PREDICTED, headline, key, scale, secondary_colour
 from modal.plotting.style import SOLVED_POINTS, sheet_of_rows
 from modal.scene import Scene, number_label, title_of
 from modal.scene.parameters import Variation, vary
@@ -35,13 +35,6 @@ if TYPE_CHECKING:
 MARKS = {"fold": "o", "branch point": "D", "period doubling": "s", "torus": "^", "collision": "v"}
 BACKBONE_DEG = 170.0
 """Format: largest angle of a backbone beside a resonance: short of the top, where its period has no limit."""
-
-
-def draw_orbits(
-    scene: Scene, branches: Sequence[Branch], stream: IO[bytes], form: str = "png", mode: Mode | None = None
-) -> None:
-    """Write the picture as png, svg or pdf."""
-    save(orbits_figure(scene, branches, mode), stream, form)
 
 
 def orbits_figure(scene: Scene, branches: Sequence[Branch], mode: Mode | None = None) -> Figure:

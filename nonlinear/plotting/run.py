@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -25,7 +25,6 @@ from modal.plotting import (
     mark_modes,
     pick,
     rest,
-    save,
     secondary_colour,
     set_frame,
 )
@@ -48,12 +47,6 @@ SPECTRUM_DEPTH = 1e-10
 """Format: smallest power that a spectrum shows over the strongest line: below are the side lobes of its window."""
 
 
-def draw_run(trajectory: Trajectory, stream: IO[bytes], *, kind: str = "png") -> None:
-    """Write the picture of a run as png, svg or pdf; ComputationError for a run of a single instant."""
-    require_type("trajectory", trajectory, "Trajectory")
-    save(run_figure(trajectory), stream, kind)
-
-
 @dataclass(frozen=True)
 class _DrawnLinks:
     """The links drawn, from 0, their names, and how many links they stand for, with those that coincide with them."""
@@ -72,8 +65,9 @@ class _DrawnLinks:
 def run_figure(trajectory: Trajectory) -> Figure:
     """The picture of a run; of many links it draws some and the range of all, as its caption says.
 
-    Links that move alike throughout are one curve with one name.
+    Links that move alike throughout are one curve with one name.  ComputationError for a run of a single instant.
     """
+    require_type("trajectory", trajectory, "Trajectory")
     if len(trajectory.times) < 2:
         raise ComputationError("a run with a single sample cannot be drawn")
     carrier_panels = _carrier_panels(trajectory) + _prescribed_panels(trajectory)
