@@ -366,8 +366,8 @@ def test_what_is_drawn_is_what_was_found() -> None:
     branches = example()
     figure = branches_figure(branches)
     figure.canvas.draw()
-    upper, lower = figure.axes
-    assert (upper.get_ylabel(), lower.get_xlabel(), lower.get_xscale()) == (
+    upper, lower, rates = figure.axes
+    assert (upper.get_ylabel(), rates.get_xlabel(), lower.get_xscale()) == (
         "largest angle (°)",
         "damping of the cart (N s/m)",
         "log",
