@@ -10,15 +10,12 @@ meaning (solid: computed or measured; dashed: a simpler theory's; dotted: a mark
 a scene are called by `number_label`.
 """
 
-from modal.plotting.coupling import coupling_figure, draw_coupling
+from modal.plotting.coupling import coupling_figure
 from modal.plotting.curves import draw_curves, envelope, is_blob, pick
 from modal.plotting.films import LOOP, MovingFigure, film_modes, form_problems, frame_rate, require_writer, write_film
 from modal.plotting.free_body import free_body_tikz, plot_free_body
 from modal.plotting.identification import (
     assurance_figure,
-    draw_assurance,
-    draw_mode_fit,
-    draw_poles,
     mode_fit_figure,
     poles_figure,
 )
@@ -33,11 +30,10 @@ from modal.plotting.layout import (
     log_ticks,
     mark_modes,
     set_frame,
-    side_by_side,
 )
-from modal.plotting.loci import draw_loci, scale
-from modal.plotting.response import bode_figure, draw_bode, draw_impulse, draw_tuning, tuning_figure
-from modal.plotting.shapes import MOST_PANELS, USUAL_PANELS, draw_shapes, shapes_figure
+from modal.plotting.loci import loci_figure, scale
+from modal.plotting.response import bode_figure, impulse_figure, tuning_figure
+from modal.plotting.shapes import MOST_PANELS, USUAL_PANELS, shapes_figure
 from modal.plotting.sketches import sketch_figure
 from modal.plotting.style import (
     COMPUTED,
@@ -68,7 +64,7 @@ from modal.plotting.style import (
     thickness,
 )
 from modal.plotting.themes import ThemedPicture, pair_of, show_both_themes, slide
-from modal.plotting.travels import draw_hoist, draw_travel, travel_figure
+from modal.plotting.travels import hoist_figure, travel_figure
 
 __all__ = [
     "COMPUTED",
@@ -95,18 +91,7 @@ __all__ = [
     "colour",
     "coupling_figure",
     "dashes_of_prediction",
-    "draw_assurance",
-    "draw_bode",
-    "draw_coupling",
     "draw_curves",
-    "draw_hoist",
-    "draw_impulse",
-    "draw_loci",
-    "draw_mode_fit",
-    "draw_poles",
-    "draw_shapes",
-    "draw_travel",
-    "draw_tuning",
     "envelope",
     "even_choice",
     "film_modes",
@@ -114,11 +99,14 @@ __all__ = [
     "frame_rate",
     "free_body_tikz",
     "headline",
+    "hoist_figure",
+    "impulse_figure",
     "in_both_themes",
     "ink",
     "is_blob",
     "key",
     "legend",
+    "loci_figure",
     "log_ticks",
     "mark_modes",
     "mixture",
@@ -139,7 +127,6 @@ __all__ = [
     "shapes_figure",
     "sheet",
     "show_both_themes",
-    "side_by_side",
     "sketch_figure",
     "slide",
     "spots",

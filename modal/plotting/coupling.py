@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import inf
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -27,7 +27,6 @@ from modal.plotting.style import (
     ink,
     mixture,
     paper,
-    save,
     secondary_colour,
     sheet_of_rows,
 )
@@ -42,11 +41,6 @@ FELT = r"dynamic mass $m_\mathrm{dyn}$ (kg)"
 CART_MASS = r"mass of the cart $m_c$ (kg)"
 WIDE_POLES_MAX = 8
 """Format: poles whose lines have their full width; of more they are thinner, and a linear axis may part them."""
-
-
-def draw_coupling(coupling: Coupling, stream: IO[bytes], kind: str = "png") -> None:
-    """Write the picture as png, svg or pdf."""
-    save(coupling_figure(coupling), stream, kind)
 
 
 def coupling_figure(coupling: Coupling) -> Figure:
@@ -332,9 +326,10 @@ def draw_limits(axis: Axes, coupling: Coupling) -> None:
     now = np.array([mode.omega for mode in coupling.cart_modes]) if coupling.on_cart else poles
     spot, crowd = float(np.clip(cart_mass, low, high)), is_crowded(coupling)
     bottom, top, is_logarithmic = _reach(poles, now, omega, light)
+    right = 1.5 * high  # the dots of a fixed support are within
     axis.set(
         xscale="log",
-        xlim=(low, high),
+        xlim=(low, right),
         yscale="log" if is_logarithmic else "linear",
         xlabel=CART_MASS,
         ylabel="angular frequency ω (rad/s)",
@@ -352,12 +347,12 @@ def draw_limits(axis: Axes, coupling: Coupling) -> None:
         )
         axis.text(0.98, 0.92, words, transform=axis.transAxes, ha="right", va="top", fontsize=SMALL, bbox=plain())
     else:
-        axis.hlines(poles, low, high, color=pole(), ls=MARKED, lw=1.2 * _thinner(len(poles)))
+        axis.hlines(poles, low, right, color=pole(), ls=MARKED, lw=1.2 * _thinner(len(poles)))
     axis.plot(masses, omega[:, chosen], color=zero(), lw=1.6 * _thinner(len(chosen)))
     _mark_scene(axis, cart_mass, spot, now[chosen[chosen < len(now)]])
     if not crowd:
         _ends(axis, low, [(value, f"{value:.5g}") for value in light[np.isfinite(light)].tolist()], zero(), (4, 4))
-        _ends(axis, high, [(value, _letter(coupling, value)) for value in poles.tolist()], pole(), (5, -3))
+        _ends(axis, right, [(value, _letter(coupling, value)) for value in poles.tolist()], pole(), (5, -3))
     axis.set_title("massless cart  ←  modes that move the cart, as its mass changes  →  fixed support")
 
 
@@ -397,7 +392,7 @@ def _mark_scene(axis: Axes, cart_mass: float, spot: float, now: Floats) -> None:
     axis.axvline(spot, color=ink(), lw=1.2, ls=MARKED)
     if now.size:
         spots = np.full(len(now), spot)
-        axis.plot(spots, now, "o", color=zero(), mec=paper(), mew=0.8, zorder=4, clip_on=False)
+        axis.plot(spots, now, "o", color=zero(), mec=paper(), mew=0.8, zorder=4)
     axis.annotate(
         f"this scene: {where}",
         (spot, 0.0),

@@ -28,7 +28,8 @@ SLOTS = {1: (1, 2), 2: (0, 4), 3: (1, 4), 4: (2, 8), 5: (3, 8)}
 of another."""
 GROUP_LETTERS = 30
 """Format: most letters of the names of curves that coincide, before "… (7 more) coincide"."""
-NUMBERS = re.compile(r"\d+")
+NUMBERS = re.compile(r"\d+|[₀-₉]+(?=,)|(?<=,)[₀-₉]+|[₀-₉]")
+PLAIN_DIGITS = str.maketrans("₀₁₂₃₄₅₆₇₈₉", "0123456789")
 BAND_HEIGHT_MIN = 0.04
 """Format: least height of a band over the panel's; a curve within less is a broad line and no blob."""
 COLUMN_SAMPLES = 8
@@ -73,7 +74,10 @@ def common_name(names: Sequence[str]) -> str:
 
 def _runs(names: Sequence[str]) -> list[str]:
     """Names that differ in one number as ranges of it, what stands before the number said once."""
-    parts = [(NUMBERS.split(name), [int(labels) for labels in NUMBERS.findall(name)]) for name in names]
+    parts = [
+        (NUMBERS.split(name), [int(number.translate(PLAIN_DIGITS)) for number in NUMBERS.findall(name)])
+        for name in names
+    ]
     numbers = {len(labels) for _, labels in parts}
     if len({tuple(words) for words, _ in parts}) > 1 or numbers == {0}:
         return list(names)

@@ -292,7 +292,7 @@ class ModalFilm(MovingFigure):
         first: str = "",
     ) -> None:
         rows, has_profiles = list(modes.rows(numbers)), is_crowded(modes.scene)
-        layout = None if has_profiles else layout_of(modes)
+        layout = None if has_profiles else layout_of(modes, rows, np.radians(amplitude_deg))
         figure, axes, width = panels_of(modes, rows, 1.5 if layout is None else layout.ratio, "modes")
         layout = layout and layout.within(width)
         figure.set(dpi=DPI)

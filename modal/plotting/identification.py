@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import IO, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -19,7 +19,6 @@ from modal.plotting.style import (
     ink,
     paper,
     rest,
-    save,
     secondary_colour,
     sheet_of_rows,
 )
@@ -28,11 +27,6 @@ from modal.types import Floats
 
 if TYPE_CHECKING:
     from modal.identification import Assurance, Identified, ModeFit
-
-
-def draw_poles(identification: Identified, stream: IO[bytes], kind: str = "png", title: str = "") -> None:
-    """Write the picture of `poles_figure` as png, svg or pdf."""
-    save(poles_figure(identification, title), stream, kind)
 
 
 def poles_figure(identification: Identified, title: str = "") -> Figure:
@@ -73,11 +67,6 @@ def poles_figure(identification: Identified, title: str = "") -> Figure:
     legend(bottom, least_count=1)
     headline(figure, title, f"poles of {'free decays' if identification.excitation == 'free' else 'random responses'}")
     return figure
-
-
-def draw_assurance(assurance: Assurance, stream: IO[bytes], kind: str = "png") -> None:
-    """Write the picture of `assurance_figure` as png, svg or pdf."""
-    save(assurance_figure(assurance), stream, kind)
 
 
 def assurance_figure(assurance: Assurance) -> Figure:
@@ -130,11 +119,6 @@ def _thin_ticks(words: list[str], limit: int = TICKS_MAX) -> tuple[list[int], li
     """Places and words of at most so many ticks."""
     places = even_choice(len(words), limit).tolist()
     return places, [words[k] for k in places]
-
-
-def draw_mode_fit(fit: ModeFit, stream: IO[bytes], kind: str = "png") -> None:
-    """Write the picture of `mode_fit_figure` as png, svg or pdf."""
-    save(mode_fit_figure(fit), stream, kind)
 
 
 def mode_fit_figure(fit: ModeFit) -> Figure:

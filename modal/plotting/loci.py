@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import IO, TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 
 from modal.errors import ComputationError
 from modal.plotting.layout import headline, key, log_ticks
-from modal.plotting.style import HUES, MOST_CURVES, colour, ink, paper, save, sheet_of_rows, spots
+from modal.plotting.style import HUES, MOST_CURVES, colour, ink, paper, sheet_of_rows, spots
 from modal.scene import number_label, title_of
 from modal.scene.parameters import Variation
 
@@ -20,11 +20,6 @@ if TYPE_CHECKING:
     from modal.loci import CloseApproach, Loci
 
 MARKS = {"crossing": "X", "veering": "o"}
-
-
-def draw_loci(loci: Loci, stream: IO[bytes], form: str = "png") -> None:
-    """Write the picture as png, svg or pdf."""
-    save(loci_figure(loci), stream, form)
 
 
 def loci_figure(loci: Loci) -> Figure:

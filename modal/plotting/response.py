@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from math import ceil, floor
-from typing import IO, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -18,7 +18,7 @@ from matplotlib.ticker import MaxNLocator, MultipleLocator
 from modal.errors import ComputationError
 from modal.modes import UNCERTAIN
 from modal.plotting.curves import RANGE, draw_curves
-from modal.plotting.layout import NAME_LETTERS, headline, key, log_ticks, mark_modes
+from modal.plotting.layout import headline, key, log_ticks, mark_modes, signal_words, unit_words
 from modal.plotting.style import (
     BAND_OPACITY,
     CURVE_POINTS,
@@ -27,14 +27,13 @@ from modal.plotting.style import (
     MOST_CURVES,
     VISIBLE_SHARE,
     colour,
-    save,
     secondary_colour,
     sheet_of_rows,
     spots,
     thickness,
 )
 from modal.scene import title_of
-from modal.statespace import ModalForm, Signal, frequency_response, impulse_response, impulse_times
+from modal.statespace import ModalForm, frequency_response, impulse_response, impulse_times
 from modal.types import Complexes, Floats
 
 if TYPE_CHECKING:
@@ -48,20 +47,6 @@ PEAK_ROOM = 0.01
 """Format: distance from an undamped mode, over its frequency, up to which heights do not count."""
 REFINED_POINTS = 12
 """Cost: points put to either side of a peak or trough in each round that looks for its height."""
-
-
-def draw_bode(
-    form: ModalForm,
-    stream: IO[bytes],
-    *,
-    source: int = 0,
-    outputs: Sequence[int] = (),
-    band: tuple[float, float] | None = None,
-    kind: str = "png",
-    std: Spread | None = None,
-) -> None:
-    """Write the picture of `bode_figure` as png, svg or pdf."""
-    save(bode_figure(form, source=source, outputs=outputs, band=band, std=std), stream, kind)
 
 
 def bode_figure(
@@ -95,7 +80,6 @@ def bode_figure(
     has_zeros = any(bool(np.any(y < bottom)) for _, y in heights)
     draw_curves(upper, heights, log="x")
     draw_curves(lower, [(hertz, _phase(response)) for response in G], log="x")
-    source_signal = form.model.inputs[source]
     upper.set(xscale="log", ylabel=f"magnitude\n(dB re 1 {_units(form, numbers, source)})", ylim=(bottom, top))
     if std is not None:
         _shade(upper, hertz, size, std(omega)[numbers, source])
@@ -107,13 +91,10 @@ def bode_figure(
     mark_modes(upper, inside)
     mark_modes(lower, inside, has_numbers=False)
     held_note = ", with the fixed-base modes" if form.is_held else ""
-    words = f"response to {_signal_words(source_signal)}{held_note}"
+    words = f"response to the {signal_words(form.model.inputs[source].name)}{held_note}"
     notes = [f"peaks of undamped modes are infinite and cut at {top:g} dB".replace("-", "−")] if infinite else []
     notes += [f"zeros cut at {bottom:g} dB".replace("-", "−")] if has_zeros else []
-    names = [f"{_signal_words(form.model.outputs[output])} / {_signal_words(source_signal)}" for output in numbers]
-    if max(map(len, names)) > NAME_LETTERS:  # the title names the input, too
-        names = [_signal_words(form.model.outputs[output]) for output in numbers]
-    _finish(figure, form, names, words + (", ± 2 standard deviations" if std else ""), "; ".join(notes))
+    _finish(figure, form, numbers, words + (", ± 2 standard deviations" if std else ""), "; ".join(notes))
     return figure
 
 
@@ -127,19 +108,6 @@ def _shade(axis: Axes, hertz: Floats, size: Floats, spread: Floats) -> None:
                 np.clip(_decibel(np.maximum(magnitude + sign * std, smallest)), low, high) for sign in (-2, 2)
             )
         axis.fill_between(hertz, below, above, color=colour(k), alpha=BAND_OPACITY, lw=0)
-
-
-def draw_impulse(
-    form: ModalForm,
-    stream: IO[bytes],
-    *,
-    source: int = 0,
-    outputs: Sequence[int] = (),
-    duration: float | None = None,
-    kind: str = "png",
-) -> None:
-    """Write the picture of `impulse_figure` as png, svg or pdf."""
-    save(impulse_figure(form, source=source, outputs=outputs, duration=duration), stream, kind)
 
 
 def impulse_figure(
@@ -161,12 +129,11 @@ def impulse_figure(
         outputs_of_unit = [k for k, output in enumerate(numbers) if form.model.outputs[output].unit == unit]
         bands |= draw_curves(panel, [(t, h[k]) for k in outputs_of_unit], numbers=outputs_of_unit, bands=True)
     for panel, unit in zip(panels, units, strict=True):
-        panel.set_ylabel(f"response ({unit} per {form.model.inputs[source].unit} s)")
+        panel.set_ylabel(f"response ({unit_words(f'{unit} per {form.model.inputs[source].unit} s')})")
         panel.axhline(0.0, color=secondary_colour(), lw=0.8, zorder=0)
     panels[-1].set(xlabel="time t (s)", xlim=(0.0, t[-1]))
-    names = [_signal_words(form.model.outputs[output]) for output in numbers]
     notes = f"bands: {RANGE} of what swings faster than lines can show" if bands else ""
-    _finish(figure, form, names, f"impulse response to {_signal_words(form.model.inputs[source])}", notes)
+    _finish(figure, form, numbers, f"impulse response to the {signal_words(form.model.inputs[source].name)}", notes)
     return figure
 
 
@@ -290,29 +257,21 @@ def _limits(form: ModalForm, omega: Floats, size: Floats) -> tuple[float, float,
 # ------------------------------------------------------------------------------------------------------- drawing
 
 
-def _finish(figure: Figure, form: ModalForm, names: Sequence[str], title: str, notes: str = "") -> None:
+def _finish(figure: Figure, form: ModalForm, outputs: Sequence[int], title: str, notes: str = "") -> None:
     headline(figure, title_of(form.modes.scene), title)
+    names = [signal_words(form.model.outputs[output].name) for output in outputs]
     handles = [Line2D([], [], color=colour(k), lw=thickness(k), **spots(k)) for k in range(len(names))]
     key(figure, handles, names, notes=notes)
-
-
-def _signal_words(signal: Signal) -> str:
-    return f"{signal.name} ({signal.unit})"
 
 
 def _units(form: ModalForm, numbers: list[int], source: int) -> str:
     units = list(dict.fromkeys(form.model.outputs[output].unit for output in numbers))
     several = " or ".join(units) if len(units) <= 2 else "each unit"
-    return f"{several} per {form.model.inputs[source].unit}"
+    return unit_words(f"{several} per {form.model.inputs[source].unit}")
 
 
 TUNED_DB = 40.0
 """Format: most decibels below and above the highest tuned peak that a panel shows."""
-
-
-def draw_tuning(tuning: Tuned, stream: IO[bytes], kind: str = "png") -> None:
-    """Write the picture of `tuning_figure` as png, svg or pdf."""
-    save(tuning_figure(tuning), stream, kind)
 
 
 def tuning_figure(tuning: Tuned) -> Figure:
@@ -347,5 +306,15 @@ def _draw(axis: Axes, response: Curves) -> None:
     draw_curves(axis, curves, log="x")
     axis.axhline(top, color=secondary_colour(), ls=MARKED, lw=1.0, zorder=0)
     ends = float(response.frequency_hz[0]), float(response.frequency_hz[-1])
-    axis.set(xscale="log", xlim=ends, ylim=(low - 2, highest), ylabel=f"{response.name}\n(dB re 1 {response.unit})")
+    axis.set(
+        xscale="log",
+        xlim=ends,
+        ylim=(low - 2, highest),
+        ylabel=f"{_peak_words(response.name)}\n(dB re 1 {unit_words(response.unit)})",
+    )
     log_ticks(axis.xaxis, ends[1] / ends[0])
+
+
+def _peak_words(name: str) -> str:
+    """The response whose peak is named "peak:OUTPUT/INPUT"."""
+    return " over ".join(map(signal_words, name.removeprefix("peak:").split("/")))

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from textwrap import fill
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 from matplotlib import rcParams
@@ -22,7 +22,7 @@ from modal.errors import ComputationError
 from modal.modes import Mode, Modes, Shape
 from modal.plotting.carriers import draw_pieces
 from modal.plotting.curves import draw_curves
-from modal.plotting.layout import NUMBER, caption, even_choice, headline, key
+from modal.plotting.layout import NUMBER, SMALL, caption, even_choice, headline, key
 from modal.plotting.style import (
     HUES,
     MARKED,
@@ -33,14 +33,13 @@ from modal.plotting.style import (
     mixture,
     paper,
     rest,
-    save,
     secondary_colour,
     sheet,
     sheet_of_rows,
 )
 from modal.scene import AnyLink, Bob, Rod, Scene, title_of
 from modal.scene.doors import require_type
-from modal.structure import STILL, Piece, Scaffold
+from modal.structure import Piece, Scaffold
 from modal.types import Floats, Ints
 
 MOVING_SHARE = 0.02
@@ -149,6 +148,8 @@ USUAL_PANELS = 12
 """Format: modes that are drawn where none are chosen."""
 PENDULA_MAX = 12
 """Format: most pendula that are drawn as they hang."""
+EQUAL_PENDULA_MAX = 30
+"""Format: the same where some are equal, which hang closer."""
 MARKS_MAX = 40
 """Format: most links of a chain that have marks; of more they would touch."""
 FEW_LINKS = 6
@@ -183,7 +184,7 @@ class ShapeLayout:
     def within(self, width: float) -> ShapeLayout:
         """The same with marks small enough for structures and long chains, in a panel of this width (inches)."""
         points = 72 * width / (2 * self.half_width)
-        mark = min(BOB_POINTS, 0.4 * self.depth * points)
+        mark = min(BOB_POINTS, 0.25 * self.depth * points)
         if self.is_linear:
             mark = min(mark, 0.5 * points * min(link.length for links in self.links for link in links))
         return replace(self, mark=mark)
@@ -223,19 +224,6 @@ class ShapeLayout:
         return self.scaffold.pieces(eta, dict(zip(self.scaffold.pendula.tolist(), joints, strict=True)))
 
 
-def draw_shapes(
-    modes: Modes,
-    numbers: Sequence[int] | None,
-    stream: IO[bytes],
-    *,
-    amplitude_deg: float = AMPLITUDE_DEG,
-    form: str = "png",
-) -> None:
-    """Write the picture as png, svg or pdf."""
-    require_type("modes", modes, "Modes")
-    save(shapes_figure(modes, numbers, amplitude_deg=amplitude_deg), stream, form)
-
-
 def shapes_figure(
     modes: Modes, numbers: Sequence[int] | None = None, *, amplitude_deg: float = AMPLITUDE_DEG
 ) -> Figure:
@@ -259,7 +247,7 @@ def shapes_figure(
     rows = list(modes.rows(numbers))
     if is_crowded(modes.scene):
         return profiles_figure(modes, rows, amplitude_deg, first)
-    layout = layout_of(modes)
+    layout = layout_of(modes, rows, np.radians(amplitude_deg))
     figure, axes, width = panels_of(modes, rows, layout.ratio, "mode shapes")
     layout = layout.within(width)
     for axis, row in zip(axes, rows, strict=True):
@@ -292,7 +280,7 @@ def panels_of(modes: Modes, rows: Sequence[Mode], ratio: float, what: str) -> tu
     width = float(np.clip(2.6 * ratio, 2.6, WIDE / columns))
     titles = [panel_words(row, letters_across(max(width, WIDTH / 2 / columns))) for row in rows]
     line = 3 / 2 * title_size()
-    height = width / ratio + line * max(title.count("\n") + 2 for title in titles)
+    height = width / ratio + line * max(title.count("\n") + 1 for title in titles)
     figure = sheet(max(width * columns, WIDTH / 2), height * lines + 4 * line)
     headline(figure, title_of(modes.scene), what)
     axes = figure.subplots(lines, columns, squeeze=False).ravel().tolist()
@@ -303,41 +291,47 @@ def panels_of(modes: Modes, rows: Sequence[Mode], ratio: float, what: str) -> tu
     return figure, axes[: len(rows)], width
 
 
-def layout_of(modes: Modes) -> ShapeLayout:
-    """What is drawn of the pendula, and where: what they hang from as drawn at rest, with room for it to move."""
+def layout_of(modes: Modes, rows: Sequence[Mode] = (), amplitude: float = 0.0) -> ShapeLayout:
+    """What is drawn of the pendula, and where, with room for all that these modes move at their amplitude (rad)."""
     scene, structure = modes.scene, modes.rig.on_structure.structure
     assert structure is not None
     copies = [pendulum for pendulum in scene.pendulum for _ in range(pendulum.count)]
     first = np.cumsum([0, *(pendulum.n_links for pendulum in copies)])
-    limit = PENDULA_MAX if len(copies) <= PENDULA_MAX else max(1, PENDULA_MAX // len(scene.pendulum))
+    limit = PENDULA_MAX if len(copies) <= PENDULA_MAX else max(1, EQUAL_PENDULA_MAX // len(scene.pendulum))
     counts = [pendulum.count for pendulum in scene.pendulum]
     begins = np.cumsum([0, *counts[:-1]]).tolist()
     indices = np.concatenate(
         [begin + np.arange(min(count, limit)) for begin, count in zip(begins, counts, strict=True)]
     )
-    numbers = indices[even_choice(len(indices), PENDULA_MAX)]
+    numbers = indices[even_choice(len(indices), EQUAL_PENDULA_MAX)]
     chains = tuple(tuple(link for link in copies[k].links for _ in range(link.count)) for k in numbers)
     rests = tuple(modes.rig.rest_angles[first[k] : first[k + 1]] for k in numbers)
     depth = max(_extent(chain) for chain in chains)
     scaffold = Scaffold(structure, numbers, first, depth)
     layout = ShapeLayout(chains, rests, tuple(first[numbers].tolist()), scaffold, depth)
-    at_rest = np.zeros((1, structure.size))
-    pivots = scaffold.pivots(at_rest)[0]
-    joint_places = [_joint_places(chain, rest, pivot) for chain, rest, pivot in zip(chains, rests, pivots, strict=True)]
-    pieces = layout.pieces(at_rest, joint_places)
-    point_sets = [(joints, 0.5) for joints in (*joint_places, *map(_centres, chains, joint_places))]
-    point_sets += [(piece.points.reshape(-1, 2), 0.0 if piece.role in STILL else SIDEWAYS) for piece in pieces]
-    left = min(float(points[:, 0].min()) - room * depth for points, room in point_sets)
-    right = max(float(points[:, 0].max()) + room * depth for points, room in point_sets)
-    low, high = (end(float(end(points[:, 1])) for points, _ in point_sets) for end in (min, max))
-    rises = 0.3 * any(carrier.kind in {"tilt", "heave", "platform", "modal"} for carrier in structure.carriers)
+    shapes = [modes.shape(modes.index_of(row)) for row in rows if row.omega] or [modes.shape(0)]
+    points = np.concatenate([_reached(layout, shape, amplitude) for shape in shapes])
+    (left, bottom), (right, top) = points.min(0), points.max(0)
+    has_arrow = any(row.omega == 0 for row in rows)
     return replace(
         layout,
-        bottom=low - (0.14 + rises) * depth,
-        top=high + (0.1 + rises) * depth,
-        half_width=(right - left) / 2 + 0.05 * depth,
-        middle=(left + right) / 2,
+        bottom=float(bottom) - 0.14 * depth,
+        top=float(top) + (0.25 if has_arrow else 0.12) * depth,
+        half_width=float(max(right - left, depth)) / 2 + 0.14 * depth,
+        middle=float(left + right) / 2,
     )
+
+
+def _reached(layout: ShapeLayout, shape: Shape, amplitude: float) -> Floats:
+    """Everything that is drawn of a shape (K, 2), at rest and at quarters of a swing."""
+    amplitude = fitting_amplitude(layout, shape.at(), amplitude)
+    points = [np.array([[x, y + 0.15 * layout.depth]]) for _, x, y in layout.scaffold.names]
+    for turn, factor in ((1.0, 0.0), (1.0, amplitude), (1j, amplitude), (-1.0, amplitude), (-1j, amplitude)):
+        real = shape.at(turn)
+        chains = layout.chains(real, factor)
+        points += [*chains, *map(_centres, layout.links, chains)]
+        points += [piece.points.reshape(-1, 2) for piece in layout.pieces(layout.moved(real, factor), chains)]
+    return np.concatenate(points)
 
 
 def _extent(links: tuple[AnyLink, ...]) -> float:
@@ -379,6 +373,10 @@ def draw_rest(axis: Axes, layout: ShapeLayout, shape: Shape) -> None:
     axis.set_xlim(*layout.ends)
     axis.set_ylim(layout.bottom, layout.top)
     axis.set_aspect("equal")
+    for name, x, y in layout.scaffold.names:
+        align = ("left", "center") if layout.scaffold.storeys else ("center", "bottom")
+        look: dict[str, Any] = dict(zip(("ha", "va"), align, strict=True))
+        axis.text(x, y, name, fontsize=SMALL, color=secondary_colour(), parse_math=False, **look)
     draw_swing(axis, layout, shape, 0.0, {"color": rest(), "gid": QUIET})
 
 
@@ -475,4 +473,4 @@ def set_apart(scaffold: Scaffold, count: int) -> list[str]:
     """What is not drawn of `count` pendula on a structure, and what is not in its place."""
     n_drawn = len(scaffold.pendula)
     words = [f"{n_drawn} of {count} pendula drawn"] if n_drawn < count else []
-    return [*words, *["what would overlap is drawn apart"] * bool(scaffold.shifts.any() or scaffold.aside.any())]
+    return [*words, *scaffold.notes]

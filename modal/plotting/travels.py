@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from typing import IO, TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from modal.assembly import coordinate_labels, hoisting_of, rig_of
 from modal.errors import ComputationError
 from modal.plotting.curves import draw_curves, pick
-from modal.plotting.layout import SMALL, headline, legend, set_frame
+from modal.plotting.layout import SMALL, headline, legend, link_names, set_frame
 from modal.plotting.style import (
     HUES,
     MARKED,
@@ -18,7 +19,6 @@ from modal.plotting.style import (
     colour,
     ink,
     paper,
-    save,
     secondary_colour,
     sheet_of_rows,
     spots,
@@ -30,11 +30,6 @@ if TYPE_CHECKING:
     from modal.statespace.travels import ShapedTravel
 
 
-def draw_hoist(hoisting: Along, stream: IO[bytes], form: str = "png") -> None:
-    """Write the picture as png, svg or pdf."""
-    save(hoist_figure(hoisting), stream, form)
-
-
 def hoist_figure(hoisting: Along) -> Figure:
     """The changing lengths (m), the angular frequencies (rad/s) and the adiabatic swing of every mode against time (s).
 
@@ -44,7 +39,7 @@ def hoist_figure(hoisting: Along) -> Figure:
     if n_curves > MOST_CURVES:
         raise ComputationError(f"{n_curves} curves do not fit in a figure: at most {MOST_CURVES}")
     figure = sheet_of_rows(3)
-    ropes = [f"pendulum {p + 1}, link {i + 1}" for p, i in hoisting.links]
+    ropes = [f"link {i + 1} of pendulum {p + 1}" for p, i in hoisting.links]
     modes = [f"mode {name}" for name in hoisting.names]
     panels = [(hoisting.lengths, ropes, "length (m)")]
     if modes:
@@ -66,15 +61,10 @@ def hoist_figure(hoisting: Along) -> Figure:
 ROWS = ("unshaped", "shaped")
 
 
-def draw_travel(travel: ShapedTravel, stream: IO[bytes], form: str = "png") -> None:
-    """Write the picture of `travel_figure` as png, svg or pdf."""
-    save(travel_figure(travel), stream, form)
-
-
 def travel_figure(travel: ShapedTravel) -> Figure:
     """The place of a cart as it is and shaped, or a force and what it moves, and the angles (°) of the links for each.
 
-    Of a travel in several pieces, as within limits, the speed too.
+    Of a travel in several pieces, as within limits, the speed too, and along a hoist the lengths.
     Dotted lines bound the residual swing from the time on at which the command is over.
     """
     force = f"torque ({travel.unit})" if travel.unit == "N m" else f"force ({travel.unit})"
@@ -85,15 +75,22 @@ def travel_figure(travel: ShapedTravel) -> Figure:
         speeds = np.array([way(travel.times)[1] for way in travel.ways])
         panels = [(travel.command, place, "Cart, as prescribed"), (speeds, "speed (m/s)", "")]
         panels = panels[: 1 + (len(travel.ways[0].knots) > 2)]
-    figure = sheet_of_rows(len(panels) + 2)
-    axes = figure.subplots(len(panels) + 2, 1, sharex=True)
+    hoisting, labels = hoisting_of(travel.scene), link_names(coordinate_labels(rig_of(travel.scene)))
+    figure = sheet_of_rows(len(panels) + 2 + (hoisting is not None))
+    axes = figure.subplots(len(panels) + 2 + (hoisting is not None), 1, sharex=True)
     axes[-1].sharey(axes[-2])
+    if hoisting is not None:
+        ropes = np.flatnonzero(hoisting.moving)
+        lengths = hoisting.at(travel.times)[0][:, ropes].T
+        draw_curves(axes[-3], [(travel.times, length) for length in lengths], names=[labels[k] for k in ropes])
+        set_frame(axes[-3], "", "length (m)", "Hoist, as prescribed")
+        legend(axes[-3])
     for axis, (rows, label, title) in zip(axes, panels, strict=False):
         _command(axis, travel, rows)
         set_frame(axis, "", label, title)
         legend(axis)
     degrees = np.degrees(travel.angles)
-    numbers, names, _ = pick(np.concatenate(list(degrees)).T, _names(travel), HUES)
+    numbers, names, _ = pick(np.concatenate(list(degrees)).T, labels, HUES)
     limit = 4 / 3 * max(float(np.abs(degrees).max()), float(np.degrees(travel.residual).max()), 1e-9)
     for row, axis in enumerate(axes[-2:]):
         curves = [(travel.times, degrees[row, :, link]) for link in numbers]
@@ -127,12 +124,3 @@ def _residual(axis: Axes, travel: ShapedTravel, row: int) -> None:
         "bbox": {"facecolor": paper(), "edgecolor": "none", "pad": 1},
     }
     axis.annotate(words, (over, angle), xytext=(5, 4), textcoords="offset points", va="bottom", **look)
-
-
-def _names(travel: ShapedTravel) -> list[str]:
-    """Pendulum and link, or the one of which there are several."""
-    counts = [pendulum.n_links for pendulum in travel.scene.pendulum for _ in range(pendulum.count)]
-    places = [(p, i) for p, count in enumerate(counts, 1) for i in range(1, count + 1)]
-    if len(counts) == 1:
-        return [f"link {i}" for _, i in places]
-    return [f"pendulum {p}" if max(counts) == 1 else f"pendulum {p}, link {i}" for p, i in places]

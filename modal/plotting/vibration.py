@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from typing import IO, TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from modal.errors import ComputationError, SceneError
 from modal.plotting.curves import RANGE, draw_curves
-from modal.plotting.layout import headline, legend, log_ticks, mark_modes, set_frame
+from modal.plotting.layout import headline, legend, log_ticks, mark_modes, set_frame, signal_words, unit_words
 from modal.plotting.response import DEPTH_DB
 from modal.plotting.style import (
     CURVE_POINTS,
@@ -21,7 +21,6 @@ from modal.plotting.style import (
     MOST_CURVES,
     colour,
     ink,
-    save,
     secondary_colour,
     sheet_of_rows,
     spots,
@@ -45,11 +44,6 @@ QUANTITIES = {
 """What a unit measures."""
 
 
-def draw_random(response: RandomResponse, stream: IO[bytes], kind: str = "png") -> None:
-    """Write the picture of `random_figure` as png, svg or pdf."""
-    save(random_figure(response), stream, kind)
-
-
 def random_figure(response: RandomResponse) -> Figure:
     """The PSD of the support's acceleration or of a force, and below it those of the outputs, one panel for each unit.
 
@@ -64,18 +58,17 @@ def random_figure(response: RandomResponse) -> Figure:
     panels = figure.subplots(len(units) + 1, 1, sharex=True, height_ratios=(2, *[3] * len(units)))
     panels[0].plot(f, np.where(response.input_psd(f) > 0, response.input_psd(f), np.nan), color=ink())
     source = response.source
-    words = "acceleration of the support" if source.name == "support_acceleration" else source.name
-    set_frame(panels[0], "", f"PSD ({_per_hertz(source.unit)})", words)
+    set_frame(panels[0], "", f"PSD ({_per_hertz(source.unit)})", f"driven by: {signal_words(source.name)}")
     for axis, unit in zip(panels[1:], units, strict=True):
         numbers = [k for k, signal in enumerate(response.outputs) if signal.unit == unit]
         for place, k in enumerate(numbers):
-            words = f"{response.outputs[k].name}, RMS {_size(response.rms[k])} {unit}"
+            words = f"{signal_words(response.outputs[k].name)}, RMS {_size(response.rms[k])} {unit_words(unit)}"
             curve = np.where((psd[k] > 0) & np.isfinite(psd[k]), psd[k], np.nan)
             axis.plot(f, curve, color=colour(place), lw=thickness(place), label=words, **spots(place, curve))
         sizes = psd[numbers][np.isfinite(psd[numbers])]
         if sizes.size and sizes.max() > 0:
             axis.set_ylim(bottom=max(sizes[sizes > 0].min() / 2, 10 ** (-DEPTH_DB / 10) * sizes.max()))
-        set_frame(axis, "", f"PSD ({_per_hertz(unit)})", "response")
+        set_frame(axis, "", f"PSD ({_per_hertz(unit)})", f"response: {QUANTITIES.get(unit, unit)}")
         _logarithmic(axis)
         legend(axis, 2, least_count=1)
     panels[-1].set_xlabel("frequency (Hz)")
@@ -87,13 +80,6 @@ def random_figure(response: RandomResponse) -> Figure:
         mark_modes(axis, inside, has_numbers=False)
     headline(figure, title_of(response.modes.scene), "random vibration")
     return figure
-
-
-def draw_thermal(
-    noise: tuple[ThermalNoise, RandomResponse | None, Sequence[float]], stream: IO[bytes], kind: str = "png"
-) -> None:
-    """Write the picture of `thermal_figure` as png, svg or pdf."""
-    save(thermal_figure(*noise), stream, kind)
 
 
 def thermal_figure(noise: ThermalNoise, beside: RandomResponse | None = None, at: Sequence[float] = ()) -> Figure:
@@ -120,10 +106,15 @@ def thermal_figure(noise: ThermalNoise, beside: RandomResponse | None = None, at
             line = {"color": colour(place), "lw": 1.3}
             axis.plot(f, _positive_values(parts[j, k]), label=_place_words(noise.scene, noise.places[j]), **line)
         if driven is not None and beside is not None:
-            words = f"from the PSD of {beside.source.name.replace('_', ' ')}"
+            words = f"from the PSD of the {signal_words(beside.source.name)}"
             axis.plot(f, _positive_values(driven[k]), color=secondary_colour(), lw=1.6, label=words)
         axis.set_ylim(bottom=np.nanmin(_positive_values(total)) / 3)
-        set_frame(axis, "", f"{QUANTITIES.get(signal.unit, '')} ({_pretty(signal.unit)}/√Hz)".strip(), signal.name)
+        set_frame(
+            axis,
+            "",
+            f"{QUANTITIES.get(signal.unit, '')} ({unit_words(signal.unit)}/√Hz)".strip(),
+            signal_words(signal.name),
+        )
         _logarithmic(axis)
         legend(axis, 2, least_count=1)
     panels[-1].set_xlabel("frequency (Hz)")
@@ -148,11 +139,6 @@ def _positive_values(values: Floats) -> Floats:
     return np.where((values > 0) & np.isfinite(values), values, np.nan)
 
 
-def draw_shock(response: ShockResponse, stream: IO[bytes], kind: str = "png") -> None:
-    """Write the picture of `shock_figure` as png, svg or pdf."""
-    save(shock_figure(response), stream, kind)
-
-
 def shock_figure(response: ShockResponse) -> Figure:
     """The support's acceleration, the histories of the outputs by unit, and SRSS and CQC over the exact peaks.
 
@@ -167,12 +153,12 @@ def shock_figure(response: ShockResponse) -> Figure:
     histories = panels[: 1 + len(units)]
     shaken = [(times, response.record.acceleration(times))]
     has_band = draw_curves(histories[0], shaken, bands=True, color=ink(), lw=1.0)
-    set_frame(histories[0], "", "acceleration (m/s²)", "support" + f", {RANGE}" * has_band)
+    set_frame(histories[0], "", "acceleration (m/s²)", "driven by: support acceleration" + f", {RANGE}" * has_band)
     for axis, unit in zip(histories[1:], units, strict=True):
         numbers = [k for k, signal in enumerate(response.outputs) if signal.unit == unit]
-        names = [response.outputs[k].name for k in numbers]
+        names = [signal_words(response.outputs[k].name) for k in numbers]
         draw_curves(axis, [(times, response.history[k, rows]) for k in numbers], names=names, bands=True)
-        set_frame(axis, "", f"{QUANTITIES.get(unit, '')} ({_pretty(unit)})".strip(), "response")
+        set_frame(axis, "", f"{QUANTITIES.get(unit, '')} ({unit_words(unit)})".strip(), "response")
         legend(axis)
     for axis in histories:
         axis.set_xlim(times[0], times[-1])
@@ -195,7 +181,7 @@ def _combinations(axis: Axes, response: ShockResponse, numbers: list[int]) -> No
         axis.bar(places + (k - 0.5) / 3, ratios, 1 / 3, color=colour(k), hatch=hatch, label=name)
     axis.axhline(1.0, color=ink(), lw=1.0)
     slope: dict[str, Any] = {"rotation": 30, "ha": "right", "rotation_mode": "anchor"}
-    names = [response.outputs[k].name for k in numbers]
+    names = [signal_words(response.outputs[k].name) for k in numbers]
     axis.set_xticks(places, names, **slope if len(numbers) > 4 else {})
     set_frame(axis, "", "over exact peak (–)", "peaks of modes, combined")
     legend(axis)
@@ -212,10 +198,6 @@ def _units(outputs: tuple[Signal, ...]) -> list[str]:
 def _logarithmic(axis: Axes) -> None:
     axis.set_yscale("log")
     axis.yaxis.set_minor_formatter("")
-
-
-def _pretty(unit: str) -> str:
-    return unit.replace("^2", "²")
 
 
 def _per_hertz(unit: str) -> str:

@@ -1,8 +1,10 @@
 """What a structure looks like, to scale: carriers at their coordinates η, springs between their points, the ground.
 
 A `Scaffold` is made once for a scene; `Scaffold.pieces(eta, joints)` are lines and outlines (F, K, 2) in m, to the
-right and up, for F instants or F extremes of a mode.  Where things would be drawn upon each other they are set apart
-along the rail: carriers whose bodies overlap, and pendula that hang from one point.  All is plain arithmetic of η and
+right and up, for F instants or F extremes of a mode.  Carts on one place that springs join into a line from the ground
+are the storeys of a tower.  Where other things would be drawn upon each other they are set apart along the rail:
+carriers whose bodies overlap, and pendula that hang from one point; long gaps between carriers are shortened.  All is
+plain arithmetic of η and
 the joints, which may be recorded symbols.
 """
 
@@ -35,6 +37,10 @@ SPRING_LEAD = 0.18
 """Format: straight share of a spring at each of its ends."""
 SPIRAL_TURNS = 2.25
 """Format: of a torsion spring."""
+GAPS_OF_CARRIERS = (6.0, 2.5)
+"""Format: gap between carriers, over the unit, from which on it is shortened, and to what."""
+STOREY = (0.75, 1.3, 0.7)
+"""Format: half the width of a storey, and its height with a pendulum in it and without one, over the unit."""
 
 
 class Piece(NamedTuple):
@@ -51,7 +57,7 @@ class Scaffold:
 
     `unit` (m) is the size of what has none of its own, that of the longest chain; `gap` is the room, over it, between
     bodies that are set apart.  `hanging` are the joints (n + 1, 2) of drawn pendula at rest, where springs hold them to
-    the ground.
+    the ground.  Without `has_rails` carts have none, where an axis stands for them.
     """
 
     structure: Structure
@@ -60,6 +66,7 @@ class Scaffold:
     unit: float
     gap: float = WALL_GAP
     hanging: Mapping[int, Floats] | None = None
+    has_rails: bool = True
 
     # ------------------------------------------------------------------------------------------- where things are
 
@@ -72,7 +79,7 @@ class Scaffold:
             pivot = self.structure.pivots[pendulum]
             places.setdefault(pivot.carrier if isinstance(pivot.where, int) else pivot, []).append(k)
         for members in places.values():
-            step = self.unit * (0.95 if len(members) <= 4 else 0.5)
+            step = self.unit * (0.95 if len(members) <= 4 else min(0.5, 5 / len(members)))
             shift[members] = step * (np.arange(len(members)) - (len(members) - 1) / 2)
         return shift
 
@@ -110,7 +117,29 @@ class Scaffold:
                 ]
             )
             bodies.append((float(extents.min()), float(extents.max()), level))
+        if self.storeys:
+            half = max(STOREY[0] * self.unit, *(max(-bodies[k][0], bodies[k][1]) for k in self.storeys))
+            for k in self.storeys:
+                bodies[k] = (-half, half, 0.0)
         return tuple(bodies)
+
+    @cached_property
+    def storeys(self) -> tuple[int, ...]:
+        """Carriers that are the storeys of a tower, from below; none where not all that move are."""
+        moving = [k for k, body in enumerate(self.structure.carriers) if body.size]
+        bodies = [self.structure.carriers[k] for k in moving]
+        if len(moving) < 2 or len({body.position for body in bodies}) > 1 or {body.kind for body in bodies} != {"cart"}:
+            return ()
+        joined = [{-1, k} for k in moving if self.structure.carriers[k].stiffness[0]]
+        for spring in self.structure.springs:
+            if spring.stiffness and all(isinstance(end, CarrierEnd | GroundEnd) for end in spring.ends):
+                joined.append({end.carrier if isinstance(end, CarrierEnd) else -1 for end in spring.ends})
+        order = [-1]
+        while upper := {k for pair in joined if order[-1] in pair for k in pair if k not in order}:
+            if len(upper) > 1:
+                return ()
+            order += upper
+        return tuple(order[1:]) if len(order) > len(moving) else ()
 
     def body(self, carrier: int) -> tuple[float, float, float]:
         """Left, right and height (m, along and below its origin) of a carrier's body."""
@@ -118,8 +147,14 @@ class Scaffold:
 
     @cached_property
     def shifts(self) -> Floats:
-        """How far (m) every carrier is set apart along the rail, (C,); 0 where no two bodies overlap."""
+        """How far (m) every carrier is drawn from its place, along the rail and up, (C, 2)."""
         carriers, high = self.structure.carriers, 3 * HALF_HEIGHT * self.unit
+        shifts = np.zeros((len(carriers), 2))
+        if self.storeys:
+            occupied = {self.structure.pivots[pendulum].carrier for pendulum in self.pendula.tolist()}
+            heights = [self.unit * STOREY[1 if k in occupied else 2] for k in self.storeys]
+            shifts[list(self.storeys), 1] = np.cumsum(heights)
+            return shifts
         boxes = []
         for body, (left_end, right_end, level) in zip(carriers, self._bodies, strict=True):
             x, z = (float(part) for part in body.position)
@@ -130,24 +165,51 @@ class Scaffold:
             for n, i in enumerate(moving)
             for j in moving[:n]
         )
-        shifts, end = np.zeros(len(carriers)), -np.inf
+        end = -np.inf
         for k in moving if upon else ():
-            shifts[k] = max(0.0, end - boxes[k][0]) if np.isfinite(end) else 0.0
-            end = boxes[k][1] + shifts[k] + self.gap * self.unit
+            shifts[k, 0] = max(0.0, end - boxes[k][0]) if np.isfinite(end) else 0.0
+            end = boxes[k][1] + shifts[k, 0] + self.gap * self.unit
+        if not (upon or any(body.points is not None for body in carriers)):
+            shifts[:, 0] = self._nearer(boxes)
         return shifts
+
+    def _nearer(self, boxes: Sequence[tuple[float, float, float]]) -> Floats:
+        """How far every carrier moves along the rail where long gaps between their boxes are shortened, (C,)."""
+        longest, instead = (share * self.unit for share in GAPS_OF_CARRIERS)
+        shifts, moved = np.zeros(len(boxes)), 0.0
+        order = sorted(range(len(boxes)), key=lambda k: boxes[k][0])
+        for n, k in enumerate(order[1:], 1):
+            gap = boxes[k][0] - max(boxes[earlier][1] for earlier in order[:n])
+            moved -= gap - instead if gap > longest else 0.0
+            shifts[k] = moved
+        middle: float = shifts.min() / 2
+        return np.asarray(shifts - middle)
+
+    @cached_property
+    def notes(self) -> list[str]:
+        """What is not drawn in its place, in words."""
+        overlaps = (self.shifts[:, 0] > 0).any() > self.is_nearer or self.aside.any()
+        words = ["what would overlap is drawn apart"] * bool(overlaps)
+        words += ["heights of storeys not to scale"] * bool(self.storeys)
+        return [*words, *["long gaps between supports shortened"] * self.is_nearer]
+
+    @property
+    def is_nearer(self) -> bool:
+        """Whether long gaps between carriers are drawn shorter."""
+        return bool((self.shifts[:, 0] < 0).any())
 
     def place(self, carrier: int, where: Where, eta: Floats, aside: float = 0.0) -> Floats:
         """Where a point of a carrier is drawn at η (F, d), (F, 2) to the right and up."""
         body = self.structure.carriers[carrier]
         first = self.structure.offsets[carrier]
         values = [eta[:, first + k] for k in range(body.size)]
-        shift = float(self.shifts[carrier])
+        shift, rise = self.shifts[carrier].tolist()
         if isinstance(where, int):
             shift, at = shift + aside, where
         else:
             at = (float(where[0]) + aside, float(where[1]))  # type: ignore[assignment]
         x, z = body.moving(at, values, [0.0] * body.size).place
-        return np.stack(np.broadcast_arrays(x + shift + 0 * eta.sum(1), -z + 0 * eta.sum(1)), axis=-1)
+        return np.stack(np.broadcast_arrays(x + shift + 0 * eta.sum(1), rise - z + 0 * eta.sum(1)), axis=-1)
 
     def pivots(self, eta: Floats) -> Floats:
         """Where the drawn pendula hang at η (F, d), (F, D, 2)."""
@@ -165,6 +227,21 @@ class Scaffold:
         ends = [piece.points for piece in self.pieces(eta, {}) if piece.role in {"body", "line", "dot"}]
         distances = [np.linalg.norm(points[0] - points[1], axis=-1).max() for points in (*ends, self.pivots(eta))]
         return float(max(distances)) / small
+
+    @cached_property
+    def names(self) -> list[tuple[str, float, float]]:
+        """The carriers that move, where there are several, and where their names stand: beside storeys, else above."""
+        moving = [k for k, body in enumerate(self.structure.carriers) if body.size and body.points is None]
+        at_rest, names = np.zeros((1, self.structure.size)), []
+        for k in moving if len(moving) > 1 else ():
+            body, (left_end, right_end, level) = self.structure.carriers[k], self._bodies[k]
+            height = float(body.values["length"]) if body.kind == "swing" else 0.0
+            place = (right_end + 0.5 * self.unit, level)
+            if not self.storeys:
+                place = ((left_end + right_end) / 2, level - height - 0.2 * self.unit)
+            x, y = self.place(k, place, at_rest)[0].tolist()
+            names.append((body.name, x, y))
+        return names
 
     # --------------------------------------------------------------------------------------------------- pieces
 
@@ -186,7 +263,8 @@ class Scaffold:
     def _ground_points(self, k: int, points: Sequence[tuple[float, float]]) -> Floats:
         """Points of the ground beside a carrier as drawn, (1, K, 2)."""
         x, z = self.structure.carriers[k].position
-        return np.array([[(float(x) + self.shifts[k] + s, -(float(z) + h)) for s, h in points]])
+        shift, rise = self.shifts[k].tolist()
+        return np.array([[(float(x) + shift + s, rise - (float(z) + h)) for s, h in points]])
 
     def _carrier(self, k: int, eta: Floats) -> Iterator[Piece]:
         body, u = self.structure.carriers[k], self.unit
@@ -255,6 +333,9 @@ class Scaffold:
             yield Piece("dot", np.stack([(ends[0] + ends[1]) / 2], axis=1))
 
     def _cart(self, k: int, body: CarrierNumbers, eta: Floats) -> Iterator[Piece]:
+        if k in self.storeys:
+            yield from self._storey(k, eta)
+            return
         left_end, right_end, _ = self._bodies[k]
         u, low = self.unit, 2 * HALF_HEIGHT * self.unit
         for s in (0.75 * left_end + 0.25 * right_end, 0.25 * left_end + 0.75 * right_end):
@@ -264,8 +345,26 @@ class Scaffold:
                 "body", middle + HALF_HEIGHT * u * np.stack((np.cos(turn), np.sin(turn)), axis=-1), is_outline=True
             )
         rail = low + HALF_HEIGHT * u
-        yield Piece("ground", self._ground_points(k, [(left_end - 0.3 * u, rail), (right_end + 0.3 * u, rail)]))
+        if self.has_rails:
+            yield Piece("ground", self._ground_points(k, [(left_end - 0.3 * u, rail), (right_end + 0.3 * u, rail)]))
         yield from self._to_wall(k, body.stiffness[0], body.damping[0], eta)
+
+    def _storey(self, k: int, eta: Floats) -> Iterator[Piece]:
+        """The columns from the storey below, or the ground, which stay upright at both ends."""
+        number, half = self.storeys.index(k), HALF_HEIGHT * self.unit
+        left_end, right_end, _ = self._bodies[k]
+        share = np.linspace(0.0, 1.0, 13)[:, None]
+        for s in (left_end + 0.1 * self.unit, right_end - 0.1 * self.unit):
+            top = self.place(k, (s, half), eta)
+            if number:
+                foot = self.place(self.storeys[number - 1], (s, -half), eta)
+            else:
+                foot = np.broadcast_to(self._ground_points(k, [(s, self.shifts[k, 1])])[:, 0], top.shape)
+            bend = np.concatenate([share**2 * (3 - 2 * share), share], axis=1)
+            yield Piece("line", foot[:, None] + bend * (top - foot)[:, None])
+        if not number:
+            level = float(self.shifts[k, 1])
+            yield from _hatch(self._ground_points(k, [(left_end, level), (right_end, level)]), self.unit, 1.0)
 
     def _swing(self, k: int, body: CarrierNumbers, eta: Floats) -> Iterator[Piece]:
         left_end, right_end, _ = self._bodies[k]
@@ -321,7 +420,7 @@ class Scaffold:
     def _side(self, k: int) -> float:
         """On which side of a carrier there is room for a wall: −1 left, 1 right."""
         middles = [
-            float(body.position[0]) + float(self.shifts[i]) + sum(self._bodies[i][:2]) / 2
+            float(body.position[0]) + float(self.shifts[i, 0]) + sum(self._bodies[i][:2]) / 2
             for i, body in enumerate(self.structure.carriers)
         ]
         return 1.0 if len(middles) > 1 and middles[k] == max(middles) and middles[k] > min(middles) else -1.0
@@ -350,6 +449,8 @@ class Scaffold:
     def _spring(self, spring: SpringNumbers, eta: Floats, joints: Mapping[int, Floats]) -> Iterator[Piece]:
         """A spring between points, or a spiral for one between angles; nothing of pendula that are not drawn."""
         is_damper = not spring.stiffness
+        if self.storeys and not (is_damper or any(isinstance(end, LinkEnd) for end in spring.ends)):
+            return  # columns
         ends = [self._end(end, eta, joints, torsion=spring.torsion) for end in spring.ends]
         if spring.torsion:
             for end, place in zip(spring.ends, ends, strict=True):
@@ -367,7 +468,16 @@ class Scaffold:
             return
         first, second = ends
         if first is not None and second is not None:
-            yield Piece("spring", _zigzag(*self._edges(spring.ends, first, second), self.unit, is_damper=is_damper))
+            edges = self._edges(spring.ends, first, second)
+            if self._is_shortened(spring.ends):
+                yield from _broken(*edges, self.unit, is_damper=is_damper)
+            else:
+                yield Piece("spring", _zigzag(*edges, self.unit, is_damper=is_damper))
+
+    def _is_shortened(self, ends: tuple[End, End]) -> bool:
+        """Whether a spring is between carriers whose gap is drawn shorter."""
+        carriers = [end.carrier for end in ends if isinstance(end, CarrierEnd)]
+        return len(carriers) == 2 and self.is_nearer and self.shifts[carriers[0], 0] != self.shifts[carriers[1], 0]
 
     def _edges(self, ends: tuple[End, End], first: Floats, second: Floats) -> tuple[Floats, Floats]:
         """The ends of a spring between origins of carriers side by side, at the edges of their bodies."""
@@ -400,7 +510,7 @@ class Scaffold:
         carrier = end.carrier if isinstance(end, CarrierEnd) else None
         if ground.place is not None:
             fixed_end = np.array([float(ground.place[0]), -float(ground.place[1])])
-            fixed_end = fixed_end + ([self.shifts[carrier], 0.0] if carrier is not None else [0.0, 0.0])
+            fixed_end = fixed_end + (self.shifts[carrier] if carrier is not None else 0.0)
             yield from _hatch(fixed_end + np.array([[[-0.08, 0.0], [0.08, 0.0]]]) * self.unit, self.unit, 1.0)
             yield Piece(
                 "spring",
@@ -440,8 +550,8 @@ def _hatch(line: Floats, unit: float, way: float = -1.0) -> Iterator[Piece]:
     """A line of the ground (1, 2, 2) with hatching above (−1) or below it."""
     yield Piece("ground", line)
     (left_end, level), (right_end, _) = line[0]
-    count = max(3, round((right_end - left_end) / (0.08 * unit)))
-    lean = 0.05 * unit
+    lean = max(0.05 * unit, 0.03 * float(right_end - left_end))
+    count = max(3, round((right_end - left_end) / (1.6 * lean)))
     for x in np.linspace(left_end, right_end, count + 1)[:-1]:
         yield Piece("hatch", np.array([[(x, level), (x + lean, level - way * lean)]]))
 
@@ -476,6 +586,15 @@ def _zigzag(start: Floats, end: Floats, unit: float, *, is_damper: bool = False)
         start[:, None] + shares[:, None] * line[:, None] + 2 / 3 * HALF_HEIGHT * unit * aside[:, None] * normal[:, None]
     )
     return points
+
+
+def _broken(start: Floats, end: Floats, unit: float, *, is_damper: bool = False) -> Iterator[Piece]:
+    """A spring in two halves, with the sign of a break between them."""
+    middle, way = (start + end) / 2, 0.06 * unit * _direction(end - start)
+    slant = 0.1 * unit * np.array([0.4, 1.0])
+    for place, other in ((start, middle - way), (end, middle + way)):
+        yield Piece("spring", _zigzag(place, other, unit, is_damper=is_damper))
+        yield Piece("spring", np.stack([other - slant, other + slant], axis=1))
 
 
 def _spiral(middle: Floats, angle: Floats, unit: float) -> Floats:

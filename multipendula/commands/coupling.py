@@ -21,7 +21,7 @@ def explain(options: argparse.Namespace) -> Coupling:
 
     picture(options.output)
     coupling = explain(noted(load(options.scene), "the explanation of the coupling"))
-    draw_in(options, options.output, "modal.plotting", "draw_coupling", coupling)
+    draw_in(options, options.output, "modal.plotting", "coupling_figure", coupling)
     report = coupling_report(coupling, options.format, words=options.words, elsewhere="" if options.words else MORE)
     say(report, options.format)
     return coupling

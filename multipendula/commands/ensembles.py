@@ -62,7 +62,7 @@ def basins(options: argparse.Namespace) -> Basins | None:
         tell_of_start("every member begins in the shape of the first mode that swings")
     with _engine(options, prod(len(axis.values) for axis in axes)) as more:
         outcome = find_basins(scene, options.duration, vary=axes, measure=options.measure, **more)
-    return _show(options, "draw_basins", outcome)
+    return _show(options, "basins_figure", outcome)
 
 
 def section(options: argparse.Namespace) -> PoincareSection | StroboscopicSection | None:
@@ -83,7 +83,7 @@ def _crossings(options: argparse.Namespace, scene: Scene) -> PoincareSection | N
         )
     if options.energy is None and not has_start(scene):
         tell_of_start("its energy is that of the first mode that swings", "--energy chooses another")
-    return _show(options, "draw_section", section)
+    return _show(options, "section_figure", section)
 
 
 def _strobes(options: argparse.Namespace, scene: Scene) -> StroboscopicSection | None:
@@ -96,7 +96,7 @@ def _strobes(options: argparse.Namespace, scene: Scene) -> StroboscopicSection |
     with _engine(options, options.members or SECTION_MEMBERS) as more:
         how = kwargs_of(options, "--members", "--phase-deg", "--spread", "--settle", "--seed")
         strobes = find_strobes(scene, options.duration, of=names_of(options), **how, **more)
-    return _show(options, "draw_strobes", strobes)
+    return _show(options, "strobes_figure", strobes)
 
 
 def names_of(options: argparse.Namespace) -> list[str]:
@@ -119,7 +119,7 @@ def spread(options: argparse.Namespace) -> Spread | None:
         more["covariance"] = options.covariance
         start = start_of(scene, None, elsewhere=ELSEWHERE) if options.duration else None
         spreads = find_spread(scene, uncertain, options.duration, members=members, seed=seed, start=start, **more)
-    return _show(options, "draw_spread", spreads)
+    return _show(options, "spread_figure", spreads)
 
 
 def _all_numbers(scene: Scene) -> list[str]:

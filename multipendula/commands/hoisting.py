@@ -60,9 +60,17 @@ def hoist(options: argparse.Namespace) -> Along | None:
     along = frequencies_along(scene, options.samples, options.drive)
     left = _left(scene, options, limits) if options.travel else ()
     say(_written(along, left, options), options.format)
-    if options.output:
+    if options.output and options.travel:
+        from modal.statespace import shaper_for
+        from modal.statespace.travels import shaped_travel
+
+        start = along.times[0]
+        shaper = shaper_for(scene.at(start), options.count or 1, options.kind or "zv")
+        travel = shaped_travel(scene, shaper, options.travel, options.over, limits=limits)
+        draw_in(options, options.output, "modal.plotting", "travel_figure", travel)
+    elif options.output:
         smooth = frequencies_along(scene, max(options.samples, 201), options.drive)
-        draw_in(options, options.output, "modal.plotting", "draw_hoist", smooth)
+        draw_in(options, options.output, "modal.plotting", "hoist_figure", smooth)
     return None if left else along
 
 

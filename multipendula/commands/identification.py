@@ -87,7 +87,7 @@ def _fit_modes(options: argparse.Namespace) -> ModeFit:
     files = {options.output: scene_bytes(options, fitted.scene)}
     if options.report:
         files[options.report] = mode_fit_json(fitted).encode()
-    write_together(files | pictured(options, "modal.plotting", "draw_mode_fit", fitted))
+    write_together(files | pictured(options, "modal.plotting", "mode_fit_figure", fitted))
     say(mode_fit_json(fitted) if options.format == "json" else mode_fit_text(fitted), options.format)
     return fitted
 
@@ -117,7 +117,7 @@ def _fit_motions(options: argparse.Namespace) -> Fit | None:
     files = {options.output: scene_bytes(options, estimate.scene)}
     if options.report:
         files[options.report] = fit_json(estimate, candidates, draws).encode()
-    write_together(files | pictured(options, "nonlinear.plotting", "draw_fit", estimate))
+    write_together(files | pictured(options, "nonlinear.plotting", "fit_figure", estimate))
     told = fit_json if options.format == "json" else fit_text
     say(told(estimate, candidates, draws), options.format)
     return None if candidates or draws else estimate
@@ -158,7 +158,7 @@ def poles(options: argparse.Namespace) -> Identified | Assurance:
             write(poles_table(identified, "csv"))
     if scene is not None:
         return _compare(options, scene, poles_table(identified, "csv"))
-    draw_in(options, options.output, "modal.plotting", "draw_poles", identified, title=title)
+    draw_in(options, options.output, "modal.plotting", "poles_figure", identified, title=title)
     say(poles_table(identified, options.format, title), options.format)
     return identified
 
@@ -186,7 +186,7 @@ def _compare(options: argparse.Namespace, scene: Scene, table: str | None) -> As
     measured = read_modes(scene, name) if table is None else parse_modes(scene, name, table)
     _tell_of_unused(measured.unused)
     comparison = compare_modes(natural_modes(scene), measured)
-    draw_in(options, options.output, "modal.plotting", "draw_assurance", comparison)
+    draw_in(options, options.output, "modal.plotting", "assurance_figure", comparison)
     say(assurance_table(comparison, options.format), options.format)
     return comparison
 

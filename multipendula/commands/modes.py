@@ -90,7 +90,7 @@ def shapes(options: argparse.Namespace) -> Figure | None:
     form = picture(options.output, kinds=PICTURES + FILMS)
     modes, numbers = _modes(options)
     about(noted(modes.scene, "mode shapes"))
-    from modal.plotting import LOOP, USUAL_PANELS, draw_shapes, film_modes
+    from modal.plotting import LOOP, USUAL_PANELS, film_modes, save, shapes_figure
 
     asked = None if options.modes is None else numbers
     if not form:
@@ -100,7 +100,7 @@ def shapes(options: argparse.Namespace) -> Figure | None:
             with bar(LOOP) as report:
                 film_modes(modes, stream, form, asked, amplitude_deg=options.amplitude, report=report)
         else:
-            draw_shapes(modes, asked, stream, amplitude_deg=options.amplitude, form=form)
+            save(shapes_figure(modes, asked, amplitude_deg=options.amplitude), stream, form)
     shown = numbers[:USUAL_PANELS] if asked is None else numbers
     last = f" to {shown[-1] + 1}" if len(shown) > 1 else ""
     more = f" of {len(modes)}; --modes chooses others" if len(shown) < len(numbers) else ""

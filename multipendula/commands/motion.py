@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from dataclasses import replace
 from time import perf_counter
 from typing import TYPE_CHECKING
 
@@ -141,18 +142,16 @@ def _print_band(options: argparse.Namespace, estimate: Estimate) -> None:
     say(f"band of {members.size} members with {members.words}, from 5 to 95 %:\n{motion_words(members)}\n")
     if members.failures:
         say(f"{len(members.failures)} members failed: {next(iter(members.failures.values()))}\n")
-    draw_in(options, options.band, "nonlinear.plotting", "draw_spread", members)
+    draw_in(options, options.band, "nonlinear.plotting", "spread_figure", members)
 
 
 def plot(options: argparse.Namespace) -> Figure | None:
     """Draw a run: angles, cart, energies, phase portrait, and spectrum with the linear frequencies."""
-    from nonlinear.plotting import draw_run
-
-    trajectory = RunOptions.of(options).shown(lambda: picture(options.output))
+    run = replace(RunOptions.of(options), resolves_modes=True)
+    trajectory = run.shown(lambda: picture(options.output))
     if options.output is None:
         return trajectory.plot(theme=options.theme)
-    with drawn(options.output, options.theme) as stream:
-        draw_run(trajectory, stream, kind=picture(options.output))
+    draw_in(options, options.output, "nonlinear.plotting", "run_figure", trajectory)
     links, seconds = trajectory.scene.n_links, trajectory.times[-1] - trajectory.times[0]
     made(options.output, f"{seconds:.4g} s of motion of {links} link{'s' * (links > 1)}")
     return None
@@ -237,7 +236,8 @@ COMMANDS = (
         main=("--output", "--duration", "--start"),
         takes=(*motion(20.0), main_file("the figure", PICTURES, "-plot.png"), THEME),
         details=(
-            "The run is a saved one, or of a scene that is simulated first. Dotted lines in the spectrum are the "
+            "The run is a saved one, or of a scene that is simulated first: without --duration for as long as the "
+            "spectrum takes to separate its modes, 100 s at most. Dotted lines in the spectrum are the "
             "frequencies of the table of modes. Links that move alike are one curve; of many, some are drawn and the "
             "range of all."
         ),

@@ -40,7 +40,7 @@ def orbits(options: argparse.Namespace) -> tuple[Branch, ...]:
         if options.mode and not options.vary:
             modes, row = oscillating(scene, options.mode)
             mode = modes[row]
-        draw_in(options, options.output, "nonlinear.plotting", "draw_orbits", scene, branches, mode=mode)
+        draw_in(options, options.output, "nonlinear.plotting", "orbits_figure", scene, branches, mode=mode)
     if options.film:
         _film(scene, branches, options)
     return branches

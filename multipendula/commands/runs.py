@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -47,13 +46,15 @@ def motion(duration: float, *, runs: bool = True, without: Sequence[str] = ()) -
 class RunOptions:
     """What a command was told of a motion: a scene or a saved run, its duration (s), and options by name, if given.
 
-    `output` is the file that the command writes, whose folder is looked for before anything is computed.
+    `output` is the file that the command writes, whose folder is looked for before anything is computed; where it
+    `resolves_modes`, a duration that nobody gave is long enough for the spectrum to separate them.
     """
 
     scene: Any
     duration: float
     given: Mapping[str, Any]
     output: str | None = None
+    resolves_modes: bool = False
 
     @classmethod
     def of(cls, options: argparse.Namespace) -> RunOptions:
@@ -98,12 +99,6 @@ class RunOptions:
     def _place(self) -> None:
         in_a_folder(self.output)
 
-    @contextmanager
-    def _bar(self, scene: Scene) -> Iterator[Callable[[float], object]]:
-        """A progress bar, and a word on motions that take days."""
-        with bar(self.duration) as report:
-            yield forewarning(report, scene, self.duration)
-
     def _computed(self, function: Callable[..., Computed], checks: Sequence[Check]) -> Computed:
         """What a function that takes the arguments of `simulate` makes of a scene and its start."""
         from modal.scene import load
@@ -117,9 +112,15 @@ class RunOptions:
             lambda: start_of(scene, self.given.get("start")),
             lambda: validate_method(scene, **words),
         )
-        with self._bar(scene) as report:
+        duration = self.duration
+        if self.resolves_modes and "duration" not in self.given:
+            from nonlinear.plotting.run import resolving_duration
+
+            duration = resolving_duration(scene, duration)
+        with bar(duration) as bar_report:
+            report = forewarning(bar_report, scene, duration)
             samples = self.given.get("samples")
-            return function(scene, self.duration, start=start, output=samples, report=report, **self.how)
+            return function(scene, duration, start=start, output=samples, report=report, **self.how)
 
     def _continued(self, *checks: Check) -> Trajectory:
         from nonlinear import files as recordings
@@ -127,7 +128,8 @@ class RunOptions:
         from nonlinear.simulation import resume
 
         *_, before = validate(*checks, self._place, self._unstarted, lambda: recordings.load(self.scene))
-        with self._bar(before.scene) as report:
+        with bar(self.duration) as bar_report:
+            report = forewarning(bar_report, before.scene, self.duration)
             return resume(before, self.duration, output=self.given.get("samples"), report=report, **self.how)
 
     def _unstarted(self) -> None:

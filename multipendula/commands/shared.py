@@ -126,7 +126,7 @@ def pictured(options: argparse.Namespace, room: str, figure: str, result: object
         return {}
     stream = BytesIO()
     with pictures.theme(options.theme):
-        getattr(import_module(room), figure)(result, stream, picture(options.picture, "--picture"))
+        pictures.save(getattr(import_module(room), figure)(result), stream, picture(options.picture, "--picture"))
     return {options.picture: stream.getvalue()}
 
 
@@ -173,12 +173,14 @@ def drawn(name: str, theme: str) -> Iterator[IO[bytes]]:
 def draw_in(
     options: argparse.Namespace, name: str | None, room: str, figure: str, *results: object, **how: object
 ) -> None:
-    """Draw results in a file, if there is one, by the function `figure` of a room of figures."""
+    """Save the figure of results in a file, if there is one, made by the function `figure` of a room of figures."""
     if name:
         from importlib import import_module
 
+        from modal.plotting import save
+
         with drawn(name, options.theme) as stream:
-            getattr(import_module(room), figure)(*results, stream, picture(name), **how)
+            save(getattr(import_module(room), figure)(*results, **how), stream, picture(name))
 
 
 def picture(name: str | None, option: str = "-o", kinds: Sequence[str] = PICTURES) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from modal.exports import FORMATS, format_of_file
 from multipendula.command import (
@@ -23,7 +23,6 @@ from multipendula.commands.hoisting import LIMITS, limits_of
 from multipendula.commands.shared import (
     about,
     draw_in,
-    drawn,
     estimate_of,
     is_new,
     large,
@@ -40,7 +39,7 @@ from multipendula.completion import extensions, words
 
 if TYPE_CHECKING:
     from modal.scene import Scene
-    from modal.statespace import ModalForm, Signal, StateSpace
+    from modal.statespace import Signal, StateSpace
     from modal.statespace.gains import Gains
     from modal.statespace.sampling import VaryingModel
     from modal.statespace.shapers import Shaper
@@ -202,7 +201,9 @@ def response(options: argparse.Namespace) -> Gains | None:
     in_words = options.impulse and (getattr(options, "format_asked", False) or not options.output)
     told = STANDARD if in_words and options.output == STANDARD else None
     capability = "an impulse response" if options.impulse else "a frequency response"
-    kind, scene = picture(options.output) if options.output and not told else "", scene_of(options, capability)
+    if not told:
+        picture(options.output)
+    scene = scene_of(options, capability)
     require(scene, capability)
     model = model_of(scene, options)
     inputs, outputs = ([signal.name for signal in signals] for signals in (model.inputs, model.outputs))
@@ -233,24 +234,13 @@ def response(options: argparse.Namespace) -> Gains | None:
         with output(told) as write:
             write(impulse_table(form, at, every, options.format))
     if options.output and not told:
-        _draw_response(options, form, at, chosen, kind, std)
+        figure, how = ("impulse_figure", {}) if options.impulse else ("bode_figure", {"std": std})
+        draw_in(options, options.output, "modal.plotting", figure, form, source=at, outputs=chosen, **how)
         if options.format == "text":
             what = "impulse response" if options.impulse else "Bode plot"
             made(options.output, f"{what} of {', '.join(shown or outputs)} for {source}")
 
     return None
-
-
-def _draw_response(
-    options: argparse.Namespace, form: ModalForm, source: int, outputs: Sequence[int], kind: str, std: Any
-) -> None:
-    from modal.plotting import draw_bode, draw_impulse
-
-    with drawn(options.output, options.theme) as stream:
-        if options.impulse:
-            draw_impulse(form, stream, source=source, outputs=outputs, kind=kind)
-        else:
-            draw_bode(form, stream, source=source, outputs=outputs, kind=kind, std=std)
 
 
 def _gains(options: argparse.Namespace) -> Gains:
@@ -329,7 +319,7 @@ def shaper(options: argparse.Namespace) -> Shaper:
 
         travel = shaped_travel(scene, shaped_command, options.travel, options.over, drive, limits)
         remarks += list(travel.words(_in_full(travel)))
-        draw_in(options, options.picture, "modal.plotting", "draw_travel", travel)
+        draw_in(options, options.picture, "modal.plotting", "travel_figure", travel)
         if (options.output or "").lower().endswith(".csv"):
             profile = travel.columns(step=options.discrete or 0.0)
             columns = {name: values.tolist() for name, values in profile.items()}

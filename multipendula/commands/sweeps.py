@@ -87,7 +87,7 @@ def _map(options: argparse.Namespace) -> Sweep | None:
         if options.output:
             save(outcome, options.output)
             kept.finish()
-    draw_in(options, options.picture, "nonlinear.plotting", "draw_sweep", outcome)
+    draw_in(options, options.picture, "nonlinear.plotting", "sweep_figure", outcome)
     return outcome
 
 
@@ -130,7 +130,7 @@ def _loci(options: argparse.Namespace) -> Loci:
     if options.output:
         with output(options.output) as write:
             write(loci_csv(loci))
-    draw_in(options, options.picture, "modal.plotting", "draw_loci", loci)
+    draw_in(options, options.picture, "modal.plotting", "loci_figure", loci)
     return loci
 
 
@@ -160,7 +160,7 @@ def _strobes(options: argparse.Namespace) -> BifurcationDiagram | None:
     if form:
         with output(options.output) as write:
             write(strobes.report("csv" if form == "csv" else "json"))
-    draw_in(options, options.picture, "nonlinear.plotting", "draw_bifurcations", strobes)
+    draw_in(options, options.picture, "nonlinear.plotting", "bifurcation_figure", strobes)
     return strobes
 
 

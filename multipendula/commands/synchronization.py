@@ -61,7 +61,7 @@ def _run(scene: Scene, options: argparse.Namespace) -> SynchronizationStudy:
 
         study = study_synchronization(scene, options.duration, start=start, predicting=predicting, report=report)
     say(_told(study, options), options.format)
-    draw_in(options, options.output, "nonlinear.plotting", "draw_sync", study.trajectory, study.phases)
+    draw_in(options, options.output, "nonlinear.plotting", "sync_figure", study.trajectory, study.phases)
     if options.film:
         _film(study, options.film, options.theme)
     return study
@@ -95,7 +95,7 @@ def _branches(scene: Scene, options: argparse.Namespace) -> Branches | Populatio
     with crew_of(options) as crew, bar(0, "branches") as report:
         branches = follow_branches(scene, variation, report, crew=crew)
     say(branches_csv(branches) if options.format == "csv" else branches_text(branches), options.format)
-    draw_in(options, options.output, "nonlinear.plotting", "draw_branches", branches)
+    draw_in(options, options.output, "nonlinear.plotting", "branches_figure", branches)
     return branches
 
 
@@ -112,7 +112,7 @@ def _diagram(scene: Scene, variation: Variation, options: argparse.Namespace) ->
     with crew_of(options) as crew, bar(0, "motions") as report:
         diagram = follow_populations(scene, variation, report, crew=crew)
     say(diagram_csv(diagram) if options.format == "csv" else diagram_text(diagram), options.format)
-    draw_in(options, options.output, "nonlinear.plotting", "draw_populations", diagram)
+    draw_in(options, options.output, "nonlinear.plotting", "populations_figure", diagram)
     return diagram
 
 

@@ -60,7 +60,7 @@ def tune(options: argparse.Namespace) -> Tuned | None:
     told = tuned_json(best, record) if options.report or options.format == "json" else ""
     text = "" if options.format == "json" else tuned_text(best, "" if swing is None else _swing_words(swing, best))
     files = {options.output: scene_bytes(options, best.scene), options.report: told.encode()}
-    write_together(files | pictured(options, "modal.plotting", "draw_tuning", best))
+    write_together(files | pictured(options, "modal.plotting", "tuning_figure", best))
     say(told if options.format == "json" else text, options.format)
     return None if swing else best
 

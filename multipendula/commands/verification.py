@@ -51,7 +51,7 @@ def _mode_by_mode(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, 
     numbers = chosen(options.modes, len(natural_modes(scene)))
     with bar(len(numbers), "mode") as report:
         outcome = checked(scene, list(numbers), options.amplitudes or AMPLITUDES_DEG, report=report)
-    return outcome, check_table, "draw_check"
+    return outcome, check_table, "check_figure"
 
 
 def _general(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, str]:
@@ -61,7 +61,7 @@ def _general(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, str]:
     refuse(options, "cannot be combined with --general", "--modes", "--amplitudes")
     require(scene, "a comparison with modes")
     trajectory = RunOptions.of(options).shown()
-    return compare(trajectory), comparison_table, "draw_spectrum"
+    return compare(trajectory), comparison_table, "spectrum_figure"
 
 
 def _place(options: argparse.Namespace) -> None:
@@ -85,7 +85,9 @@ def chaos(options: argparse.Namespace) -> Exponent | Finding:
     say(f"{outcome.text()}\n")
     if getattr(outcome, "interrupted", False):
         raise KeyboardInterrupt
-    draw_in(options, options.output, "nonlinear.plotting", "draw_finding" if is_of_paper else "draw_running", outcome)
+    draw_in(
+        options, options.output, "nonlinear.plotting", "finding_figure" if is_of_paper else "exponent_figure", outcome
+    )
     return outcome
 
 
@@ -126,7 +128,7 @@ def tradeoff(options: argparse.Namespace) -> WorkPrecision | FrequencyTradeoff:
     say(text, options.format)
     if getattr(comparison, "interrupted", False):
         raise KeyboardInterrupt
-    figure = "draw_frequencies" if options.linear else "draw_tradeoff"
+    figure = "frequencies_figure" if options.linear else "tradeoff_figure"
     draw_in(options, options.output, "nonlinear.plotting", figure, comparison)
     return comparison
 

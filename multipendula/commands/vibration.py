@@ -50,7 +50,7 @@ def vibration(options: argparse.Namespace) -> RandomResponse | ThermalNoise | Sh
     if options.at:
         raise SceneError(["--at: is of thermal noise: give --temperature KELVIN"])
 
-    response: RandomResponse = _report(options, partial(_random, options), random_report, "draw_random")
+    response: RandomResponse = _report(options, partial(_random, options), random_report, "random_figure")
     return response
 
 
@@ -97,7 +97,7 @@ def _thermal(options: argparse.Namespace) -> ThermalNoise | None:
     if options.psd is not None:
         beside = _random(options, scene, outputs=outputs)
     at = options.at or ()
-    draw_in(options, options.picture, "modal.plotting.vibration", "draw_thermal", (noise, beside, at))
+    draw_in(options, options.picture, "modal.plotting.vibration", "thermal_figure", noise, beside, at)
     with output(options.output) as write:
         write(thermal_report(noise, options.format, beside, at))
     return None if beside or at else noise
@@ -117,7 +117,7 @@ def _shock(options: argparse.Namespace) -> ShockResponse:
         motion = RecordMotion(**read_record(options.record, columns=columns), baseline=options.baseline)
         return shock_response(scene, motion, **outputs)
 
-    response: ShockResponse = _report(options, respond, shock_report, "draw_shock")
+    response: ShockResponse = _report(options, respond, shock_report, "shock_figure")
     return response
 
 

@@ -5,27 +5,24 @@ and with `animation` for films.
 """
 
 from nonlinear.plotting.animation import SECONDS, animate, strobe
-from nonlinear.plotting.branches import branches_figure, draw_branches
-from nonlinear.plotting.chaos import draw_finding, draw_running
+from nonlinear.plotting.branches import branches_figure
+from nonlinear.plotting.chaos import exponent_figure, finding_figure
 from nonlinear.plotting.ensembles import (
     basins_figure,
-    draw_basins,
-    draw_section,
-    draw_spread,
     section_figure,
     spread_figure,
 )
-from nonlinear.plotting.identification import draw_fit, fit_figure
+from nonlinear.plotting.identification import fit_figure
 from nonlinear.plotting.notebooks import show_film
 from nonlinear.plotting.orbit_films import film_orbit
-from nonlinear.plotting.orbits import draw_orbits, orbits_figure
-from nonlinear.plotting.populations import draw_populations, populations_figure
-from nonlinear.plotting.run import draw_run
-from nonlinear.plotting.strobes import bifurcation_figure, draw_bifurcations, draw_strobes, strobes_figure
-from nonlinear.plotting.sweeps import draw_sweep, validate_axes
-from nonlinear.plotting.synchronization import draw_sync, sync_figure
-from nonlinear.plotting.verification import check_figure, draw_check, draw_spectrum
-from nonlinear.plotting.work_precision import draw_frequencies, draw_tradeoff, frequencies_figure, tradeoff_figure
+from nonlinear.plotting.orbits import orbits_figure
+from nonlinear.plotting.populations import populations_figure
+from nonlinear.plotting.run import run_figure
+from nonlinear.plotting.strobes import bifurcation_figure, strobes_figure
+from nonlinear.plotting.sweeps import sweep_figure, validate_axes
+from nonlinear.plotting.synchronization import sync_figure
+from nonlinear.plotting.verification import check_figure, spectrum_figure
+from nonlinear.plotting.work_precision import frequencies_figure, tradeoff_figure
 
 __all__ = [
     "SECONDS",
@@ -34,34 +31,21 @@ __all__ = [
     "bifurcation_figure",
     "branches_figure",
     "check_figure",
-    "draw_basins",
-    "draw_bifurcations",
-    "draw_branches",
-    "draw_check",
-    "draw_finding",
-    "draw_fit",
-    "draw_frequencies",
-    "draw_orbits",
-    "draw_populations",
-    "draw_run",
-    "draw_running",
-    "draw_section",
-    "draw_spectrum",
-    "draw_spread",
-    "draw_strobes",
-    "draw_sweep",
-    "draw_sync",
-    "draw_tradeoff",
+    "exponent_figure",
     "film_orbit",
+    "finding_figure",
     "fit_figure",
     "frequencies_figure",
     "orbits_figure",
     "populations_figure",
+    "run_figure",
     "section_figure",
     "show_film",
+    "spectrum_figure",
     "spread_figure",
     "strobe",
     "strobes_figure",
+    "sweep_figure",
     "sync_figure",
     "tradeoff_figure",
     "validate_axes",

@@ -114,10 +114,7 @@ def _caption(trajectory: Trajectory, stage: Stage, speed: float, second: Traject
     system, n_drawn = trajectory.system, len(stage.actors)
     words = ["real time" if speed == 1 else f"{speed:.3g} seconds a second"]
     words += [f"{n_drawn} of {system.n_pendula} pendula drawn"] if n_drawn < system.n_pendula else []
-    if stage.pieces:
-        words += ["what would overlap is drawn apart"] * stage.is_spread
-    else:
-        words += ["pivots drawn apart"] if n_drawn > 1 else []
+    words += stage.notes
     words += ["oblique view, with the shadow on a floor"] if system.spatial else []
     words += ["the camera follows the cart"] if stage.follows else []
     last = "energy above equilibrium" if second is None else f"left: {trajectory.run.form}; right: {second.run.form}"

@@ -17,7 +17,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.colors import to_rgb
 from matplotlib.lines import Line2D
-from matplotlib.patches import Circle, FancyBboxPatch, Polygon, Rectangle
+from matplotlib.patches import Polygon, Rectangle
 from matplotlib.ticker import MaxNLocator
 
 from modal.plotting import MARKED, QUIET, SMALL, colour, ink, paper, rest, secondary_colour, shade
@@ -26,6 +26,7 @@ from modal.plotting.layout import OBLIQUE
 from modal.plotting.shapes import MARKS_MAX
 from modal.scene import Bob, Rod
 from modal.structure import Piece
+from modal.structure.outlines import HALF_HEIGHT
 from modal.types import Floats
 from nonlinear.plotting.scene import TRAIL_POINTS, WIDE_BARS, Actor, FilmEnergies, Stage
 
@@ -63,11 +64,11 @@ class Scenery:
         self.axis, self.stage, self.limits = axis, stage, limits_of(stage, ratio)
         axis.set(xlim=(self.limits.left, self.limits.right), ylim=(self.limits.bottom, self.limits.top))
         axis.set_aspect("equal")
-        self.cart = _Cart(axis, stage) if stage.on_cart else None
-        if stage.on_cart:
-            _rail(axis, -0.17 * stage.depth)
-        self.ceiling = None if stage.on_cart or stage.pieces else _Ceiling(axis, stage)
-        self.structure = _Structure(axis, stage) if stage.pieces else None
+        if stage.has_rail:
+            _rail(axis, -3 * HALF_HEIGHT * stage.depth)
+        else:
+            axis.set_axis_off()
+        self.drawn = [_piece(axis, piece) for piece in stage.pieces]
         points = float(72 * axis.get_window_extent().width / axis.figure.dpi / self.limits.width)  # of a metre
         self.players = [_Player(axis, actor, colour(k), points, trail) for k, actor in enumerate(stage.actors)]
         if stage.floor is not None:
@@ -76,11 +77,9 @@ class Scenery:
     @property
     def moving(self) -> list[Artist]:
         """What a frame draws anew, and over it the axis' own lines, if it shows any."""
-        cart = [self.cart.box, *self.cart.circles] if self.cart else []
-        beam = self.ceiling.moving if self.ceiling else self.structure.moving if self.structure else []
+        pieces = zip(self.drawn, self.stage.pieces, strict=True)
         return [
-            *cart,
-            *beam,
+            *(artist for artist, piece in pieces if len(piece.points) > 1),
             *chain.from_iterable(player.moving for player in self.players),
             *(self.axis.spines.values() if self.axis.axison else ()),
         ]
@@ -89,44 +88,15 @@ class Scenery:
         """Update everything to a frame."""
         camera = float(self.stage.camera[frame])
         self.axis.set_xlim(camera + self.limits.left, camera + self.limits.right)
-        if self.cart:
-            self.cart.show(float(self.stage.cart[frame]))
-        if self.ceiling:
-            self.ceiling.show(self.stage.support[frame])
-        if self.structure:
-            self.structure.show(frame)
+        for artist, piece in zip(self.drawn, self.stage.pieces, strict=True):
+            if len(piece.points) == 1:
+                continue
+            if isinstance(artist, Polygon):
+                artist.set_xy(piece.points[frame])
+            else:
+                artist.set_data(*piece.points[frame].T)
         for player in self.players:
             player.show(frame)
-
-
-class _Cart:
-    """A box on two wheels, with the pivots along its middle."""
-
-    def __init__(self, axis: Axes, stage: Stage) -> None:
-        depth, half = stage.depth, stage.half
-        self.half, self.wheels = half, (-0.72 * half, 0.72 * half)
-        self.box = FancyBboxPatch(
-            (-half, -0.07 * depth),
-            2 * half,
-            0.14 * depth,
-            boxstyle=f"round,pad=0,rounding_size={0.04 * depth}",
-            facecolor=rcParams["grid.color"],
-            edgecolor=ink(),
-            lw=1.2,
-            zorder=2,
-        )
-        axis.add_patch(self.box)
-        self.circles = [
-            Circle((x, -0.1 * depth), 0.06 * depth, facecolor=paper(), edgecolor=ink(), lw=1.4, zorder=2.5)
-            for x in self.wheels
-        ]
-        for circle in self.circles:
-            axis.add_patch(circle)
-
-    def show(self, x: float) -> None:
-        self.box.set_x(x - self.half)
-        for circle, place in zip(self.circles, self.wheels, strict=True):
-            circle.center = (x + place, circle.center[1])
 
 
 def _rail(axis: Axes, height: float) -> None:
@@ -139,52 +109,6 @@ def _rail(axis: Axes, height: float) -> None:
     axis.xaxis.set_major_formatter("{x:.3g}")
     axis.grid(visible=False)
     axis.tick_params(axis="x", top=True, bottom=False, colors=secondary_colour(), labelsize=SMALL, length=3.5, pad=1)
-
-
-class _Ceiling:
-    """A beam hatched from above, which moves with its support."""
-
-    def __init__(self, axis: Axes, stage: Stage) -> None:
-        axis.set_axis_off()
-        height, feet = 0.045 * stage.depth, np.linspace(-stage.half, stage.half, 4 + 5 * len(stage.pivots))[:-1]
-        lean = feet[1] - feet[0]
-        self.strokes, self.ends = np.array([[(x, 0.0), (x + lean, height)] for x in feet]), [-stage.half, stage.half]
-        self.moves = bool(np.any(stage.support))
-        self.hatching = LineCollection(list(self.strokes), colors=secondary_colour(), linewidths=0.9, zorder=1)
-        axis.add_collection(self.hatching, autolim=False)
-        self.beam = axis.plot(self.ends, [0, 0], color=ink(), lw=2.6, zorder=2)[0]
-
-    @property
-    def moving(self) -> list[Artist]:
-        """All of it where the support moves."""
-        return [self.hatching, self.beam] if self.moves else []
-
-    def show(self, place: Floats) -> None:
-        if self.moves:
-            self.hatching.set_segments(list(self.strokes + place))
-            self.beam.set_data(np.add(self.ends, place[0]), [place[1], place[1]])
-
-
-class _Structure:
-    """The pieces of a structure: bodies, their rods and springs, and the ground, which moves where it is made to."""
-
-    def __init__(self, axis: Axes, stage: Stage) -> None:
-        axis.set_axis_off()
-        self.pieces, self.drawn = stage.pieces, [_piece(axis, piece) for piece in stage.pieces]
-
-    @property
-    def moving(self) -> list[Artist]:
-        """What has more than one place."""
-        return [artist for artist, piece in zip(self.drawn, self.pieces, strict=True) if len(piece.points) > 1]
-
-    def show(self, frame: int) -> None:
-        for artist, piece in zip(self.drawn, self.pieces, strict=True):
-            if len(piece.points) == 1:
-                continue
-            if isinstance(artist, Polygon):
-                artist.set_xy(piece.points[frame])
-            else:
-                artist.set_data(*piece.points[frame].T)
 
 
 def _piece(axis: Axes, piece: Piece) -> Polygon | Line2D:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import IO, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -19,7 +19,6 @@ from modal.plotting import (
     colour,
     headline,
     legend,
-    save,
     secondary_colour,
 )
 from modal.plotting.style import BAND_OPACITY, sheet_of_rows
@@ -33,11 +32,6 @@ if TYPE_CHECKING:
 MARKERS = ("o", "s", "D", "^")
 CART_OFFSET_RATIO = 1.06
 """Format: factor by which series of carts are offset, to separate their error bars."""
-
-
-def draw_running(exponent: Exponent, stream: IO[bytes], kind: str = "png") -> None:
-    """Write the picture of `exponent_figure` as png, svg or pdf."""
-    save(exponent_figure(exponent), stream, kind)
 
 
 def exponent_figure(exponent: Exponent) -> Figure:
@@ -62,11 +56,6 @@ def exponent_figure(exponent: Exponent) -> Figure:
     legend(axis, columns=2)
     headline(figure, title_of(exponent.scene), "the largest Lyapunov exponent")
     return figure
-
-
-def draw_finding(finding: Finding, stream: IO[bytes], kind: str = "png") -> None:
-    """Write the picture of `finding_figure` as png, svg or pdf."""
-    save(finding_figure(finding), stream, kind)
 
 
 def finding_figure(finding: Finding) -> Figure:

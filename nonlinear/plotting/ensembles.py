@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import IO, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,10 +10,11 @@ from matplotlib.colors import BoundaryNorm, ListedColormap, LogNorm, Normalize, 
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from modal.plotting import HUES, colour, headline, key, legend, rest, save, scale, thickness
+from modal.plotting import HUES, colour, headline, key, legend, mixture, rest, scale, thickness
+from modal.plotting.layout import symbols_in
 from modal.plotting.style import BAND_OPACITY, LOG_RATIO, dot_size, sheet_of_rows
 from modal.scene import number_label, number_words, title_of
-from modal.types import Floats
+from modal.types import Floats, Ints
 from nonlinear.plotting.sweeps import edges, label
 
 if TYPE_CHECKING:
@@ -26,11 +27,6 @@ TITLES = {
     "lyapunov_per_s": "how fast a small error grows",
     "attractor": "which attractor each start ends in",
 }
-
-
-def draw_basins(basins: Basins, stream: IO[bytes], kind: str = "png") -> None:
-    """Write the picture of `basins_figure` as png, svg or pdf."""
-    save(basins_figure(basins), stream, kind)
 
 
 def basins_figure(basins: Basins) -> Figure:
@@ -86,22 +82,25 @@ def _shades(figure: Figure, axis: Axes, basins: Basins) -> None:
         bar.ax.yaxis.set_minor_formatter("{x:g}")
 
 
-def draw_section(section: PoincareSection, stream: IO[bytes], kind: str = "png") -> None:
-    """Write the picture of `section_figure` as png, svg or pdf."""
-    save(section_figure(section), stream, kind)
-
-
 def section_figure(section: PoincareSection) -> Figure:
-    """Every crossing as a dot, a colour for each motion."""
+    """Every crossing as a dot, a shade for each motion, the darker the faster its first crossing; closed curves joined.
+
+    A regular motion crosses on one closed curve, or on a ring of up to ISLANDS_MAX.
+    """
     figure = sheet_of_rows(2)
     axis = figure.subplots()
     angle, rate = section.points()
-    orbit = section.orbit.astype(int)
-    size = dot_size(len(orbit))
-    for number in range(section.ensemble.size):
-        on_orbit = orbit == number
-        axis.plot(angle[on_orbit], rate[on_orbit], ".", ms=size, mew=0, color=colour(number))
-    name = _coordinate(section.shown)
+    orbits = [section.orbit == number for number in range(section.ensemble.size)]
+    places = np.column_stack((angle, rate))
+    extent = np.maximum(np.ptp(places, axis=0), np.finfo(float).tiny) if len(places) else np.ones(2)
+    first_rates = np.array([rate[crosses][0] if crosses.any() else 0.0 for crosses in orbits])
+    ranks = first_rates.argsort().argsort()
+    for rank, crosses in zip(ranks.tolist(), orbits, strict=True):
+        hue = mixture(colour(0), 0.25 + 0.75 * (rank + 1) / len(orbits))
+        axis.plot(*places[crosses].T, ".", ms=dot_size(len(places)), mew=0, color=hue)
+        for loop in closed_curves(places[crosses] / extent):
+            axis.plot(*(loop * extent).T, color=hue, lw=0.8)
+    name = symbols_in(section.shown)
     unit = ("m", "m/s") if section.shown == "x" else ("°", "°/s")
     axis.set(xlabel=f"{name} ({unit[0]})", ylabel=f"rate of {name} ({unit[1]})")
     words = f"Poincaré section at {_crossing(section.coordinate)}, energy {section.energy:.4g} J"
@@ -109,20 +108,54 @@ def section_figure(section: PoincareSection) -> Figure:
     return figure
 
 
-def _coordinate(text: str) -> str:
-    return text if text == "x" else text.replace("theta[", r"θ$_{").replace("]", "}$")
+ISLANDS_MAX = 12
+"""Format: islands of one motion up to which its closed curves are looked for."""
+CURVE_CROSSINGS = (16, 200)
+"""Format: crossings from which on a curve is seen, and with which at most it is drawn."""
+STEP_ALONG_CURVE = 0.3
+"""Format: largest distance of neighbours on a closed curve over its diagonal; without an order they are farther."""
+
+
+def closed_curves(crossings: Floats) -> list[Floats]:
+    """The closed curves (K + 1, 2) on which successive crossings (C, 2) lie in turn; none of an irregular motion.
+
+    On one curve crossing n is at the phase nρ, by which they are in order; on two every other one, and so on.
+    """
+    for count in range(1, ISLANDS_MAX + 1):
+        curves = []
+        for start in range(count):
+            order = _order_along(crossings[start::count][: CURVE_CROSSINGS[1]])
+            if order is None:
+                break
+            curves.append(crossings[start::count][[*order, order[0]]])
+        if len(curves) == count:
+            return curves
+    return []
+
+
+def _order_along(places: Floats) -> Ints | None:
+    """The order of places (K, 2) along the closed curve that they follow with one rotation number; None without one."""
+    count = len(places)
+    if count < CURVE_CROSSINGS[0]:
+        return None
+    offsets = places - places.mean(0)
+    size = np.abs(np.fft.fft(np.hanning(count) * (offsets[:, 0] + 1j * offsets[:, 1]), 8 * count))
+    peaks = np.flatnonzero((size > np.roll(size, 1)) & (size >= np.roll(size, -1)))
+    strongest = peaks[np.argsort(-size[peaks])[:4]]
+    rotations = (strongest[:, None] + np.linspace(-1.0, 1.0, 2 * count + 1)).ravel() / (8 * count)
+    orders = np.argsort(np.arange(count) * rotations[:, None] % 1.0, axis=1)
+    along = places[orders]
+    steps = np.linalg.norm(along - np.roll(along, 1, axis=1), axis=2)
+    best = int(steps.sum(1).argmin())
+    diagonal = float(np.linalg.norm(np.ptp(places, axis=0)))
+    return orders[best] if steps[best].max() <= STEP_ALONG_CURVE * diagonal else None
 
 
 def _crossing(text: str) -> str:
     name, sign, value = next(text.partition(mark) for mark in "<>=" if mark in text)
     way = {">": " upwards", "<": " downwards"}.get(sign, "")
-    symbol = name.strip().replace("theta", "θ")
+    symbol = symbols_in(name.strip())
     return f"{symbol} = {value.strip()}{' m' if symbol == 'x' else '°'}{way}"
-
-
-def draw_spread(spread: Spread, stream: IO[bytes], kind: str = "png") -> None:
-    """Write the picture of `spread_figure` as png, svg or pdf."""
-    save(spread_figure(spread), stream, kind)
 
 
 def spread_figure(spread: Spread) -> Figure:

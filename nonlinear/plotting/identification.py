@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import IO, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib import rcParams
 from matplotlib.figure import Figure
 
-from modal.plotting import HUES, MARKED, colour, headline, legend, rest, save
+from modal.plotting import HUES, MARKED, colour, headline, legend, rest
 from modal.plotting.style import sheet_of_rows
 from modal.scene import title_of
 
@@ -19,11 +19,6 @@ FACTORS = {"rad": 180 / np.pi, "m": 1e3, "1": 1.0, "rad_per_s": 180 / np.pi, "m_
 SHOWN = {"rad": "°", "m": "mm", "1": "1", "rad_per_s": "°/s", "m_per_s2": "m/s²"}
 MISSED = {"rad": "mrad", "m": "mm", "1": "10⁻³", "rad_per_s": "mrad/s", "m_per_s2": "mm/s²"}
 """How readings of these units are shown, and what is left of them."""
-
-
-def draw_fit(fit: Fit, stream: IO[bytes], kind: str = "png") -> None:
-    """Write the picture of `fit_figure` as png, svg or pdf."""
-    save(fit_figure(fit), stream, kind)
 
 
 def fit_figure(fit: Fit) -> Figure:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from typing import IO, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib import rcParams
@@ -14,26 +14,27 @@ from matplotlib.lines import Line2D
 
 from modal.errors import ComputationError, SceneError
 from modal.modes import Mode, natural_modes
-from modal.plotting import HUES, MARKED, PREDICTED, headline, key, save, scale, secondary_colour
+from modal.plotting import HUES, MARKED, PREDICTED, headline, key, scale, secondary_colour
 from modal.plotting.style import SOLVED_POINTS, sheet_of_rows
 from modal.scene import Scene, number_label, title_of
 from modal.scene.parameters import Variation, vary
 from modal.types import Floats
-from nonlinear.plotting.stability import branch_keys, draw_branch, mark, stability_keys
+from nonlinear.plotting.stability import (
+    LABELS,
+    DrawnBranch,
+    branch_keys,
+    draw_branch,
+    figure_along,
+    mark,
+    stability_keys,
+)
 
 if TYPE_CHECKING:
-    from nonlinear.orbits import Branch, Special
+    from nonlinear.orbits import Branch, Orbit, Special
 
 MARKS = {"fold": "o", "branch point": "D", "period doubling": "s", "torus": "^", "collision": "v"}
 BACKBONE_DEG = 170.0
 """Format: largest angle of a backbone beside a resonance: short of the top, where its period has no limit."""
-
-
-def draw_orbits(
-    scene: Scene, branches: Sequence[Branch], stream: IO[bytes], form: str = "png", mode: Mode | None = None
-) -> None:
-    """Write the picture as png, svg or pdf."""
-    save(orbits_figure(scene, branches, mode), stream, form)
 
 
 def orbits_figure(scene: Scene, branches: Sequence[Branch], mode: Mode | None = None) -> Figure:
@@ -45,7 +46,7 @@ def orbits_figure(scene: Scene, branches: Sequence[Branch], mode: Mode | None = 
         raise ComputationError(f"{len(branches)} branches do not fit in a figure: from 1 to {HUES}")
     is_forced = branches[0].is_forced
     figure = (
-        _backbones(branches, mode) if mode else _resonance(scene, branches) if is_forced else _curves(scene, branches)
+        _backbones(branches, mode) if mode else _resonance(scene, branches) if is_forced else _along(scene, branches)
     )
     headline(figure, title_of(scene), "periodic motions under drives" if is_forced else "periodic orbits")
     references = (
@@ -78,19 +79,26 @@ def _backbones(branches: Sequence[Branch], mode: Mode) -> Figure:
     return figure
 
 
-def _curves(scene: Scene, branches: Sequence[Branch]) -> Figure:
-    figure = sheet_of_rows(2)
-    upper, lower = figure.subplots(2, 1, sharex=True)
-    variation = branches[0].variation
-    assert variation is not None
-    for number, branch in enumerate(branches):
-        _curve(upper, branch, branch.value, np.rad2deg(branch.amplitude), number)
-        _curve(lower, branch, branch.value, branch.omega, number)
-    upper.set(ylabel="largest angle (°)", xlim=(variation.values[0], variation.values[-1]))
-    upper.set_ylim(0, 1.05 * upper.get_ylim()[1])
-    lower.set(xlabel=number_label(scene, variation.path), ylabel="angular frequency ω (rad/s)")
-    scale(lower, "x", variation)
-    return figure
+def _along(scene: Scene, branches: Sequence[Branch]) -> Figure:
+    """Angle, frequency and growth rate along a number."""
+    assert branches[0].variation is not None
+    return figure_along(scene, branches[0].variation, LABELS, [_drawn(branch) for branch in branches])
+
+
+def _drawn(branch: Branch) -> DrawnBranch:
+    points = [
+        (MARKS[special.kind], float(special.orbit.value or 0.0), _heights(special.orbit)) for special in branch.special
+    ]
+    curves = np.array([_heights(orbit) for orbit in branch.orbits]).T
+    return DrawnBranch(branch.value, branch.is_stable, list(curves), points)
+
+
+def _heights(orbit: Orbit) -> tuple[float, float, float]:
+    """Largest angle (°), frequency (rad/s) and growth rate (1/s; NaN where nothing can grow or decay)."""
+    from nonlinear.orbits import growth
+
+    rate = growth(orbit)
+    return float(np.rad2deg(orbit.amplitude)), orbit.omega, rate if np.isfinite(rate) else np.nan
 
 
 def _resonance(scene: Scene, branches: Sequence[Branch]) -> Figure:

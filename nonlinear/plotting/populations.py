@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import IO, TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -17,7 +17,6 @@ from modal.plotting import (
     ink,
     key,
     narrowing,
-    save,
     scale,
     secondary_colour,
     set_frame,
@@ -28,11 +27,6 @@ from nonlinear.plotting.stability import mark
 
 if TYPE_CHECKING:
     from nonlinear.synchronization import MotionBranch, PopulationDiagram
-
-
-def draw_populations(diagram: PopulationDiagram, stream: IO[bytes], form: str = "png") -> None:
-    """Write the picture as png, svg or pdf; ComputationError where no motion was found."""
-    save(populations_figure(diagram), stream, form)
 
 
 def populations_figure(diagram: PopulationDiagram) -> Figure:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -25,10 +25,10 @@ from modal.plotting import (
     mark_modes,
     pick,
     rest,
-    save,
     secondary_colour,
     set_frame,
 )
+from modal.plotting.layout import link_names
 from modal.plotting.style import CURVE_POINTS, VISIBLE_SHARE, sheet_of_rows
 from modal.scene import Scene, title_of
 from modal.scene.doors import require_type
@@ -47,12 +47,6 @@ SPECTRUM_DEPTH = 1e-10
 """Format: smallest power that a spectrum shows over the strongest line: below are the side lobes of its window."""
 
 
-def draw_run(trajectory: Trajectory, stream: IO[bytes], *, kind: str = "png") -> None:
-    """Write the picture of a run as png, svg or pdf; ComputationError for a run of a single instant."""
-    require_type("trajectory", trajectory, "Trajectory")
-    save(run_figure(trajectory), stream, kind)
-
-
 @dataclass(frozen=True)
 class _DrawnLinks:
     """The links drawn, from 0, their names, and how many links they stand for, with those that coincide with them."""
@@ -64,15 +58,16 @@ class _DrawnLinks:
     @classmethod
     def of(cls, trajectory: Trajectory) -> _DrawnLinks:
         """Of many links some evenly spaced."""
-        links, names, stand_for = pick(degrees(trajectory)[0].T, _names(trajectory), HUES)
+        links, names, stand_for = pick(degrees(trajectory)[0].T, link_names(trajectory.system.labels), HUES)
         return cls(links.tolist(), names, stand_for)
 
 
 def run_figure(trajectory: Trajectory) -> Figure:
     """The picture of a run; of many links it draws some and the range of all, as its caption says.
 
-    Links that move alike throughout are one curve with one name.
+    Links that move alike throughout are one curve with one name.  ComputationError for a run of a single instant.
     """
+    require_type("trajectory", trajectory, "Trajectory")
     if len(trajectory.times) < 2:
         raise ComputationError("a run with a single sample cannot be drawn")
     carrier_panels = _carrier_panels(trajectory) + _prescribed_panels(trajectory)
@@ -109,16 +104,6 @@ def _smooth(trajectory: Trajectory) -> Trajectory:
         return trajectory
 
 
-def _names(trajectory: Trajectory) -> list[str]:
-    """Names of the links: pendulum.link, or the number of either where there is one of the other."""
-    labels = [label for label in trajectory.system.labels if label.startswith("theta[")]
-    places = [label.removeprefix("theta[").removesuffix("]").split(",") for label in labels]
-    if trajectory.system.n_pendula == 1:
-        return [f"link {link}" for _, link in places]
-    single = trajectory.system.n_pendula == trajectory.system.n_links
-    return [f"pendulum {pendulum}" if single else f"{pendulum}.{link}" for pendulum, link in places]
-
-
 def degrees(trajectory: Trajectory) -> tuple[Floats, Floats]:
     """Angles (deg) and rates (deg/s) of every link, (T, L); in space those of the angle from the vertical."""
     motion = trajectory.motion
@@ -145,7 +130,7 @@ def _angles(axis: Axes, trajectory: Trajectory, chosen_links: _DrawnLinks) -> No
     if chosen_links.stand_for < values.shape[1]:
         _range(axis, times, values, "pendula" if single and trajectory.system.n_pendula > 1 else "links")
     from_what = "from the vertical" if trajectory.system.spatial else "from the downward vertical"
-    set_frame(axis, "time (s)", "angle (°)", f"Angles {from_what}" + ("" if single else ", by pendulum.link"))
+    set_frame(axis, "time (s)", "angle (°)", f"Angles {from_what}")
     legend(axis, least_count=1 if has_band else 2)
 
 
@@ -174,7 +159,7 @@ def _prescribed_panels(trajectory: Trajectory) -> list[tuple[str, str, dict[str,
         panels.append((f"{owner}, as prescribed", "displacement (m)", curves or {"to the right": right}))
     if system.hoisting is not None:
         lengths, moving = system.hoisting.at(times)[0], system.hoisting.moving
-        names = [name if name.startswith(("link", "pendulum")) else f"link {name}" for name in _names(trajectory)]
+        names = link_names(system.labels)
         curves = {names[link]: lengths[:, link] for link in np.flatnonzero(moving).tolist()}
         panels.append(("Hoist, as prescribed", "length (m)", curves))
     return panels
@@ -239,10 +224,10 @@ def _portrait(axis: Axes, trajectory: Trajectory, chosen_links: _DrawnLinks) -> 
         for k, (curve, name) in enumerate(zip(curves, chosen_links.names, strict=True)):
             axis.plot(*curve, ls="", marker=".", ms=1.6, mew=0, color=colour(k), label="_dots", rasterized=True)
             axis.plot([], [], ls="", marker="o", ms=5, color=colour(k), label=name)
-        words = "Phase portraits of the links drawn above,\nsamples as dots"
+        words = "Phase portraits of the same links,\nsamples as dots"
     else:
         draw_curves(axis, curves, names=chosen_links.names, first=1)
-        words = "Phase portraits of the links drawn above"
+        words = "Phase portraits of the same links"
     set_frame(axis, "angle (°)", "rate (°/s)", words)
     legend(axis, 3)
 
@@ -277,7 +262,7 @@ def _spectrum(axis: Axes, trajectory: Trajectory, chosen_links: _DrawnLinks) -> 
         return
     spectra = [_power(trajectory, link) for link in chosen_links.links]
     omega, highest = spectra[0][0], max(float(power.max()) for _, power in spectra)
-    marks = _linear(trajectory, float(omega[-1]))
+    marks = _linear(trajectory.scene, float(omega[-1]))
     last = min(omega[-1], max(3 * max(marks) if marks else _reach(spectra), 2 * resolution(times)))
     is_shown = omega <= 1.1 * last
     lowest = highest * SPECTRUM_DEPTH
@@ -315,14 +300,28 @@ def _power(trajectory: Trajectory, link: int) -> tuple[Floats, Floats]:
     return omega, along_rail + across_rail
 
 
-def _linear(trajectory: Trajectory, highest: float) -> list[float]:
-    """The natural frequencies (rad/s) within the picture, none where they cannot be computed."""
+def _linear(scene: Scene, highest: float) -> list[float]:
+    """The natural frequencies (rad/s) up to the highest that is drawn, none where they cannot be computed."""
     try:
-        modes = natural_modes(trajectory.scene)
+        modes = natural_modes(scene)
     except MultipendulaError:
         return []
     swinging = modes.omega[modes.eigenvalue.imag != 0]
     return [float(value) for value in swinging if 0 < value < highest]
+
+
+def resolving_duration(scene: Scene, shortest: float, *, times_as_long: float = 5.0, most_modes: int = 12) -> float:
+    """How long (s) a run of a scene of few modes is whose spectrum separates those that so many times as long could.
+
+    >>> from modal import load
+    >>> resolving_duration(load("tower"), 20.0), resolving_duration(load("paper-cart-2"), 20.0)
+    (65.0, 20.0)
+    """
+    omega = np.unique(_linear(scene, np.inf))
+    if len(omega) > most_modes:
+        return shortest
+    needed = resolution(np.array([0.0, 1.0])) / np.diff(omega)
+    return float(np.ceil(needed[needed <= times_as_long * shortest].max(initial=shortest)))
 
 
 def _caption(trajectory: Trajectory, chosen_links: _DrawnLinks) -> str:

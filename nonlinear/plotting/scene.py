@@ -6,16 +6,17 @@ projection: y across the rail is drawn as y/2 to the upper right.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from modal.plotting import even_choice, side_by_side
+from modal.plotting import even_choice
 from modal.plotting.layout import OBLIQUE
 from modal.plotting.shapes import PENDULA_MAX
 from modal.scene import AnyLink
-from modal.structure import STILL, Piece, Scaffold
+from modal.structure import STILL, Piece, Scaffold, structure_of
 from modal.types import Floats, Ints
 from nonlinear.dynamics import Mechanics, vectors
 from nonlinear.integration import Trajectory
@@ -63,55 +64,34 @@ class FilmEnergies:
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """The drawn pendula, the position of the cart (F,) in m, the pivots on it and the length (m) of the longest chain.
+    """The drawn pendula, what they hang from, the camera, and the length (m) of the longest chain.
 
-    `floor` is the depth of the floor below the rail (m), None in the plane; `support` (F, 2) the place of a moved
-    support to the right and up (m), zero elsewhere.  `pieces` are those of a structure, (F, K, 2) each, with the ground
-    that moves; there is neither a cart nor a beam then.  `is_spread` tells that some are not drawn in their place.
+    `pieces` are (F, K, 2) each, of one frame where they stand still.  `camera` (F,) is the place of the picture's
+    origin along the rail (m), 0 but where it follows a cart.  `floor` is the depth of the floor below the rail (m),
+    None in the plane.  A cart alone has a rail with metres along it; `notes` say what is not drawn in its place.
     """
 
     actors: tuple[Actor, ...]
-    cart: Floats
-    pivots: Floats
+    pieces: tuple[Piece, ...]
+    camera: Floats
     depth: float
-    on_cart: bool
     floor: float | None
-    support: Floats
-    pieces: tuple[Piece, ...] = ()
-    is_spread: bool = False
+    has_rail: bool
+    notes: Sequence[str]
 
     @property
-    def half(self) -> float:
-        """Half the length of the cart or of the support (m)."""
-        return float(self.pivots[-1]) + 0.2 * self.depth
-
-    @cached_property
     def follows(self) -> bool:
-        """Whether the cart travels so far that the camera follows it."""
-        return bool(np.ptp(self.cart) > 0.75 * self.depth + 0.5 * self.half)
-
-    @cached_property
-    def camera(self) -> Floats:
-        """Position on the rail of the origin of the picture (m), (F,)."""
-        return self.cart if self.follows else np.zeros_like(self.cart)
+        """Whether the camera follows the cart."""
+        return bool(self.camera.any())
 
     @cached_property
     def extent(self) -> tuple[Floats, Floats]:
         """The smallest and largest coordinates (m), relative to the camera, of everything that moves."""
-        horizontal, up = [], []
-        if self.pieces:
-            horizontal += [piece.points[..., 0].ravel() for piece in self.pieces]
-            up += [piece.points[..., 1].ravel() for piece in self.pieces]
-        else:
-            corners = [-self.half, self.half] + (self.cart - self.camera)[:, None]
-            horizontal.append(corners.ravel())
-            up.append((np.array([-0.2, 0.14]) * self.depth + self.support[:, 1:]).ravel())
+        points = [piece.points for piece in self.pieces if not (self.follows and piece.role in STILL)]
         for actor in self.actors:
-            shadow = [] if actor.shadow is None else [actor.shadow]
-            for points in (actor.joints, actor.centres, *shadow):
-                horizontal.append((points[..., 0] - self.camera[:, None]).ravel())
-                up.append(points[..., 1].ravel())
-        ranges = [np.concatenate(values) for values in (horizontal, up)]
+            points += [actor.joints, actor.centres, *([] if actor.shadow is None else [actor.shadow])]
+        horizontal = [(part[..., 0] - self.camera[:, None]).ravel() for part in points]
+        ranges = [np.concatenate(values) for values in (horizontal, [part[..., 1].ravel() for part in points])]
         return np.array([values.min() for values in ranges]), np.array([values.max() for values in ranges])
 
 
@@ -134,16 +114,10 @@ def stage_of(trajectory: Trajectory, at: Floats) -> Stage:
         length = system.hoisting.at(fine)[0]
         centre = np.where(system.hoisting.moving, length, centre)
     depth = max(float(length[..., place].sum(-1).max()) for place in places)
-    pivots = side_by_side(len(places), depth)
-    scaffold = None
-    if system.structure is not None:
-        first = np.searchsorted(system.pendulum, np.arange(system.n_pendula + 1))
-        scaffold = Scaffold(system.structure, pendula, first, depth)
-    hangers = [
-        np.column_stack((pivot + motion.cart, 0.0 * motion.cart)) for pivot, motion in zip(pivots, motions, strict=True)
-    ]
-    if scaffold is not None:
-        hangers = list(scaffold.pivots(motions[0].supports).transpose(1, 0, 2) * (1.0, -1.0))
+    first = np.searchsorted(system.pendulum, np.arange(system.n_pendula + 1))
+    scaffold = Scaffold(structure_of(trajectory.scene), pendula, first, depth, has_rails=system.cart is None)
+    eta = _coordinates(system, motions[0])
+    hangers = scaffold.pivots(eta).transpose(1, 0, 2) * (1.0, -1.0)
     shapes = [
         _shape(motion, length[..., place], centre[..., place], pivot, shaken)
         for motion, place, pivot in zip(motions, places, hangers, strict=True)
@@ -154,17 +128,23 @@ def stage_of(trajectory: Trajectory, at: Floats) -> Stage:
         for pendulum, (joints, centres) in zip(pendula, shapes, strict=True)
     )
     support = np.column_stack((shaken[:, 0], -shaken[:, -1]))[::TRAIL_POINTS]
-    cart = motions[0].cart[::TRAIL_POINTS] + support[:, 0]
-    stage = Stage(actors, cart, pivots, depth, system.cart is not None, floor, support)
-    if scaffold is None:
-        return stage
     joints = {p: actor.joints - support[:, None] for p, actor in zip(pendula.tolist(), actors, strict=True)}
-    pieces = [
+    pieces = tuple(
         piece._replace(points=piece.points + support[:, None]) if support.any() or piece.role not in STILL else piece
-        for piece in scaffold.pieces(motions[0].supports[::TRAIL_POINTS], joints)
-    ]
-    is_spread = bool(scaffold.shifts.any() or scaffold.aside.any())
-    return replace(stage, cart=0.0 * cart, pieces=tuple(pieces), is_spread=is_spread)
+        for piece in scaffold.pieces(eta[::TRAIL_POINTS], joints)
+    )
+    camera = np.zeros(len(at))
+    if system.cart is not None:
+        cart, (left, right, _) = motions[0].cart[::TRAIL_POINTS] + support[:, 0], scaffold.body(0)
+        camera = cart if np.ptp(cart) > 0.75 * depth + (right - left) / 4 else camera
+    return Stage(actors, pieces, camera, depth, floor, system.cart is not None, scaffold.notes)
+
+
+def _coordinates(system: System, motion: Motion) -> Floats:
+    """The coordinates η (F, d) of what the pendula hang from."""
+    if system.structure is not None:
+        return motion.supports
+    return motion.cart[:, None] if system.cart is not None else np.zeros((len(motion.cart), 0))
 
 
 def _shape(motion: Motion, length: Floats, centre: Floats, pivots: Floats, support: Floats) -> tuple[Floats, Floats]:

@@ -4,28 +4,83 @@ from __future__ import annotations
 
 from collections.abc import Container, Sequence
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+import scipy
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from modal.plotting import COMPUTED, UNSTABLE, colour, ink, narrowing, paper
-from modal.types import Floats
+from modal.plotting import COMPUTED, UNSTABLE, colour, ink, narrowing, paper, scale, secondary_colour
+from modal.plotting.style import sheet_of_rows
+from modal.scene import Scene, number_label
+from modal.scene.parameters import Variation
+from modal.types import EPS, Floats
 
 LINES: dict[bool, Any] = {True: COMPUTED, False: UNSTABLE}
 """Of what is stable, and of what is not."""
+LABELS = ("largest angle (°)", "angular frequency ω (rad/s)", "growth rate (1/s)")
+"""Of the panels of branches along a number."""
+POINTS_BETWEEN = 12
+"""Format: points of a smooth curve for each that was computed."""
+
+
+class DrawnBranch(NamedTuple):
+    """A branch at K values of a number: where it is stable, a curve (K,) for each panel, and its special points.
+
+    Each of these is the shape of its mark, its value and its place in every panel.
+    """
+
+    values: Floats
+    is_stable: Sequence[bool]
+    curves: Sequence[Floats]
+    points: Sequence[tuple[str, float, Sequence[float]]]
+
+
+def figure_along(scene: Scene, variation: Variation, labels: Sequence[str], branches: Sequence[DrawnBranch]) -> Figure:
+    """A panel for each of the `labels`, the first from 0 on, with all branches along a number of the scene."""
+    figure = sheet_of_rows(len(labels))
+    axes = figure.subplots(len(labels), 1, sharex=True)
+    for k, (axis, label) in enumerate(zip(axes, labels, strict=True)):
+        for number, branch in enumerate(branches):
+            draw_branch(axis, branch.values, branch.curves[k], branch.is_stable, number)
+            for shape, value, places in branch.points:
+                axis.plot([value], [places[k]], **mark(shape))
+        axis.set_ylabel(label)
+        if label.startswith("growth"):
+            axis.axhline(0.0, color=secondary_colour(), lw=0.8, zorder=1)
+    axes[0].set(xlim=(variation.values[0], variation.values[-1]), ylim=(0, 1.05 * axes[0].get_ylim()[1]))
+    axes[-1].set_xlabel(number_label(scene, variation.path))
+    scale(axes[-1], "x", variation)
+    return figure
 
 
 def draw_branch(axis: Axes, x: Floats, y: Floats, is_stable: Sequence[bool], number: int) -> None:
-    """One branch, in pieces of equal stability that meet; unstable ones are half as wide."""
+    """One branch, in smooth pieces of equal stability that meet; unstable ones are half as wide, and above."""
     fates = np.array(is_stable)
     breaks = [0, *(np.flatnonzero(np.diff(fates)) + 1), len(fates)]
+    fine_x, fine_y = _smooth(x, y)
     for start, stop in pairwise(breaks):
-        piece = slice(max(start - 1, 0), stop)
+        piece = slice(POINTS_BETWEEN * max(start - 1, 0), POINTS_BETWEEN * (stop - 1) + 1)
         fate = bool(fates[start])
         look = {"color": colour(number), "ls": LINES[fate], "lw": narrowing(number) * (1.0 if fate else 0.5)}
-        axis.plot(x[piece], y[piece], **look, zorder=3, label=f"_{number}")
+        axis.plot(fine_x[piece], fine_y[piece], **look, zorder=3 if fate else 3.5, label=f"_{number}")
+
+
+def _smooth(x: Floats, y: Floats) -> tuple[Floats, Floats]:
+    """Both with points between along the curve, by cubics that turn only where the curve does [Fritsch1984]."""
+    extents = [float(np.ptp(part[np.isfinite(part)])) if np.isfinite(part).any() else 0.0 for part in (x, y)]
+    steps = np.nan_to_num(
+        np.hypot(*(np.diff(part) / (extent or 1.0) for part, extent in zip((x, y), extents, strict=True)))
+    )
+    way = np.append(0.0, np.cumsum(np.maximum(steps, EPS)))
+    between = np.arange(POINTS_BETWEEN * (len(x) - 1) + 1) / POINTS_BETWEEN
+    fine = np.interp(between, np.arange(len(x)), way)
+    if len(x) < 3 or not (np.isfinite(x).all() and np.isfinite(y).all()):
+        return np.interp(fine, way, x), np.interp(fine, way, y)
+    x_of, y_of = (scipy.interpolate.PchipInterpolator(way, part) for part in (x, y))
+    return x_of(fine), y_of(fine)
 
 
 def mark(shape: str = "o") -> dict[str, Any]:

@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-from typing import IO
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from modal.plotting import colour, headline, save, scale
+from modal.plotting import colour, headline, scale
+from modal.plotting.layout import symbols_in
 from modal.plotting.style import dot_size, sheet_of_rows
 from modal.scene import number_label, title_of
 from nonlinear.ensembles import BifurcationDiagram, StroboscopicSection
-
-
-def draw_strobes(section: StroboscopicSection, stream: IO[bytes], kind: str = "png") -> None:
-    """Write the picture of `strobes_figure` as png, svg or pdf."""
-    save(strobes_figure(section), stream, kind)
 
 
 def strobes_figure(section: StroboscopicSection) -> Figure:
@@ -34,11 +28,6 @@ def strobes_figure(section: StroboscopicSection) -> Figure:
     words = f"stroboscopic section, once in {section.period:.4g} s at {section.phase_deg:g}° of the drives"
     headline(figure, title_of(section.ensemble.question.scene), words)
     return figure
-
-
-def draw_bifurcations(diagram: BifurcationDiagram, stream: IO[bytes], kind: str = "png") -> None:
-    """Write the picture of `bifurcation_figure` as png, svg or pdf."""
-    save(bifurcation_figure(diagram), stream, kind)
 
 
 def bifurcation_figure(diagram: BifurcationDiagram) -> Figure:
@@ -60,8 +49,7 @@ def bifurcation_figure(diagram: BifurcationDiagram) -> Figure:
 
 def link_name(strobes: StroboscopicSection | BifurcationDiagram, link: int) -> str:
     """How a figure calls a link: θ with its pendulum and number."""
-    label = strobes.system.labels[strobes.system.first + link]
-    return label.replace("theta[", r"θ$_{").replace("]", "}$")
+    return symbols_in(strobes.system.labels[strobes.system.first + link])
 
 
 def _turn(axis: Axes, which: str, angles: np.ndarray) -> None:

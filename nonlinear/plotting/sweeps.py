@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from typing import IO, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib import rcParams
@@ -29,7 +29,6 @@ from modal.plotting import (
     mixture,
     paper,
     rest,
-    save,
     scale,
     shade,
 )
@@ -64,17 +63,12 @@ UNITS = (
 )
 
 
-def draw_sweep(sweep: Sweep, stream: IO[bytes], form: str = "png") -> None:
+def sweep_figure(sweep: Sweep) -> Figure:
     """Every quantity of a sweep: curves over one parameter, maps over two; logarithmic where the variation is.
 
     Points that failed are hatched.  Raises ComputationError where nothing is known, for three parameters, and for
     more quantities than a picture holds.
     """
-    save(sweep_figure(sweep), stream, form)
-
-
-def sweep_figure(sweep: Sweep) -> Figure:
-    """The same as a figure."""
     validate_axes(sweep.study.variations)
     names = [name for name in sweep.columns if np.any(np.isfinite(sweep.values(name)))]
     if not names:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import pi
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -28,7 +28,6 @@ from modal.plotting import (
     narrowing,
     paper,
     rest,
-    save,
     secondary_colour,
     set_frame,
     thickness,
@@ -44,18 +43,12 @@ from nonlinear.postprocessing import pick_links, resample, smooth
 from nonlinear.synchronization import Phases, Survival, find_survival, population_phases
 
 
-def draw_sync(trajectory: Trajectory, phases: Phases, stream: IO[bytes], kind: str = "png") -> None:
-    """Write the picture as png, svg or pdf; ComputationError for a run of a single instant.
+def sync_figure(trajectory: Trajectory, phases: Phases) -> Figure:
+    """How pendula fall in step; ComputationError for a run of a single instant.
 
     Of many pendula only some are drawn, and their energies as a band; where the energy cannot be divided among modes
     the picture gives the reason.
     """
-    require_type("trajectory", trajectory, "Trajectory")
-    save(sync_figure(trajectory, phases), stream, kind)
-
-
-def sync_figure(trajectory: Trajectory, phases: Phases) -> Figure:
-    """The same as a figure."""
     require_type("trajectory", trajectory, "Trajectory")
     if len(trajectory.times) < 2:
         raise ComputationError("a run with a single sample cannot be drawn")

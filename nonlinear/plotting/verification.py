@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import degrees, pi
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -25,7 +25,6 @@ from modal.plotting import (
     log_ticks,
     mark_modes,
     paper,
-    save,
     secondary_colour,
 )
 from modal.plotting.style import sheet_of_rows
@@ -37,11 +36,6 @@ from nonlinear.verification import ONE_PERCENT, Check, Comparison, ModeCheck, Mo
 
 MARKERS, SIZES = ("o", "s", "D"), (9.5, 5.5)
 MOST_CURVES = HUES * len(MARKERS)
-
-
-def draw_check(check: Check, stream: IO[bytes], form: str = "png") -> None:
-    """Write the picture as png, svg or pdf."""
-    save(check_figure(check), stream, form)
 
 
 def check_figure(check: Check) -> Figure:
@@ -77,22 +71,28 @@ def check_figure(check: Check) -> Figure:
     log_ticks(axis.xaxis, high / low)
     headline(figure, title_of(check.scene), "frequency against amplitude")
     handles = [
-        Line2D([], [], color=colour(k), ls=PREDICTED, marker=_marker(k), ms=_size(k), mec=paper())
-        for k in range(len(rows))
+        Line2D([], [], color=colour(k), ls="", marker=_marker(k), ms=_size(k), mec=paper(), label=_label(row))
+        for k, row in enumerate(rows)
     ]
-    key(figure, handles, [_label(row) for row in rows], columns=2, notes=_notes(rows))
+    key(figure, [*handles, *_style_keys(rows)], columns=2)
     return figure
 
 
-def _notes(rows: Sequence[ModeCheck]) -> str:
-    """What the marks and lines of a check are."""
-    rising = any(
-        measurement.shift > 0 and not measurement.irregular for row in rows for measurement in row.measurements
-    )
-    words = ["marks: measured" + (", hollow where the frequency rises" if rising else ""), "dashed: κa²"]
-    words += ["wide lines: periodic orbits"] if any(row.backbone for row in rows) else []
-    words += ["ticks: measured 1 %"] if any(np.isfinite(row.one_percent_deg) for row in rows) else []
-    return "; ".join(words)
+def _style_keys(rows: Sequence[ModeCheck]) -> list[Line2D]:
+    """The legend's lines of what marks and lines of a check are, of those there are."""
+    grey, steady = secondary_colour(), [m for row in rows for m in row.measurements if not m.irregular]
+    keys: list[tuple[bool, str, dict[str, Any]]] = [
+        (True, "predicted shift κa²", {"ls": PREDICTED, "lw": 1.3}),
+        (any(row.backbone for row in rows), "periodic orbits", {"lw": 2.4, "alpha": 0.35}),
+        (any(m.shift <= 0 for m in steady), "measured, frequency falls", {"ls": "", "marker": "o"}),
+        (any(m.shift > 0 for m in steady), "measured, frequency rises", {"ls": "", "marker": "o", "mfc": paper()}),
+        (
+            any(np.isfinite(row.one_percent_deg) for row in rows),
+            "amplitude of a 1 % shift, measured",
+            {"ls": "", "marker": "|", "ms": 9, "mew": 1.8},
+        ),
+    ]
+    return [Line2D([], [], color=grey, label=name, **look) for is_drawn, name, look in keys if is_drawn]
 
 
 def _shifts(axis: Axes, row: ModeCheck, low: float, high: float, k: int) -> None:
@@ -117,11 +117,6 @@ def _shifts(axis: Axes, row: ModeCheck, low: float, high: float, k: int) -> None
         axis.plot(x[is_branch], np.abs(y[is_branch]), _marker(k), ms=_size(k), mfc=face, mec=edge, mew=1.0, zorder=4)
     if np.isfinite(row.one_percent_deg):
         axis.plot(row.one_percent_deg, ONE_PERCENT, "|", ms=15, mew=1.8, color=colour(k), zorder=3)
-
-
-def draw_spectrum(comparison: Comparison, stream: IO[bytes], form: str = "png") -> None:
-    """Write the picture as png, svg or pdf."""
-    save(spectrum_figure(comparison), stream, form)
 
 
 def spectrum_figure(comparison: Comparison) -> Figure:

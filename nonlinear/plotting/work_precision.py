@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from itertools import groupby
 from math import isfinite
-from typing import IO, TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from modal.errors import ComputationError
-from modal.plotting import HUES, QUIET, SMALL, colour, headline, ink, key, paper, rest, save
+from modal.plotting import HUES, QUIET, SMALL, colour, headline, ink, key, paper, rest
 from modal.plotting.layout import decade_limits
 from modal.plotting.style import sheet_of_rows
 from modal.scene import title_of
@@ -23,11 +23,6 @@ if TYPE_CHECKING:
 METHODS = dict(zip(("RK45", "taylor", "LSODA", "Radau", "DOP853", "RK23"), range(HUES), strict=True))
 MARKERS = {"minimal": "o", "spatial": "o", "compiled": "D", "maximal": "s"}
 MODAL = {LINEAR: "P", CORRECTED: "*"}
-
-
-def draw_tradeoff(work_precision: WorkPrecision, stream: IO[bytes], form: str = "png") -> None:
-    """Write the picture as png, svg or pdf."""
-    save(tradeoff_figure(work_precision), stream, form)
 
 
 def tradeoff_figure(work_precision: WorkPrecision) -> Figure:
@@ -96,11 +91,6 @@ def _decorate(figure: Figure, axis: Axes, work_precision: WorkPrecision) -> None
         axis.set_title(words, loc="right")
     headline(figure, title_of(work_precision.scene), "time against accuracy")
     key(figure, *axis.get_legend_handles_labels())
-
-
-def draw_frequencies(result: FrequencyTradeoff, stream: IO[bytes], form: str = "png") -> None:
-    """Write the picture as png, svg or pdf."""
-    save(frequencies_figure(result), stream, form)
 
 
 def frequencies_figure(result: FrequencyTradeoff) -> Figure:

@@ -21,6 +21,7 @@ from scipy.linalg import expm
 from uncompiled import uncompiled
 
 from modal import Bob, Cart, ComputationError, Pendulum, Rod, Scene, load, matrices, natural_modes
+from modal.plotting import save
 from nonlinear.accuracy import (
     Candidate,
     Question,
@@ -35,7 +36,7 @@ from nonlinear.accuracy.candidates import GivenUpError
 from nonlinear.accuracy.references import Reference, reference_of
 from nonlinear.accuracy.work_precision import late
 from nonlinear.integration import aside, slightly
-from nonlinear.plotting import draw_tradeoff
+from nonlinear.plotting import tradeoff_figure
 from nonlinear.reduction import CORRECTED, LINEAR, deflection, rest_angles, start_in_mode, superpose
 from nonlinear.reduction.two_planes import join, split
 from nonlinear.simulation import simulate
@@ -395,10 +396,10 @@ def test_tables(short: WorkPrecision) -> None:
 
 def test_the_picture(short: WorkPrecision) -> None:
     stream = io.BytesIO()
-    draw_tradeoff(short, stream, "svg")
+    save(tradeoff_figure(short), stream, "svg")
     assert b"<svg" in stream.getvalue()
     with pytest.raises(ComputationError, match="nothing to draw"):
-        draw_tradeoff(replace(short, rows=short.rows[:1]), stream)
+        save(tradeoff_figure(replace(short, rows=short.rows[:1])), stream, "png")
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ from scipy.integrate import solve_ivp
 
 from modal.errors import SceneError
 from modal.modes import natural_modes
+from modal.plotting import save
 from modal.scene import Bob, Cart, InitialCondition, Pendulum, Rod, Scene
 from modal.types import Floats
 from nonlinear.chaos import Case, Exponent, Finding, lyapunov_exponent, measure, study, text
@@ -21,7 +22,7 @@ from nonlinear.chaos.claims import verdicts
 from nonlinear.chaos.studies import ChaosStudy, level_starts
 from nonlinear.dynamics import Mechanics
 from nonlinear.dynamics.variational import Variational
-from nonlinear.plotting import draw_finding, draw_running
+from nonlinear.plotting import exponent_figure, finding_figure
 from nonlinear.sweeps import parse_measures
 from nonlinear.system import Layout, State, system_of
 
@@ -325,8 +326,8 @@ def test_tables_and_pictures_of_both_claims() -> None:
         finding = made(paper, rates)
         assert f"{rates[-1]:.3f} ± 0.011" in text(finding)
         stream = io.BytesIO()
-        draw_finding(finding, stream)
-        draw_running(finding.exponents[0], stream)
+        save(finding_figure(finding), stream, "png")
+        save(exponent_figure(finding.exponents[0]), stream, "png")
         assert stream.getvalue().count(b"\x89PNG") == 2
     assert "< 0.00" in text(made("001", [0.0, 1.0, 2.0, 3.0]))
 

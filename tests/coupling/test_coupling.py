@@ -21,7 +21,7 @@ from scenes import extreme_scene
 from modal import Bob, Cart, ComputationError, Fixed, Pendulum, Rod, Scene, SceneError, load, matrices, natural_modes
 from modal.coupling import Coupling, coupling_report, explain
 from modal.coupling.report import sections
-from modal.plotting import draw_coupling
+from modal.plotting import coupling_figure, save
 from modal.plotting.coupling import draw_mass
 from modal.report import fitted
 from modal.scene import Spring, VanDerPol
@@ -568,7 +568,7 @@ def test_every_number_has_its_formula(name: str) -> None:
 @pytest.mark.parametrize("name", usually(["held", "fixed"], ["held", "fixed", "immense", "massless", "thousand"]))
 def test_pictures_are_drawn(name: str) -> None:
     stream = io.BytesIO()
-    draw_coupling(explain(EVERY[name]), stream, "png")
+    save(coupling_figure(explain(EVERY[name])), stream, "png")
     assert stream.getvalue().startswith(b"\x89PNG")
     assert len(stream.getvalue()) > 30_000
 
@@ -587,7 +587,7 @@ def test_the_dynamic_mass_of_one_pole_is_in_sight(support: Cart | Fixed) -> None
 
 def test_the_axis_of_an_immense_mass_has_no_factor_aside() -> None:
     stream = io.BytesIO()
-    draw_coupling(explain(scene(Cart(mass=1e12), bob(1, 1))), stream, "svg")
+    save(coupling_figure(explain(scene(Cart(mass=1e12), bob(1, 1)))), stream, "svg")
     assert b"<!-- 2e+12 -->" in stream.getvalue()
     assert b"<!-- 1e12 -->" not in stream.getvalue()
 

@@ -27,7 +27,7 @@ from modal import (
 )
 from modal.loci import Loci, follow_loci
 from modal.loci.tracking import follow, overlaps, solve_at
-from modal.plotting import draw_loci
+from modal.plotting import loci_figure, save
 from modal.plotting.loci import encounter_words
 from modal.scene.parameters import parse_variations, vary
 
@@ -213,7 +213,7 @@ def test_progress_is_told_value_by_value() -> None:
 def test_a_picture_is_drawn(kind: str) -> None:
     loci = of(load("crane-two-loads"), f"{LENGTH}=5:20:4log")
     stream = io.BytesIO()
-    draw_loci(loci, stream, kind)
+    save(loci_figure(loci), stream, kind)
     assert len(stream.getvalue()) > 5000
     words = encounter_words(loci.encounters[0], loci)
     assert words == "veering 2 · 3 at 10.083 m, gap 0.09444 rad/s"

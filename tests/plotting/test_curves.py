@@ -227,7 +227,7 @@ def test_undamped_peaks_and_zeros_reach_the_levels_that_are_stated() -> None:
         f"peaks of undamped modes are infinite and cut at {high:g} dB; zeros cut at {low:g} dB".replace("-", "−")
     )
     zeros = [mode.omega for mode in natural_modes(scene) if mode.omega]
-    cart = {text.get_text(): k for k, text in enumerate(figure.legends[0].get_texts())}["x (m) / cart_force (N)"]
+    cart = {text.get_text(): k for k, text in enumerate(figure.legends[0].get_texts())}["cart position"]
     pieces = [line for line in axis.lines if line.get_color() == colour_of(cart) and len(line.get_xydata()) > 2]
     x = np.concatenate([line.get_xdata() for line in pieces])
     y = np.concatenate([np.asarray(line.get_ydata(), dtype=float) for line in pieces])
@@ -245,7 +245,8 @@ def test_undamped_peaks_and_zeros_reach_the_levels_that_are_stated() -> None:
 def test_labels_name_input_output_and_units() -> None:
     figure = bode(Scene(gravity=9.81, support=Cart(mass=5.0), pendulum=(Pendulum(links=(Bob(mass=1.0, length=1.0),)),)))
     assert figure.axes[0].get_ylabel() == "magnitude\n(dB re 1 m or rad per N)"
-    assert "theta_1_1 (rad) / cart_force (N)" in [text.get_text() for text in figure.legends[0].get_texts()]
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["cart position", "θ₁₁"]
+    assert "response to the force on the cart" in figure.get_suptitle()
 
 
 # -------------------------------------------------------------------------------------- coupling, check and spectra

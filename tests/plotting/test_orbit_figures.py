@@ -7,12 +7,15 @@ from math import radians
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from modal import load, natural_modes
 from modal.errors import ComputationError
+from modal.plotting import save
 from modal.scene.parameters import parse_variations
 from nonlinear.orbits import follow_cycles, follow_forced_orbits, nonlinear_mode
-from nonlinear.plotting import draw_orbits, orbits_figure
+from nonlinear.plotting import orbits_figure
+from nonlinear.plotting.stability import draw_branch
 
 PAIR = load("chain-2")
 
@@ -38,11 +41,21 @@ def test_limit_cycles_are_drawn_along_their_number_and_written() -> None:
     scene = load("metronomes")
     branches = follow_cycles(scene, parse_variations(["support.mass=0.5:1:2log"])[0])
     figure = orbits_figure(scene, branches)
-    upper, lower = figure.axes
+    upper, lower, rates = figure.axes
     assert lower.get_xscale() == "log"
     assert upper.get_xlim() == pytest.approx((0.5, 1.0))
+    assert [axis.get_ylabel() for axis in figure.axes][2] == "growth rate (1/s)"
+    for number, branch in enumerate(branches):
+        (curve,) = [line for line in rates.lines if line.get_label() == f"_{number}"]
+        x, y = curve.get_data()
+        assert len(x) > 10 * len(branch.orbits)
+        at = np.searchsorted(x, branch.value[1:-1] - 1e-9)
+        decays = [np.log(np.abs(orbit.floquet.others)) / orbit.period for orbit in branch.orbits[1:-1]]
+        # The slowest decay is that of the cart, which its damper brings to rest.
+        expected = [np.sort(rates)[-1 if rates.max() > 0 else -2] for rates in decays]
+        assert y[at] == pytest.approx(expected, rel=1e-6)
     stream = io.BytesIO()
-    draw_orbits(scene, branches, stream, "svg")
+    save(orbits_figure(scene, branches), stream, "svg")
     assert b"support.mass" in stream.getvalue() or len(stream.getvalue()) > 10_000
 
 
@@ -66,3 +79,15 @@ def test_a_resonance_is_drawn_beside_its_linear_response_and_backbone() -> None:
 def test_too_many_branches_are_refused() -> None:
     with pytest.raises(ComputationError, match="do not fit"):
         orbits_figure(PAIR, ())
+
+
+def test_a_smooth_curve_goes_through_its_points_and_no_farther() -> None:
+    """A fold of nine points on a circle: between them within 7e-3 of it, where straight lines are 0.02 off."""
+    angle = np.linspace(-1.6, 1.6, 9)
+    figure = Figure()
+    axis = figure.add_subplot()
+    draw_branch(axis, np.cos(angle), np.sin(angle), [True] * 9, 0)
+    x, y = axis.lines[0].get_data()
+    assert np.hypot(x, y) == pytest.approx(np.ones(len(x)), abs=7e-3)
+    assert np.abs(y).max() <= np.sin(1.6)
+    assert np.abs(np.hypot(x[::12], y[::12]) - 1).max() < 1e-12

@@ -16,10 +16,9 @@ from scipy.signal import periodogram
 import modal
 from modal import Bob, Cart, Pendulum, Scene
 from modal.errors import ComputationError
-from modal.plotting import headline
+from modal.plotting import headline, save
 from modal.plotting.style import CURVE_POINTS
 from nonlinear.integration import Trajectory
-from nonlinear.plotting import draw_run
 from nonlinear.plotting.run import run_figure
 from nonlinear.postprocessing import power_spectrum
 from nonlinear.simulation import simulate
@@ -117,13 +116,13 @@ def test_crowds_standstill_and_few_samples_can_be_drawn() -> None:
     figure = run_figure(simulate(crowd, 1.0, start=state_at_rest(crowd, [10, 20]), method="DOP853"))
     assert "of 100 links drawn" not in figure.get_supxlabel()
     names = [text.get_text() for text in panel(figure, "Angles").get_legend().get_texts()]
-    assert names == ["1.1–50.1 coincide", "1.2–50.2 coincide"]
+    assert names == ["θ₁,₁–θ₅₀,₁ coincide", "θ₁,₂–θ₅₀,₂ coincide"]
     still = modal.load("chain-2")
     for options in ({"output": 3}, {"start": state_at_rest(still, [0, 0])}, {"output": [0, 0.5, 2, 3]})[
         : usually(1, 3)
     ]:
         stream = BytesIO()
-        draw_run(run("chain-2", **options), stream, kind="svg")
+        save(run_figure(run("chain-2", **options)), stream, "svg")
         assert b"<svg" in stream.getvalue()
 
 

@@ -80,7 +80,7 @@ def test_pendula_of_a_film_hang_where_the_equations_have_them(name: str) -> None
     trajectory = run(name)
     at = np.linspace(0.0, trajectory.times[-1], 7)
     stage = stage_of(trajectory, at)
-    assert not stage.is_spread
+    assert not stage.notes
     exact = Mechanics(trajectory.system, resample(trajectory.times, trajectory.motion, at), at)
     starts = exact.joints - trajectory.system.by_link("length")[:, None] * exact.vectors[0]
     for k, actor in enumerate(stage.actors):
@@ -100,16 +100,49 @@ def test_a_spring_between_pendula_ends_on_them() -> None:
 def test_a_spring_between_carriers_joins_the_edges_of_their_bodies() -> None:
     made = scaffold("two-swings")
     pieces = made.pieces(np.zeros((1, 2)), {})
-    (spring,), (left, right) = of_role(pieces, "spring"), of_role(pieces, "body")
-    assert spring.points[0, 0, 0] == pytest.approx(left.points[..., 0].max())
-    assert spring.points[0, -1, 0] == pytest.approx(right.points[..., 0].min())
+    halves = [piece for piece in of_role(pieces, "spring") if piece.points.shape[1] > 2]
+    left, right = of_role(pieces, "body")
+    assert halves[0].points[0, 0, 0] == pytest.approx(left.points[..., 0].max())
+    assert halves[1].points[0, 0, 0] == pytest.approx(right.points[..., 0].min())
 
 
-def test_carriers_at_one_place_are_set_apart() -> None:
+def test_a_long_gap_is_shortened_and_its_spring_is_broken() -> None:
+    made = scaffold("two-swings")
+    pieces = made.pieces(np.zeros((1, 2)), {})
+    left, right = of_role(pieces, "body")
+    assert right.points[..., 0].min() - left.points[..., 0].max() == pytest.approx(2.5 * made.unit)
+    assert len(of_role(pieces, "spring")) == 4
+    assert "long gaps between supports shortened" in made.notes
+    assert made.structure.carriers[1].position[0] - made.structure.carriers[0].position[0] == 2.0
+
+
+def test_carts_that_springs_join_from_the_ground_are_storeys() -> None:
+    """Each above the one that carries it; the pendulum hangs within, and columns end on both floors as they sway."""
     made = scaffold("tower")
-    assert made.shifts[0] == 0 < made.shifts[1]
+    assert made.storeys == (0, 1)
+    eta = np.array([[0.0, 0.0], [0.1, 0.3]])
+    pieces = made.pieces(eta, {})
+    lower, upper = of_role(pieces, "body")
+    assert 0 < lower.points[..., 1].min() < lower.points[..., 1].max() < upper.points[..., 1].min() - made.unit
+    assert np.ptp(upper.points[1] - upper.points[0], axis=0) == pytest.approx([0.0, 0.0], abs=1e-12)
+    assert not of_role(pieces, "spring")
+    first, second, *_ = (column.points for column in of_role(pieces, "line")[::2])
+    assert first[:, 0] == pytest.approx(first[0, 0] + np.zeros((2, 2)))
+    assert first[1, -1, 0] - first[0, -1, 0] == pytest.approx(0.1)
+    assert second[1, 0, 0] - second[0, 0, 0] == pytest.approx(0.1)
+    assert second[1, -1, 0] - second[0, -1, 0] == pytest.approx(0.3)
+
+
+def test_carts_that_no_line_of_springs_joins_are_set_apart_with_their_names() -> None:
+    """A second spring to the ground is none of a tower."""
+    scene = load("tower").conservative
+    braced = scene.replace(spring=(*scene.spring, scene.spring[0].replace(between=("ground", "floor2"))))
+    made = layout_of(natural_modes(braced)).scaffold
+    assert made.storeys == ()
+    assert made.shifts[0, 0] == 0 < made.shifts[1, 0]
     bodies = [piece for piece in of_role(made.pieces(np.zeros((1, 2)), {}), "body") if piece.points.shape[1] == 4]
     assert bodies[0].points[..., 0].max() < bodies[1].points[..., 0].min()
+    assert [name for name, *_ in made.names] == ["floor1", "floor2"]
 
 
 def test_equal_pendula_on_one_point_are_set_apart() -> None:
@@ -117,10 +150,23 @@ def test_equal_pendula_on_one_point_are_set_apart() -> None:
     structure = structure_of(load("two-swings"))
     assert len({structure.pivots[p] for p in made.pendula.tolist()}) == 2
     x = made.pivots(np.zeros((1, 2)))[0, :, 0]
-    assert np.diff(np.sort(x)).min() > 0.04
+    assert np.diff(np.sort(x)).min() > 0.03
+    assert len(x) == 30
 
 
 # ------------------------------------------------------------------------------------------------ whole pictures
+
+
+@pytest.mark.parametrize("name", ["tower", "two-swings", "beam"])
+def test_panels_hold_all_that_moves(name: str) -> None:
+    """No bob at the end of its swing is cut off."""
+    with theme("light"):
+        figure = shapes_figure(modes(name))
+    for axis in figure.axes:
+        (left, right), (bottom, top) = axis.get_xlim(), axis.get_ylim()
+        points = np.concatenate([line.get_xydata() for line in axis.lines])
+        assert left < points[:, 0].min() < points[:, 0].max() < right
+        assert bottom < points[:, 1].min() < points[:, 1].max() < top
 
 
 @pytest.mark.parametrize("name", ["beam", "ship-crane"])

@@ -13,7 +13,7 @@ from control_scenes import DRIVES, SCENES, at, crane, hanging, mixed, of_control
 
 from modal import Bob, ComputationError, Pendulum, Scene, load, natural_modes
 from modal.modes import all_shapes
-from modal.plotting import draw_bode, draw_impulse
+from modal.plotting import bode_figure, impulse_figure, save
 from modal.statespace import ModalForm, StateSpace, frequency_response, impulse_response, state_space, to_modal_form
 from modal.statespace.response import response_table, terms
 from multipendula.cli import main
@@ -114,13 +114,13 @@ def test_a_critically_damped_mode_is_refused_or_close() -> None:
 @pytest.mark.parametrize("scene", [crane(), hanging(), mixed(joint=0.3)])
 def test_pictures_are_drawn(scene: Scene) -> None:
     form = form_of(scene)
-    for draw in (draw_bode, draw_impulse):
+    for draw in (bode_figure, impulse_figure):
         stream = io.BytesIO()
-        draw(form, stream, outputs=[0, 1])
+        save(draw(form, outputs=[0, 1]), stream, "png")
         assert stream.getvalue().startswith(b"\x89PNG")
         assert len(stream.getvalue()) > 20_000
     with pytest.raises(ComputationError, match="do not fit"):
-        draw_bode(form, io.BytesIO(), outputs=[0] * 19)
+        bode_figure(form, outputs=[0] * 19)
 
 
 @pytest.mark.parametrize("to", ["csv", "json"])

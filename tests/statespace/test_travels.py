@@ -101,7 +101,8 @@ def test_the_picture_marks_the_residual_swing_of_both(hoisted: ShapedTravel, nam
     with theme(name):
         figure = travel_figure(hoisted)
     assert flaws(figure) == []
-    command, *swings = figure.axes
+    command, rope, *swings = figure.axes
+    assert rope.get_ylabel() == "length (m)"
     assert command.get_ylabel() == "position (m)"
     for row, axis in enumerate(swings):
         bounds = [line for line in axis.lines if line.get_linestyle() == MARKED and len(set(line.get_ydata())) == 1]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import cache
-from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +14,7 @@ from modal.scene import Scene
 from modal.scene.parameters import parse_variations
 from nonlinear.chaos import lyapunov_exponent, regular_exponent
 from nonlinear.ensembles import starts_at
-from nonlinear.plotting import draw_sweep
+from nonlinear.plotting import sweep_figure
 from nonlinear.sweeps import Study, Sweep, chaos_by_energy, parse_measures, save, sweep, sweep_text
 from nonlinear.sweeps import load as loaded
 from nonlinear.system import State
@@ -143,4 +142,4 @@ def test_the_picture_shows_the_band_and_the_share() -> None:
         "median",
         "limit of regular motion",
     ]
-    draw_sweep(swept(), BytesIO(), "svg")
+    sweep_figure(swept())

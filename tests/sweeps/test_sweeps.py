@@ -25,6 +25,7 @@ from modal import Bob, Cart, ComputationError, Fixed, Pendulum, Scene, SceneErro
 from modal.errors import MissingExtraError
 from modal.extend import registered, registration
 from modal.extend.measures import taken_by
+from modal.plotting import save
 from modal.scene import InitialCondition
 from modal.scene.parameters import (
     VARIED_VALUES_MAX,
@@ -37,7 +38,6 @@ from modal.scene.parameters import (
 )
 from nonlinear.ensembles import WorkerPool
 from nonlinear.ensembles.cluster import cluster
-from nonlinear.plotting import draw_sweep
 from nonlinear.plotting.sweeps import label, sweep_figure
 from nonlinear.simulation import simulate
 from nonlinear.sweeps import Study, Sweep, open_checkpoint, parse_measures, sweep
@@ -592,14 +592,14 @@ def test_curves_and_maps_are_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
     whole, failing, _ = both_ways()
     for swept in (whole, failing):
         stream = io.BytesIO()
-        draw_sweep(swept, stream)
+        save(sweep_figure(swept), stream, "png")
         assert stream.getvalue().startswith(b"\x89PNG")
     assert (label("omega_2b_rad_per_s"), label("beat_1_s")) == ("ω$_{2b}$ (rad/s)", "beat 1 (s)")
     nothing = Sweep(whole.study, ())
     cube = Sweep(study("support.mass=1,2", "gravity=1,2", "support.damping=1,2"), failing.rows)
     for bad, words in [(nothing, "nothing to draw"), (cube, "one or two parameters")]:
         with pytest.raises(ComputationError, match=words):
-            draw_sweep(bad, io.BytesIO())
+            save(sweep_figure(bad), io.BytesIO(), "png")
 
 
 def test_every_column_of_maps_has_its_axis_and_whole_numbers_have_ticks_of_their_own() -> None:

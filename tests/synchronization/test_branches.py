@@ -18,10 +18,11 @@ import modal
 from modal import Bob, Body, Cart, Pendulum, Scene
 from modal.assembly import matrices
 from modal.errors import ComputationError, SceneError
+from modal.plotting import save
 from modal.scene import Escapement, VanDerPol
 from modal.scene.parameters import parse_variations, vary
 from nonlinear.averaging import RelativeEquilibrium, relative_equilibrium
-from nonlinear.plotting import branches_figure, draw_branches
+from nonlinear.plotting import branches_figure
 from nonlinear.simulation import simulate
 from nonlinear.synchronization import (
     Branches,
@@ -365,8 +366,8 @@ def test_what_is_drawn_is_what_was_found() -> None:
     branches = example()
     figure = branches_figure(branches)
     figure.canvas.draw()
-    upper, lower = figure.axes
-    assert (upper.get_ylabel(), lower.get_xlabel(), lower.get_xscale()) == (
+    upper, lower, rates = figure.axes
+    assert (upper.get_ylabel(), rates.get_xlabel(), lower.get_xscale()) == (
         "largest angle (°)",
         "damping of the cart (N s/m)",
         "log",
@@ -378,7 +379,7 @@ def test_what_is_drawn_is_what_was_found() -> None:
     rings = np.concatenate([line.get_xdata() for line in lower.lines if line.get_marker() == "o"])
     assert sorted(rings) == [change.value for change, _ in branches.changes]
     stream = BytesIO()
-    draw_branches(branches, stream, "svg")
+    save(branches_figure(branches), stream, "svg")
     assert b"<svg" in stream.getvalue()
     with pytest.raises(ComputationError, match="0 configurations"):
         branches_figure(Branches(branches.scene, branches.variation, ()))

@@ -21,12 +21,12 @@ from modal import Bob, Cart, Fixed, Pendulum, Scene
 from modal.assembly import rig_of
 from modal.coupling.reduced import fixed_base_modes
 from modal.errors import ComputationError
-from modal.plotting import HUES
+from modal.plotting import HUES, save
 from modal.scene import InitialCondition, VanDerPol
 from nonlinear.dynamics import Mechanics
 from nonlinear.ensembles.measures import ending_times
 from nonlinear.integration import SolverInfo, Trajectory
-from nonlinear.plotting import draw_sync, sync_figure
+from nonlinear.plotting import sync_figure
 from nonlinear.postprocessing import last, smooth
 from nonlinear.reduction import modal_motion, start_in_mode
 from nonlinear.simulation import simulate
@@ -472,7 +472,7 @@ def test_many_rows_are_drawn_as_one_and_pictures_are_written() -> None:
         whole[np.isnan(whole)] = line.get_ydata()[np.isnan(whole)]
     assert sum(curves.values()) == pytest.approx(1.0)
     stream = BytesIO()
-    draw_sync(run, phases_of(run), stream, "svg")
+    save(sync_figure(run, phases_of(run)), stream, "svg")
     assert b"<svg" in stream.getvalue()
     with pytest.raises(ComputationError, match="single sample"):
         sync_figure(run.at(slice(0, 1)), phases_of(run.at(slice(0, 1))))

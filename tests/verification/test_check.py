@@ -13,8 +13,9 @@ import pytest
 from scipy.special import ellipk
 
 from modal import Bob, Body, Cart, ComputationError, Pendulum, Rod, Scene, load, matrices, natural_modes
+from modal.plotting import save
 from modal.report import digits
-from nonlinear.plotting import draw_check, draw_spectrum
+from nonlinear.plotting import check_figure, spectrum_figure
 from nonlinear.reduction import modal_motion, rest_angles, start_in_mode
 from nonlinear.simulation import simulate
 from nonlinear.system import Motion, state_at_rest
@@ -215,16 +216,16 @@ def test_a_general_motion_has_the_lines_of_the_table() -> None:
     assert len(json.loads(comparison_table(comparison, "json"))["coordinates"]) == 5
     assert comparison_table(comparison, "csv").startswith("mode,copy")
     stream = io.BytesIO()
-    draw_spectrum(comparison, stream)
+    save(spectrum_figure(comparison), stream, "png")
     assert stream.getvalue().startswith(b"\x89PNG")
 
 
 def test_the_picture_of_a_check(paper: Check) -> None:
     stream = io.BytesIO()
-    draw_check(paper, stream, "svg")
+    save(check_figure(paper), stream, "svg")
     assert b"<svg" in stream.getvalue()
     with pytest.raises(ComputationError, match="nothing"):
-        draw_check(replace(paper, rows=()), stream)
+        save(check_figure(replace(paper, rows=())), stream, "png")
 
 
 STEEP = Scene(
