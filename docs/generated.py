@@ -16,7 +16,7 @@ A page holds a comment where a part belongs; what stands there is Markdown:
     <!-- combinations -->                       what a scene has by what takes it
     <!-- gallery -->                            every figure of docs/pictures.toml
     <!-- play -->                               sketches of all shipped scenes, linked to their live pages
-    <!-- live: paper-cart-3 #swing -->           the live page of one, swinging
+    <!-- live: paper-cart-3 -->                the live page of one
 
 Pictures that have a dark twin, NAME-dark.png beside NAME.png, are followed by it.
 """
@@ -428,16 +428,13 @@ def _figure(name: str, picture: dict[str, str]) -> str:
 # ------------------------------------------------------------------------------------------------ live pages
 
 
-def live(name: str, word: str = "") -> str:
-    """The live page of a shipped scene in a frame, which is loaded when it comes into view, and a link to it.
-
-    With the word `#swing` it swings from the beginning.
-    """
+def live(name: str) -> str:
+    """The live page of a shipped scene in a frame, which is loaded when it comes into view, and a link to it."""
     from playing import pages
 
     about = f'title="Live page: {html(pages()[name][0].title)}" loading="lazy" allow="fullscreen; clipboard-write"'
     link = f'<p><a href="play/{name}.html">Open the live page by itself</a></p>'
-    return f'<iframe src="play/{name}.html{word}" {about}></iframe>\n{link}'
+    return f'<iframe src="play/{name}.html" {about}></iframe>\n{link}'
 
 
 def play() -> str:

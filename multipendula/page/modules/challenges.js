@@ -59,9 +59,9 @@ export class Challenges {
 
   // The words of a task that has just been solved.
   solved() {
-    const task = this.tasks.find(({ line, isDone, memory }) => !line.classList.contains("done") && isDone(this.player, memory));
+    const task = this.tasks.find(({ line, isDone, memory }) => line.className !== "done" && isDone(this.player, memory));
     if (!task) return "";
-    task.line.classList.add("done");
+    task.line.className = "done";
     return `Solved: ${task.words}`;
   }
 }

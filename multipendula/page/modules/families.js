@@ -26,7 +26,9 @@ export function beatsOf(system, rows) {
     const next = rows[i + 1];
     if (!next || [row, next].some((each) => mannerOf(each) !== "swings") || next.turn === row.turn) return NaN;
     const within = families.some((levels) => passes(levels.get(i), levels.get(i + 1), row, next));
-    return within || isPair(own, squares, i) ? (2 * Math.PI) / Math.abs(next.turn - row.turn) : NaN;
+    const pair = pairAt(own, squares, i).map(({ shares }) => [shares[i], shares[i + 1]]);
+    const [here, there] = [0, 1].map((k) => pair.map((shares) => shares[k]));
+    return within || (pair.length && passes(here, there, row, next, HALF)) ? (2 * Math.PI) / Math.abs(next.turn - row.turn) : NaN;
   });
 }
 
@@ -101,7 +103,7 @@ function strengthsOf(members, squares, x, still = -1) {
 }
 
 // Whether two rows with these shares of the members pass energy of one to the others, and have it back.
-function passes(here, there, row, next) {
+function passes(here, there, row, next, least = LEAST) {
   if (!here || !there) return false;
   const most = Math.max(...here.map((share, j) => 4 * share * there[j]));
   const gap = Math.abs(next.turn - row.turn);
@@ -110,15 +112,15 @@ function passes(here, there, row, next) {
     const [p, q] = [row, next].map(({ rate }) => Math.exp(rate * time));
     return (most * (p * p + q * q - 2 * p * q * Math.cos(gap * time))) / 4;
   });
-  return most > LEAST && gap > Math.abs(next.rate - row.rate) && Math.max(...passed) > LEAST;
+  return most > least && gap > Math.abs(next.rate - row.rate) && Math.max(...passed) > least;
 }
 
-// Whether two own modes of different frequency are in this row and the next alone, and exchange more than half.
-function isPair(own, squares, i) {
-  const pair = own.filter(({ shares }) => 4 * shares[i] * shares[i + 1] >= HALF && shares[i] + shares[i + 1] > ALONE);
-  if (pair.length !== 2 || pair[0].chain === pair[1].chain || Math.abs(pair[1].square - pair[0].square) <= SAME * pair[1].square) return false;
+// The two own modes of different frequency that are in this row and the next alone; none where there are others.
+function pairAt(own, squares, i) {
+  const pair = own.filter(({ shares }) => 4 * shares[i] * shares[i + 1] > HALF && shares[i] + shares[i + 1] > ALONE);
+  if (pair.length !== 2 || pair[0].chain === pair[1].chain || Math.abs(pair[1].square - pair[0].square) <= SAME * pair[1].square) return [];
   const x = Math.sqrt(pair[0].square * pair[1].square);
   const [low, high] = strengthsOf(pair, squares, x);
   const gap = Math.sqrt(squares[i + 1]) - Math.sqrt(squares[i]);
-  return Math.abs((Math.sqrt(x) * (high - low)) / 2 - gap) <= STEADY * gap;
+  return Math.abs((Math.sqrt(x) * (high - low)) / 2 - gap) <= STEADY * gap ? pair : [];
 }

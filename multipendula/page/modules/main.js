@@ -1,9 +1,7 @@
 // The page: its parts joined, and a frame after the other.
 
-import { isStructure } from "./carriers.js";
 import { Challenges } from "./challenges.js";
 import { Controls } from "./controls.js";
-import { isRecorded } from "./courses.js";
 import { energiesOf } from "./equations.js";
 import { mannerOf } from "./shapes.js";
 import { degrees, digits, scientific } from "./numbers.js";
@@ -13,7 +11,6 @@ import { Recording } from "./recording.js";
 import { packed, sceneFile, unpacked } from "./scene_file.js";
 import { Sound } from "./sound.js";
 import { Stage } from "./stage.js";
-import { isWhole } from "./switched.js";
 import { ModeTable } from "./table.js";
 
 const SPAN = 12; // s of the strip
@@ -36,10 +33,9 @@ function begin() {
   if (!held && !player.recording && !matchMedia("(prefers-reduced-motion: reduce)").matches) player.begin();
 }
 
-// What the link holds, null where it is no scene or one that cannot be computed; on the page of a structure a scene that
-// differs from the page's own in numbers alone.
+// What the link holds, null where it is not this page's scene with other numbers, or one that cannot be computed.
 function linked(word, own) {
-  const held = unpacked(word, isStructure() || isWhole() || isRecorded() ? own : null);
+  const held = unpacked(word, own);
   try {
     const player = held && new Player(held.scene, null);
     if (player) restore(player, held);
