@@ -25,8 +25,8 @@ MOST_LINKS = 60
 """Limit: links of a scene: "the live page cannot show more than 60"."""
 PAGE_COORDINATES_MAX = 40
 """Limit: coordinates of a structure with its links, whose equations stand in the page: "cannot show more than 40"."""
-RECORDING_NUMBERS = 25_500
-"""Format: numbers of a recording: 136 kB as 32-bit floats in base64."""
+RECORDING_NUMBERS = 26_000
+"""Format: numbers of a recording: 139 kB as 32-bit floats in base64."""
 
 
 def scene_data(scene: Scene) -> dict[str, Any]:
