@@ -5,7 +5,7 @@ A page holds a comment where a part belongs; what stands there is Markdown:
     <!-- commands: table shapes -->             help of commands, from the parser
     <!-- groups -->                             the pages of commands, with what each command does
     <!-- names: modal load Scene -->            names of a package, from their docstrings
-    <!-- namespace -->                          the functions that are commands
+    <!-- namespace: 1 3 -->                     the first third of the functions that are commands
     <!-- modules: modal.loci modal.gains -->    whole modules
     <!-- shipped -->                            the scenes that come with the package
     <!-- formats -->                            what a model can be written as
@@ -156,9 +156,11 @@ def names(package: str, *wanted: str) -> str:
     return "\n\n".join(_documented(_directive(getattr(home, name)), f"{package}.{name}") for name in wanted)
 
 
-def namespace() -> str:
-    """The functions that are commands, each with its arguments."""
-    return names("multipendula", *(name for name in parsers() if name in dir(multipendula)))
+def namespace(part: str, parts: str) -> str:
+    """One of several parts of the functions that are commands, in the order of `--help`, each with its arguments."""
+    every = [name for name in parsers() if name in dir(multipendula)]
+    size = -(-len(every) // int(parts))
+    return names("multipendula", *every[(int(part) - 1) * size : int(part) * size])
 
 
 def _directive(thing: object) -> str:
