@@ -5,7 +5,7 @@ A page holds a comment where a part belongs; what stands there is Markdown:
     <!-- commands: table shapes -->             help of commands, from the parser
     <!-- groups -->                             the pages of commands, with what each command does
     <!-- names: modal load Scene -->            names of a package, from their docstrings
-    <!-- namespace -->                          the functions that are commands
+    <!-- namespace: 1 3 -->                     the first third of the functions that are commands
     <!-- modules: modal.loci modal.gains -->    whole modules
     <!-- shipped -->                            the scenes that come with the package
     <!-- formats -->                            what a model can be written as
@@ -16,7 +16,7 @@ A page holds a comment where a part belongs; what stands there is Markdown:
     <!-- combinations -->                       what a scene has by what takes it
     <!-- gallery -->                            every figure of docs/pictures.toml
     <!-- play -->                               sketches of all shipped scenes, linked to their live pages
-    <!-- live: paper-cart-3 #swing -->           the live page of one, swinging
+    <!-- live: paper-cart-3 -->                the live page of one
 
 Pictures that have a dark twin, NAME-dark.png beside NAME.png, are followed by it.
 """
@@ -156,9 +156,11 @@ def names(package: str, *wanted: str) -> str:
     return "\n\n".join(_documented(_directive(getattr(home, name)), f"{package}.{name}") for name in wanted)
 
 
-def namespace() -> str:
-    """The functions that are commands, each with its arguments."""
-    return names("multipendula", *(name for name in parsers() if name in dir(multipendula)))
+def namespace(part: str, parts: str) -> str:
+    """One of several parts of the functions that are commands, in the order of `--help`, each with its arguments."""
+    every = [name for name in parsers() if name in dir(multipendula)]
+    size = -(-len(every) // int(parts))
+    return names("multipendula", *every[(int(part) - 1) * size : int(part) * size])
 
 
 def _directive(thing: object) -> str:
@@ -428,16 +430,13 @@ def _figure(name: str, picture: dict[str, str]) -> str:
 # ------------------------------------------------------------------------------------------------ live pages
 
 
-def live(name: str, word: str = "") -> str:
-    """The live page of a shipped scene in a frame, which is loaded when it comes into view, and a link to it.
-
-    With the word `#swing` it swings from the beginning.
-    """
+def live(name: str) -> str:
+    """The live page of a shipped scene in a frame, which is loaded when it comes into view, and a link to it."""
     from playing import pages
 
     about = f'title="Live page: {html(pages()[name][0].title)}" loading="lazy" allow="fullscreen; clipboard-write"'
     link = f'<p><a href="play/{name}.html">Open the live page by itself</a></p>'
-    return f'<iframe src="play/{name}.html{word}" {about}></iframe>\n{link}'
+    return f'<iframe src="play/{name}.html" {about}></iframe>\n{link}'
 
 
 def play() -> str:

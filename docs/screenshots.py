@@ -31,8 +31,6 @@ SETTLED = "new Promise((done) => setTimeout(done, 1000))"
 def swinging(browser: Chromium, page: Path) -> None:
     """A page some five seconds after its start."""
     browser.open(page)
-    browser.frames(2)
-    browser.click("play")
     browser.frames(FRAMES)
 
 

@@ -98,7 +98,7 @@ class DynamicMass(Displayed):
     def __call__(self, omega: ArrayLike, left_out: Booleans | None = None) -> Floats:
         """m_dyn (W,) in kg at ω (W,) in rad/s, infinite on a pole; without the poles marked in `left_out` (W, C)."""
         at = np.atleast_1d(np.asarray(omega, dtype=np.float64))
-        mass, size = np.empty(len(at)), max(1, NUMBERS_IN_CHUNK // len(self.omega))
+        mass, size = np.empty(len(at)), max(1, NUMBERS_IN_CHUNK // max(1, len(self.omega)))
         with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
             for start in range(0, len(at), size):
                 part = slice(start, start + size)

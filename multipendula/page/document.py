@@ -1,6 +1,7 @@
 """The page as one file: markup, style and modules in one document, which may load and send nothing.
 
-The modules are joined in the order of `MODULES`, each below those that it imports, in one script.  `system.js` becomes
+The modules are joined in the order of `MODULES`, each below those that it imports, in one script without
+their remarks.  `system.js` becomes
 a function whose result `$system` holds what the module exports; its names are its own, as in a module by itself.  The
 policy of the document admits this script and this style by their digests and nothing else; data are inert text.
 """
@@ -30,7 +31,7 @@ MODAL = (
 )
 PHYSICS = (*MODAL, "equations", "kicks", "motion", "scene_file", "recording")
 """The modules that touch no document; `steps`, `structure`, `tableau`, `whole` and `prescribed` are written."""
-MODULES = (*PHYSICS, "numbers", "view", "picture", "sound", "player", "stage", "table", "controls", "main")
+MODULES = (*PHYSICS, "numbers", "view", "picture", "sound", "player", "stage", "table", "controls", "challenges", "main")
 LARGEST = 350_000
 """Limit: bytes of a page, which mail and forums take as an attachment."""
 LARGEST_OF_STRUCTURES = 800_000
@@ -42,6 +43,7 @@ ICON = (
 )
 """A double pendulum."""
 IMPORT = re.compile(r"^import (\{[^}]*\}) from \"\./(\w+)\.js\";$", re.MULTILINE)
+REMARK = re.compile(r"^ *//.*\n", re.MULTILINE)
 EXPORT = re.compile(r"^export (?=(?:const|function|class) (\w+))", re.MULTILINE)
 
 
@@ -103,7 +105,7 @@ def tableau() -> str:
 
 def _scoped(name: str, text: str) -> str:
     exported = ", ".join(EXPORT.findall(text))
-    body = EXPORT.sub("", IMPORT.sub(r"const \1 = $\2;", text))
+    body = EXPORT.sub("", IMPORT.sub(r"const \1 = $\2;", REMARK.sub("", text)))
     return f"const ${name} = (() => {{\n{body}\nreturn {{ {exported} }};\n}})();\n"
 
 

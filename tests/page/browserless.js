@@ -113,7 +113,7 @@ globalThis.document = {
 };
 globalThis.window = { devicePixelRatio: 1 };
 globalThis.location = { hash: given.hash, href: "page.html" };
-globalThis.matchMedia = () => ({ matches: false, addEventListener() {} });
+globalThis.matchMedia = (wish) => ({ matches: wish.includes("motion"), addEventListener() {} });
 globalThis.getComputedStyle = () => ({ getPropertyValue: (name) => name, fontSize: "16px" });
 globalThis.Option = class extends FakeElement {
   constructor(text, value) {

@@ -12,10 +12,11 @@ import pytest
 from amounts import usually
 from chromium import Chromium
 from live import BROWSER, axe, written
+from scipy.optimize import brentq
 
 from modal import Bob, Cart, Pendulum, Scene, natural_modes
-from modal.scene import Moved, SineMotion, load, parse
-from multipendula.page import recording_of
+from modal.scene import Moved, SineMotion, load, parse, scene_from
+from multipendula.page import recording_of, scene_data
 from nonlinear import simulate
 from nonlinear.system import initial_state
 
@@ -28,7 +29,7 @@ WIDTHS = (360, 768, 1280)
 def shown(browser: Chromium, tmp_path: Path) -> Chromium:
     """Two double pendula on a cart, hanging still."""
     browser.errors.clear()
-    browser.size(1280, 900)
+    browser.size(1280, 900, still=True)
     browser.open(written(load("paper-cart-2"), tmp_path))
     return browser
 
@@ -88,6 +89,7 @@ links = [{ kind = "bob", mass = 1, length = 1.5 }]
 def test_a_motion_too_fast_to_follow_does_not_freeze_the_page(browser: Chromium, tmp_path: Path) -> None:
     """A bob of 1e12 kg shakes its cart a million times a second: a frame ends with its milliseconds."""
     browser.errors.clear()
+    browser.size(1280, 900, still=True)
     browser.open(written(parse(LIGHT_CART.encode()), tmp_path))
     browser.run("(() => { let asked = 0; performance.now = () => ++asked; })()")
     enter(browser, "Mass", 1e12)
@@ -111,9 +113,10 @@ def test_a_link_to_a_scene_beyond_double_precision_shows_the_page_s_own(shown: C
 def test_a_drive_that_nothing_can_follow_stops_the_motion(shown: Chromium, tmp_path: Path) -> None:
     scene = {"gravity": 9.81, "support": {"kind": "cart", "mass": 2.0}}
     scene |= {"pendulum": [{"links": [{"kind": "bob", "mass": 1.0, "length": 1.0}]}]}
+    scene = scene_data(scene_from(scene))
     state = {"scene": scene, "drive": {"on": True, "amount": 1e300, "frequency": 1e300}}
     packed = b64encode(json.dumps(state).encode()).decode().rstrip("=")
-    shown.open(written(load("paper-cart-2"), tmp_path), f"#{packed}")
+    shown.open(written(scene_from(scene), tmp_path), f"#{packed}")
     shown.click("play")
     shown.frames(20)
     assert "too fast" in text(shown, "status")
@@ -162,15 +165,15 @@ def test_a_refused_number_is_said_beside_it_and_the_old_one_stays(shown: Chromiu
 def test_on_a_phone_the_scene_stays_in_sight_when_a_mode_is_tapped(
     browser: Chromium, tmp_path: Path, width: int, height: int
 ) -> None:
-    browser.size(width, height)
-    browser.open(written(load("paper-cart-3"), tmp_path))
-    browser.run("document.querySelectorAll('#rows tr')[4].scrollIntoView({ block: 'end' })")
-    browser.run("document.querySelectorAll('#rows tr')[4].click()")
+    browser.size(width, height, still=True)
+    browser.open(written(Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=0.2, count=9)])]), tmp_path))
+    browser.run("document.querySelectorAll('#rows tr')[6].scrollIntoView({ block: 'end' })")
+    browser.run("document.querySelectorAll('#rows tr')[6].click()")
     browser.frames(4)
     box = "(({ top, bottom }) => [top, bottom])(%s.getBoundingClientRect())"
     top, bottom = browser.run(box % "document.getElementById('scene')")
     assert (top, browser.run("scrollY") > 100) == (0, True)
-    row_top, row_bottom = browser.run(box % "document.querySelectorAll('#rows tr')[4]")
+    row_top, row_bottom = browser.run(box % "document.querySelectorAll('#rows tr')[6]")
     assert bottom <= row_top < row_bottom <= height + 1
     assert browser.errors == []
 
@@ -179,7 +182,7 @@ def test_friction_is_shown_and_changed(browser: Chromium, tmp_path: Path) -> Non
     link = Bob(mass=1.0, length=1.0, friction=0.2)
     cart = Cart(mass=2.0, friction=50.0)
     browser.errors.clear()
-    browser.size(1280, 900)
+    browser.size(1280, 900, still=True)
     browser.open(written(Scene(gravity=9.81, support=cart, pendulum=[Pendulum(links=[link])]), tmp_path))
     browser.click("kick")
     browser.frames(6)
@@ -236,7 +239,7 @@ def test_a_mode_that_does_not_swing_is_not_said_to(
     browser: Chromium, tmp_path: Path, scene: Scene, number: int | None, frequency: str, said: str
 ) -> None:
     """Overdamped from d = 2 m l² √(g/l) on: 6.26 N m s for 1 kg at 1 m."""
-    browser.size(1280, 900)
+    browser.size(1280, 900, still=True)
     browser.open(written(scene, tmp_path))
     rows = cells(browser)
     row = next(k for k, texts in enumerate(rows) if texts[1] == frequency) if number is None else number - 1
@@ -256,7 +259,7 @@ def centre(browser: Chromium) -> tuple[float, float]:
 
 
 def test_a_bob_is_pulled_and_let_go(browser: Chromium, tmp_path: Path) -> None:
-    browser.size(1280, 900)
+    browser.size(1280, 900, still=True)
     browser.open(written(load("chain-1"), tmp_path))
     browser.frames(1)
     x, y = centre(browser)
@@ -271,7 +274,7 @@ def test_a_bob_is_pulled_and_let_go(browser: Chromium, tmp_path: Path) -> None:
 
 
 def test_a_finger_pulls_a_bob_and_scrolls_beside_it(browser: Chromium, tmp_path: Path) -> None:
-    browser.size(360, 640)
+    browser.size(360, 640, still=True)
     browser.call("Emulation.setTouchEmulationEnabled", enabled=True)
     browser.open(written(load("chain-1"), tmp_path))
     browser.frames(1)
@@ -292,7 +295,7 @@ def cursor(x: float, y: float) -> str:
 
 @pytest.mark.parametrize(("tool", "key"), [("length", "length"), ("mass", "mass")])
 def test_handles_change_lengths_and_masses(browser: Chromium, tmp_path: Path, tool: str, key: str) -> None:
-    browser.size(1280, 900)
+    browser.size(1280, 900, still=True)
     browser.open(written(load("chain-1"), tmp_path))
     browser.frames(1)
     x, y = centre(browser)
@@ -339,14 +342,90 @@ def test_a_link_holds_the_state(shown: Chromium, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("still", [False, True], ids=["moving", "still"])
-def test_a_link_can_ask_for_motion(shown: Chromium, tmp_path: Path, still: bool) -> None:
+def test_it_starts_slowly_from_the_scene_s_start_unless_less_motion_is_asked_for(
+    shown: Chromium, tmp_path: Path, still: bool
+) -> None:
     shown.size(800, 800, still=still)
-    shown.open(tmp_path / "page.html", "#swing")
-    shown.frames(10)
+    shown.open(tmp_path / "page.html")
+    shown.frames(30)
     assert text(shown, "play") == ("Play" if still else "Pause")
     assert (text(shown, "time") == "0.00 s") == still
-    assert "holds no scene" not in text(shown, "status")
-    shown.size(800, 800)
+    if not still:  # half a second: an eighth of it at the beginning
+        assert 0.03 < float(text(shown, "time").split()[0]) < 0.1
+        start = np.degrees(initial_state(parse(file_of(shown).encode())).links)
+        assert np.abs(start - load("paper-cart-2").pendulum[0].start.angles_deg[0]).min() < 5
+
+
+SLIDING = """[...document.querySelectorAll('button, select, input')].filter((one) => one.offsetParent)
+  .filter((one) => !one.closest('.scroll') && one.getBoundingClientRect().bottom > innerHeight).map((one) => one.outerHTML)"""
+
+
+@pytest.mark.parametrize("name", ["paper-cart-2", "beam", "tower", "two-bobs", "huygens"])
+def test_all_controls_are_in_sight_on_a_laptop(browser: Chromium, tmp_path: Path, name: str) -> None:
+    browser.size(1280, 800, still=True)
+    browser.open(written(load(name), tmp_path))
+    browser.frames(2)
+    assert browser.run(SLIDING) == []
+    assert browser.run("document.documentElement.scrollWidth") == 1280
+    browser.size(1280, 500, still=True)
+    assert browser.run(SLIDING) != []
+
+
+def tasks(browser: Chromium) -> list[bool]:
+    """Which challenges are solved."""
+    return list(browser.run("[...document.querySelectorAll('#tasks li')].map((one) => one.className === 'done')"))
+
+
+def test_three_challenges_check_themselves(shown: Chromium) -> None:
+    """ω_in² = ω²/(1 − μ/m): a cart of a sixth of the mass and of 4.1 kg has a beat of 30 s in its slow modes."""
+    shown.frames(8)
+    assert tasks(shown) == [False, False, False]
+    scene = load("paper-cart-2")
+
+    def beat(mass: float) -> float:
+        omega = natural_modes(scene.replace(support=scene.support.replace(mass=mass))).omega
+        return float(2 * np.pi / (omega[2] - omega[1]))
+
+    mass = float(brentq(lambda mass: beat(mass) - 30, 1.0, 100.0))
+    enter(shown, "Cart mass", mass)
+    shown.frames(4)
+    assert tasks(shown) == [True, False, False]
+    enter(shown, "Mode amplitude", 20.0)
+    shown.run("document.querySelectorAll('#rows tr')[2].click()")  # the cart moves
+    shown.frames(400)
+    assert tasks(shown) == [True, False, False]
+    shown.run("document.querySelectorAll('#rows tr')[1].click()")
+    shown.frames(320)
+    assert tasks(shown) == [True, True, False]
+    assert text(shown, "status").startswith("Solved: Swing")
+    shown.click("hang")
+    shown.run("document.querySelectorAll('#rows tr')[2].click()")
+    shown.click("tune")
+    shown.click("hang")
+    enter(shown, "Force", 10.0)
+    shown.click("drive")
+    shown.frames(1500)
+    assert tasks(shown) == [True, True, True]
+    assert shown.errors == []
+
+
+@pytest.mark.parametrize("name", ["chain-1", "cart-upright", "two-bobs"])
+def test_every_scene_has_three_challenges(browser: Chromium, tmp_path: Path, name: str) -> None:
+    browser.size(1280, 900, still=True)
+    browser.open(written(load(name), tmp_path))
+    assert len(tasks(browser)) == 3
+
+
+def test_notes_are_of_what_is_there(browser: Chromium, tmp_path: Path) -> None:
+    browser.size(1280, 900, still=True)
+    seen = []
+    for name in ("paper-cart-2", "beam", "chain-1"):
+        browser.open(written(load(name), tmp_path))
+        browser.frames(1)
+        hidden = browser.run("['note-beat', 'note-angle', 'note-star'].map((id) => document.getElementById(id).hidden)")
+        seen.append((hidden, browser.run("document.querySelectorAll('td.beat')[0].offsetParent === null")))
+        assert browser.run("[...document.querySelectorAll('label')].some((one) => /drag/i.test(one.innerText))") is False
+    assert seen == [([False, False, False], False), ([True, False, True], True), ([True, False, True], True)]
 
 
 def test_full_screen_keeps_the_table(shown: Chromium) -> None:
@@ -384,9 +463,9 @@ def test_a_hostile_title_is_shown_and_not_run(browser: Chromium, tmp_path: Path)
 
 
 def test_energy_and_the_linear_prediction_stand_beside_the_motion(browser: Chromium, tmp_path: Path) -> None:
+    browser.size(1280, 900)
     browser.open(written(load("paper-cart-3"), tmp_path))
-    browser.click("play")
-    browser.frames(50)
+    browser.frames(80)
     assert "10⁻" in text(browser, "drift")
     assert float(text(browser, "apart").rstrip("°")) > 1
     assert text(browser, "time") != "0.00 s"
@@ -413,14 +492,17 @@ def test_dampers_and_drives(shown: Chromium) -> None:
 def test_sliders_of_drag_and_of_a_moved_support(shown: Chromium, tmp_path: Path) -> None:
     assert text(shown, "head-f") == "f (Hz)"
     assert float(cells(shown)[1][5]) == 0
+    scene = load("paper-cart-2")
+    links = [link.replace(drag=0.01, quadratic_drag=0.1) for link in scene.pendulum[0].links]
+    shown.open(written(scene.replace(pendulum=[scene.pendulum[0].replace(links=links)]), tmp_path))
     enter(shown, "Drag", 0.3)
     enter(shown, "Quadratic drag", 0.2)
     link = parse(file_of(shown).encode()).pendulum[0].links[0]
     assert (link.drag, link.quadratic_drag) == (0.3, 0.2)
     assert float(cells(shown)[1][5]) > 0.001
+    damped = float(cells(shown)[2][5])
     enter(shown, "Drag", 0.0)
-    enter(shown, "Quadratic drag", 0.0)
-    assert float(cells(shown)[1][5]) == 0
+    assert float(cells(shown)[2][5]) < damped
     motion = SineMotion(amplitude=0.1, frequency_hz=1.0, direction="vertical")
     shown.open(written(load("chain-2").replace(support=Moved(motion=motion)), tmp_path))
     enter(shown, "Support amplitude", 0.2)

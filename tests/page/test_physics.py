@@ -379,8 +379,9 @@ def test_a_link_is_checked_before_it_is_believed(browser: Chromium) -> None:
         None,
         [],
     ]
-    question = "(all) => all.map((one) => $scene_file.unpacked($scene_file.packed(one)))"
-    assert asked(browser, question, wrong) == [None] * len(wrong)
-    right = {"scene": scene | {"title": "Ω <b>"}, "y": [0, 1, 2, 0, 0, 0], "selected": 1}
-    assert asked(browser, question, [right]) == [right]
-    assert asked(browser, "(all) => all.map($scene_file.unpacked)", ["", "%%%", "e30", "bnVsbA"]) == [None] * 4
+    question = "([own, all]) => all.map((one) => $scene_file.unpacked($scene_file.packed(one), own))"
+    assert asked(browser, question, [scene, wrong]) == [None] * len(wrong)
+    scene = scene | {"title": "Ω <b>"}
+    right = {"scene": scene | {"gravity": 1.62}, "y": [0, 1, 2, 0, 0, 0], "selected": 1}
+    assert asked(browser, question, [scene, [right]]) == [right]
+    assert asked(browser, "([own, all]) => all.map((one) => $scene_file.unpacked(one, own))", [scene, ["", "%%%", "e30", "bnVsbA"]]) == [None] * 4

@@ -126,8 +126,7 @@ const small = %(small)s && (() => {
   return [[...motion.y], [...motion.predicted]];
 })();
 const { packed, unpacked, sceneFile } = $scene_file;
-const own = $switched.isWhole() || $courses.isRecorded() || $carriers.isStructure() ? whole : null;
-const linked = (scene) => unpacked(packed({ scene }), own) !== null;
+const linked = (scene) => unpacked(packed({ scene }), whole) !== null;
 const [first, once] = [$system.systemOf(whole), run(whole)];
 return {
   run: once,

@@ -111,19 +111,15 @@ export class Controls {
       return player.scene.pendulum[entry].links[index];
     };
     const ofLink = (key) => ({ read: () => link()[key], write: (value) => player.changeLink(player.selected, key, value), range: decade });
-    const ofAir = (key, most) => ({ ...ofLink(key), linear: true, read: () => link()[key] ?? 0, range: (value) => [0, Math.max(most(link()), 2 * value)] });
+    const ofAir = (key) => ({ ...ofLink(key), linear: true, read: () => link()[key] ?? 0, range: (value) => [0, 2 * value || 1] });
     this.ofLink = [
       new Slider(boxes.link, { label: "Mass", unit: "kg", ...ofLink("mass") }),
       new Slider(boxes.link, { label: "Length", unit: "m", ...ofLink("length") }),
     ];
-    // The text of a structure has the drag of links that have some.
-    const dragged = player.system.links.some(({ drag, quadratic }) => drag || quadratic);
-    if (dragged ? !player.system.structure : !player.system.support && !player.system.structure) {
-      this.ofLink.push(
-        new Slider(boxes.link, { label: "Drag", unit: "N s/m", ...ofAir("drag", ({ mass, length }) => mass * Math.sqrt(player.scene.gravity / length)) }),
-        new Slider(boxes.link, { label: "Quadratic drag", unit: "N s²/m²", ...ofAir("quadratic_drag", ({ mass, length }) => mass / length) }),
-      );
-    }
+    const { links, structure } = player.system;
+    const hasAir = (key) => !structure && links.some(({ [key]: value }) => value);
+    if (hasAir("drag")) this.ofLink.push(new Slider(boxes.link, { label: "Drag", unit: "N s/m", ...ofAir("drag") }));
+    if (hasAir("quadratic")) this.ofLink.push(new Slider(boxes.link, { label: "Quadratic drag", unit: "N s²/m²", ...ofAir("quadratic_drag") }));
     this.others = [
       new Slider(boxes.scene, {
         label: "Gravity",

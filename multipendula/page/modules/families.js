@@ -1,107 +1,126 @@
-// Which neighbours of the table beat with each other: modes of one family, as `modal.coupling` has families.
+// Which neighbours of the table beat with each other: the rule of `modal.coupling`, from the modes of the whole scene.
 //
-// A pendulum's own modes are those with all else at rest; those of one frequency are a family.  Its combinations that move
-// nothing else stay at that frequency; every other mode belongs to the family, or to the mode of what carries the pendula,
-// that has the largest share of its potential energy.  Of the energy of an own mode s a row has the share
-// (f'M s)^2/(f'M f s'M s), over its shapes f; two rows of other families beat, too, where they pass half of it on and
-// back, 4 p q.
+// An own mode s of a pendulum swings at w with all else at rest; those of one frequency are a family.  Their amplitude in
+// a mode f is p = s'Mf/sqrt(f'Mf s'Ms), M that of the pendulum alone.  What all else does shifts w^2 by the parts e' that
+// are the eigenvalues of the inverse of the sum of w^2 p p'/(w_f^2 - w^2) over the modes that move something else; the
+// coupling strength e counts only what does not belong to the family, e = e'/(1 - e') where something carries it.  Where
+// every e is below one half, and every splitting near e w/2, energy passes from one pendulum of the family to the others
+// and back.  Own modes of different pendula beat where they exchange more than half of it.
 
-import { dot, eigen, formsIn, matricesBy } from "./matrices.js";
+import { dot, eigen, formsIn, jacobi, matricesBy, zeros } from "./matrices.js";
 import { mannerOf } from "./shapes.js";
+import { sum } from "./system.js";
 
-const [SAME, WHOLE, HALF] = [1e-9, 1e-6, 0.5];
+const [SAME, WHOLE] = [1e-9, 1e-6];
+const [STRONG, NEAR, LEAST, HALF, ALONE, STEADY] = [0.5, 0.2, 0.01, 0.5, 0.95, 0.05]; // as in `modal.coupling.families`
+const INSTANTS = Array.from({ length: 101 }, (_, i) => i / 100);
 
 // The beat (s) of every row with the next, NaN where there is none.
 export function beatsOf(system, rows) {
-  const swings = rows.map((row) => mannerOf(row) === "swings");
-  const neighbours = rows.map((row, i) => swings[i] && swings[i + 1] && rows[i + 1].turn !== row.turn);
   const stands = system.links.some(({ s }) => s < 0);
-  if (stands || !(system.cart || system.structure) || !neighbours.some(Boolean)) return rows.map(() => NaN);
-  const { M, K } = matricesBy(system.size, (x, z) => formsIn(system, x, z));
-  const own = ownModes(system, rows, M, K);
-  const families = familiesOf(own);
-  const family = byEnergy(system, rows, swings, families, M, K);
+  const modes = stands || !(system.cart || system.structure) ? null : undamped(system, rows);
+  if (!modes) return rows.map(() => NaN);
+  const { own, squares } = modes;
+  const families = familiesOf(own).map((members) => levelsOf(system, members, rows, squares));
   return rows.map((row, i) => {
-    if (!neighbours[i]) return NaN;
-    const [here, there] = [families[family[i]], families[family[i + 1]]];
-    const apart = here && there && here !== there && !here.members.some(({ kind }) => there.members.some((other) => other.kind === kind));
-    const passed = () => [...here.members, ...there.members].some(({ shares }) => 4 * shares[i] * shares[i + 1] >= HALF);
-    return here && (here === there || (apart && passed())) ? (2 * Math.PI) / Math.abs(rows[i + 1].turn - row.turn) : NaN;
+    const next = rows[i + 1];
+    if (!next || [row, next].some((each) => mannerOf(each) !== "swings") || next.turn === row.turn) return NaN;
+    const within = families.some((levels) => passes(levels.get(i), levels.get(i + 1), row, next));
+    const pair = pairAt(own, squares, i).map(({ shares }) => [shares[i], shares[i + 1]]);
+    const [here, there] = [0, 1].map((k) => pair.map((shares) => shares[k]));
+    return within || (pair.length && passes(here, there, row, next, HALF)) ? (2 * Math.PI) / Math.abs(next.turn - row.turn) : NaN;
   });
 }
 
-// The own modes of all pendula: their square, what kind of pendulum, their shares in all rows, and those without the
-// motion of what they hang from.
-function ownModes(system, rows, M, K) {
-  const [momenta, forces] = [momentaOf(rows, M), momentaOf(rows, K)];
-  return system.chains.flatMap(({ first, links }) => {
+// The modes without dampers, row by row: the square of each frequency, and of the own modes of all pendula (`square`) the
+// amplitudes in every shape and the shares of every row; null where the dampers have changed the order of the rows.
+function undamped(system, rows) {
+  const { M, K } = matricesBy(system.size, (x, z) => formsIn(system, x, z));
+  const squareOf = (x) => dot(x, timesOf(K, x)) / dot(x, timesOf(M, x));
+  let shapes = rows.map((row) => row.shapes);
+  if (rows.some(({ twists }) => twists)) {
+    const vectors = eigen(M, K).map((x) => ({ x, square: squareOf(x) })).sort((one, other) => one.square - other.square);
+    const swing = (row) => mannerOf(row) === "swings";
+    let at = vectors.length - sum(rows.filter(swing).map(({ multiplicity }) => multiplicity));
+    if (at < 0) return null;
+    shapes = rows.map((row) => (swing(row) ? vectors.slice(at, (at += row.multiplicity)).map(({ x }) => x) : row.shapes));
+  }
+  const sizes = shapes.map((each) => each.map((x) => Math.sqrt(dot(x, timesOf(M, x)))));
+  const own = system.chains.flatMap(({ first, links }) => {
     const [from, to] = [system.lead + first, system.lead + first + links.length];
-    const kind = JSON.stringify(links.map(({ m, l, c, I, rotor, stiffness }) => [m, l, c, I, rotor, stiffness]));
-    const [alone, stored] = [[momenta, M], [forces, K]].map(([every, S]) => every.map((each) => each.map(({ x, Mx }) => partOf(x, Mx, S, from, to))));
-    return within(M, K, from, to).map(({ square, s }) => ({
-      square, kind, shares: sharesOf(momenta, M, from, s), parts: sharesOf(alone, M, from, s), stored: sharesOf(stored, K, from, s),
-    }));
+    const [inertia, stiffness] = [M, K].map((S) => S.slice(from, to).map((line) => line.slice(from, to)));
+    return eigen(inertia, stiffness).map((s) => {
+      const pushed = timesOf(inertia, s);
+      const size = dot(s, pushed);
+      const amplitudes = shapes.map((each, i) => each.map((x, k) => dot(pushed, x.slice(from, to)) / sizes[i][k] / Math.sqrt(size)));
+      return { chain: first, square: dot(s, timesOf(stiffness, s)) / size, amplitudes, shares: amplitudes.map((each) => dot(each, each)) };
+    });
   });
+  return { own, squares: shapes.map(([x]) => squareOf(x)) };
 }
 
-// The momenta of a chain as if all else were at rest.
-function partOf(x, Mx, M, from, to) {
-  const momenta = new Float64Array(x.length);
-  for (let i = from; i < to; i++) for (let j = from; j < to; j++) momenta[i] += M[i][j] * x[j];
-  return { x, Mx: momenta, size: dot(x, Mx) };
-}
+const timesOf = (S, x) => S.map((line) => dot(line, x));
 
-function momentaOf(rows, M) {
-  return rows.map(({ shapes }) => shapes.map((x) => ({ x, Mx: M.map((line) => dot(line, x)) })));
-}
-
-// The modes of some coordinates, all others at rest.
-function within(M, K, from, to) {
-  const [inertia, stiffness] = [M, K].map((S) => S.slice(from, to).map((line) => line.slice(from, to)));
-  return eigen(inertia, stiffness).map((s) => ({ s, square: squareIn(stiffness, s) / squareIn(inertia, s) }));
-}
-
-const squareIn = (S, s) => dot(s, S.map((line) => dot(line, s)));
-
-function sharesOf(momenta, M, from, s) {
-  const inertia = squareIn(M.slice(from, from + s.length).map((line) => line.slice(from, from + s.length)), s);
-  const share = ({ x, Mx, size = dot(x, Mx) }) => dot(s, Mx.slice(from, from + s.length)) ** 2 / (inertia * size);
-  return momenta.map((shapes) => shapes.reduce((total, one) => total + share(one), 0));
-}
-
-// Own modes of one frequency, ascending, and what each row has of them.
+// Own modes of one frequency together, ascending.
 function familiesOf(modes) {
   const families = [];
   for (const mode of modes.toSorted((one, other) => one.square - other.square)) {
     const last = families.at(-1);
-    if (last && mode.square - last.square <= SAME * mode.square) last.members.push(mode);
-    else families.push({ square: mode.square, members: [mode] });
+    if (last && mode.square - last[0].square <= SAME * mode.square) last.push(mode);
+    else families.push([mode]);
   }
-  const sum = ({ members }, name) => members[0][name].map((_, i) => members.reduce((total, mode) => total + mode[name][i], 0));
-  return families.map((one) => ({ ...one, held: sum(one, "parts"), stored: sum(one, "stored") }));
+  return families;
 }
 
-// The family whose combinations a row is, all else at rest; -1 where there is none: what it has of it is a whole number.
-function stillIn(families, row, i) {
-  return families.findIndex(({ held }) => Math.abs(held[i] - row.multiplicity) < WHOLE);
+// The rows of a family, each with its share of every member; none where first order does not hold.
+function levelsOf(system, members, rows, squares) {
+  const [{ square }] = members;
+  const shares = rows.map((_, i) => members.map((member) => member.shares[i]));
+  const still = rows.findIndex(({ multiplicity }, i) => Math.abs(sum(shares[i]) - multiplicity) < WHOLE);
+  const strengths = strengthsOf(members, squares, square, still).map((shift) => (system.lead ? shift / (1 - shift) : shift));
+  const branches = [...rows.keys()].filter((i) => i !== still).toSorted((i, j) => sum(shares[j]) - sum(shares[i])).slice(0, strengths.length);
+  branches.sort((i, j) => i - j);
+  const isNear = (strength, k) => {
+    const splitting = Math.sqrt(squares[branches[k]] / square) - 1;
+    return Math.abs(strength) <= STRONG && Math.abs(strength / 2 - splitting) <= NEAR * Math.abs(splitting);
+  };
+  if (members.length < 2 || !strengths.length || !strengths.every(isNear)) return new Map();
+  const levels = new Map(branches.map((i) => [i, shares[i].map((share) => share / sum(shares[i]))]));
+  if (still >= 0) levels.set(still, members.map((_, j) => 1 - sum(branches.map((i) => levels.get(i)[j]))));
+  return levels;
 }
 
-// Every moving row to what has most of its potential energy, none of one mode of a carrier, and on a cart of one family, twice.
-function byEnergy(system, rows, swings, families, M, K) {
-  const family = rows.map((row, i) => (swings[i] && (system.structure || row.still) ? stillIn(families, row, i) : -1));
-  const moving = [...rows.keys()].filter((i) => swings[i] && family[i] < 0 && (system.structure || !rows[i].still));
-  const carried = system.lead ? within(M, K, 0, system.lead).filter(({ square }) => square > 0).map(({ s }) => sharesOf(momentaOf(rows, K), K, 0, s)) : [];
-  const places = [
-    ...families.map(({ stored, members }, number) => ({ number, shares: stored, room: system.cart ? 1 : members.length })),
-    ...carried.map((shares) => ({ number: -1, shares, room: 1 })),
-  ];
-  const entries = moving.flatMap((i) => places.map((place) => ({ i, place, share: place.shares[i] })));
-  const taken = new Set();
-  for (const { i, place } of entries.toSorted((one, other) => other.share - one.share)) {
-    if (taken.has(i) || !place.room) continue;
-    taken.add(i);
-    family[i] = place.number;
-    place.room--;
-  }
-  return family;
+// By how much of a square x the pull of all else, taken at x, shifts these own modes; ascending.
+function strengthsOf(members, squares, x, still = -1) {
+  const G = zeros(members.length);
+  squares.forEach((square, i) => {
+    if (i === still) return;
+    members.forEach((one, j) => members.forEach((other, k) => (G[j][k] += (x / (square - x)) * dot(one.amplitudes[i], other.amplitudes[i]))));
+  });
+  const { values } = jacobi(G);
+  const largest = Math.max(...values.map(Math.abs));
+  return values.filter((value) => Math.abs(value) > SAME * largest).map((value) => 1 / value).sort((one, other) => one - other);
+}
+
+// Whether two rows with these shares of the members pass energy of one to the others, and have it back.
+function passes(here, there, row, next, least = LEAST) {
+  if (!here || !there) return false;
+  const most = Math.max(...here.map((share, j) => 4 * share * there[j]));
+  const gap = Math.abs(next.turn - row.turn);
+  const passed = INSTANTS.map((part) => {
+    const time = (part * 2 * Math.PI) / gap;
+    const [p, q] = [row, next].map(({ rate }) => Math.exp(rate * time));
+    return (most * (p * p + q * q - 2 * p * q * Math.cos(gap * time))) / 4;
+  });
+  return most > least && gap > Math.abs(next.rate - row.rate) && Math.max(...passed) > least;
+}
+
+// The two own modes of different frequency that are in this row and the next alone; none where there are others.
+function pairAt(own, squares, i) {
+  const pair = own.filter(({ shares }) => 4 * shares[i] * shares[i + 1] > HALF && shares[i] + shares[i + 1] > ALONE);
+  if (pair.length !== 2 || pair[0].chain === pair[1].chain || Math.abs(pair[1].square - pair[0].square) <= SAME * pair[1].square) return [];
+  const x = Math.sqrt(pair[0].square * pair[1].square);
+  const [low, high] = strengthsOf(pair, squares, x);
+  const gap = Math.sqrt(squares[i + 1]) - Math.sqrt(squares[i]);
+  return Math.abs((Math.sqrt(x) * (high - low)) / 2 - gap) <= STEADY * gap ? pair : [];
 }

@@ -1,8 +1,7 @@
 // The page: its parts joined, and a frame after the other.
 
-import { isStructure } from "./carriers.js";
+import { Challenges } from "./challenges.js";
 import { Controls } from "./controls.js";
-import { isRecorded } from "./courses.js";
 import { energiesOf } from "./equations.js";
 import { mannerOf } from "./shapes.js";
 import { degrees, digits, scientific } from "./numbers.js";
@@ -12,7 +11,6 @@ import { Recording } from "./recording.js";
 import { packed, sceneFile, unpacked } from "./scene_file.js";
 import { Sound } from "./sound.js";
 import { Stage } from "./stage.js";
-import { isWhole } from "./switched.js";
 import { ModeTable } from "./table.js";
 
 const SPAN = 12; // s of the strip
@@ -23,22 +21,21 @@ const element = (id) => document.getElementById(id);
 function begin() {
   const given = JSON.parse(element("data").textContent);
   const word = location.hash.slice(1);
-  const held = word && word !== "swing" ? linked(word, given.scene) : null;
+  const held = word ? linked(word, given.scene) : null;
   const player = held ?? new Player(given.scene, given.recording ? new Recording(given.recording) : null);
   const stage = new Stage(element("scene"), player);
-  const table = new ModeTable(element("rows"), { frequency: element("head-f"), damped: element("note-damped") }, player);
+  const table = new ModeTable(element("rows"), { frequency: element("head-f"), damped: element("note-damped"), beat: element("note-beat"), angle: element("note-angle"), star: element("note-star") }, player);
   const boxes = { chooser: element("chooser"), link: element("of-link"), cart: element("of-cart"), scene: element("of-scene"), drive: element("of-drive") };
   const controls = new Controls(boxes, player);
-  const page = new LivePage({ player, stage, table, controls, sound: new Sound(), given });
-  if (word && word !== "swing" && !held) page.say("The link holds no scene: this is the page's own.");
+  const page = new LivePage({ player, stage, table, controls, challenges: new Challenges(element("tasks"), player), sound: new Sound(), given });
+  if (word && !held) page.say("The link holds no scene: this is the page's own.");
   page.start();
-  if (word === "swing" && !matchMedia("(prefers-reduced-motion: reduce)").matches) element("play").click();
+  if (!held && !player.recording && !matchMedia("(prefers-reduced-motion: reduce)").matches) player.begin();
 }
 
-// What the link holds, null where it is no scene or one that cannot be computed; on the page of a structure a scene that
-// differs from the page's own in numbers alone.
+// What the link holds, null where it is not this page's scene with other numbers, or one that cannot be computed.
 function linked(word, own) {
-  const held = unpacked(word, isStructure() || isWhole() || isRecorded() ? own : null);
+  const held = unpacked(word, own);
   try {
     const player = held && new Player(held.scene, null);
     if (player) restore(player, held);
@@ -70,7 +67,6 @@ class LivePage {
     element("replay").hidden = !player.recording;
     element("left-out").textContent = this.given.notes.join(" ");
     element("left-out").hidden = !this.given.notes.length;
-    element("of-cart").hidden = !player.system.cart && !player.system.support && !isStructure();
     player.listen((what) => this.heard(what));
     this.bindButtons();
     this.bindSwitches();
@@ -182,6 +178,8 @@ class LivePage {
     this.draw();
     if (this.count % 4 === 0) {
       this.tell();
+      const solved = this.challenges.solved();
+      if (solved) this.say(solved);
       const amplitudes = player.amplitudes;
       this.table.measure(amplitudes);
       if (element("sound").checked) sound.play(player.playing ? amplitudes : amplitudes.map(() => 0));

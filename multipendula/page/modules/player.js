@@ -10,11 +10,12 @@ import { View } from "./view.js";
 const BUDGET = 10; // ms of a frame for the equations
 const SLICE = 1 / 120; // s of motion between looks at the clock
 const KICK = 0.6; // of sqrt(g/l), rad/s
+const EASING = 2; // s until the first motion runs at full speed
 
 export class Player {
   constructor(scene, recording = null) {
     this.listeners = [];
-    this.speed = 1;
+    this.speed = this.ease = 1;
     this.amplitude = 10;
     this.drive = { on: false, amount: 0, frequency: 1 };
     this.recording = recording;
@@ -87,6 +88,12 @@ export class Player {
   // The time of the scene (s): a support that moves goes on where it is.
   get now() {
     return this.replaying ? this.time + this.recording.begin : (this.motion?.time ?? 0);
+  }
+
+  // From the scene's start, slowly at first.
+  begin() {
+    this.toggle();
+    this.ease = 0;
   }
 
   toggle() {
@@ -182,7 +189,9 @@ export class Player {
   // One frame, `elapsed` seconds after the last.
   frame(elapsed) {
     if (!this.playing) return;
-    const passed = Math.min(elapsed, 0.05) * this.speed;
+    const real = Math.min(elapsed, 0.05);
+    this.ease = Math.min(1, this.ease + real / EASING);
+    const passed = real * this.speed * this.ease;
     if (this.replaying) {
       this.seek(this.time + passed);
       if (this.time >= this.recording.duration) {

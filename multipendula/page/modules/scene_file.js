@@ -1,8 +1,6 @@
 // A scene and a state as the text of a scene file, and as a link that holds them.
 
 import { coordinatesOf, isStructure } from "./carriers.js";
-import { isWhole } from "./switched.js";
-import { MOST_LINKS } from "./system.js";
 
 // The scene file; `y` (with `system`) gives the start, the scene's own is left out then.
 export function sceneFile(scene, system = null, y = null) {
@@ -131,9 +129,9 @@ export function packed(state) {
   return btoa(String.fromCharCode(...bytes)).replaceAll("+", "-").replaceAll("/", "_").replace(/=+$/, "");
 }
 
-// The state in a link, checked: anyone may have written it.  null where it is none.  On a page whose text is that of its
-// `own` scene the link's scene differs from it in numbers alone.
-export function unpacked(text, own = null) {
+// The state in a link, checked: anyone may have written it.  null where its scene differs from the page's `own` in more
+// than numbers.
+export function unpacked(text, own) {
   try {
     const bytes = Uint8Array.from(atob(text.replaceAll("-", "+").replaceAll("_", "/")), (letter) => letter.charCodeAt(0));
     const state = JSON.parse(new TextDecoder().decode(bytes));
@@ -149,15 +147,15 @@ const isAmount = (value) => value === undefined || (isReal(value) && value >= 0)
 const isList = (value, n, test) => Array.isArray(value) && value.length === n && value.every(test);
 
 function isState({ scene, y, drive, selected }, own) {
-  if (own ? !isLike(scene, own) : !isScene(scene)) return false;
+  if (!isLike(scene, own)) return false;
   const links = scene.pendulum.reduce((total, pendulum) => total + (pendulum.count ?? 1) * pendulum.links.length, 0);
   const aside = drive === undefined || (isAmount(drive.amount) && isPositive(drive.frequency));
   const chosen = selected === undefined || (Number.isInteger(selected) && selected >= 0 && selected < links);
-  return links <= MOST_LINKS && aside && chosen && (y === undefined || isList(y, 2 * (links + (isStructure() ? coordinatesOf().length : 1)), isReal));
+  return aside && chosen && (y === undefined || isList(y, 2 * (links + (isStructure() ? coordinatesOf().length : 1)), isReal));
 }
 
-// Numbers that a link may have without the page's own scene: those which its text has anyway.
-const mayAppear = (key) => key === "damping" || (isWhole() && (key === "drag" || key === "quadratic_drag"));
+// Numbers that a link may have without the page's own scene.
+const mayAppear = (key) => key === "damping" || (!isStructure() && (key === "drag" || key === "quadratic_drag"));
 
 // The same but for numbers, which keep their signs, and which are 0 where the own one is, unless they may appear.
 function isLike(value, own, key = "") {
@@ -170,40 +168,4 @@ function isLike(value, own, key = "") {
     if (mayAppear(one) && value[one] === undefined) return typeof own[one] === "number";
     return isLike(value[one], own[one], mayAppear(key) ? key : one);
   });
-}
-
-export function isScene(scene) {
-  const { title = "", gravity, support, pendulum, spring, ground, force } = scene;
-  if ([spring, ground, force, support.friction, support.friction_coefficient].some((part) => part !== undefined)) return false;
-  if (typeof title !== "string" || title.length > 200 || !isPositive(gravity) || !Array.isArray(pendulum)) return false;
-  const held = support.kind === "fixed" || (support.kind === "cart" && isPositive(support.mass)) || (support.kind === "moved" && areSines([support.motion].flat()));
-  const { displacement = 0, rate = 0 } = support.start ?? {};
-  if (!isReal(displacement) || !isReal(rate)) return false;
-  if (!held || !isAmount(support.damping) || !isAmount(support.stiffness)) return false;
-  return pendulum.length > 0 && pendulum.length <= MOST_LINKS && pendulum.every(isPendulum);
-}
-
-function areSines(motions) {
-  const ways = new Set(motions.map(({ direction = "horizontal" }) => direction));
-  return motions.length > 0 && ways.size === motions.length && motions.every(isSine);
-}
-
-function isSine({ kind, amplitude, frequency_hz, phase_deg = 0, direction = "horizontal" }) {
-  return kind === "sine" && isReal(amplitude) && amplitude >= 0 && isPositive(frequency_hz) && isReal(phase_deg) && ["horizontal", "vertical"].includes(direction);
-}
-
-function isPendulum({ count = 1, links, equilibrium, start }) {
-  if (!Number.isInteger(count) || count < 1 || count > MOST_LINKS) return false;
-  if (!Array.isArray(links) || !links.length || links.length > MOST_LINKS || !links.every(isLink)) return false;
-  const n = links.length;
-  const ways = equilibrium === undefined || isList(equilibrium, n, (way) => way === "up" || way === "down");
-  const begun = start === undefined || (isList(start.angles_deg, n, isReal) && (start.rates_deg === undefined || isList(start.rates_deg, n, isReal)));
-  return ways && begun && !(links.at(-1).kind === "body" && links.at(-1).centre === 0);
-}
-
-function isLink({ kind, mass, length, centre, inertia, damping, stiffness, drag, quadratic_drag, friction, drive }) {
-  if (friction !== undefined) return false;
-  const body = kind === "bob" || kind === "rod" || (kind === "body" && isReal(centre) && centre >= 0 && isReal(inertia) && inertia >= 0 && centre + inertia > 0);
-  const driven = drive === undefined || (drive.kind === "van-der-pol" && isPositive(drive.strength) && isPositive(drive.angle_deg)) || (drive.kind === "escapement" && isPositive(drive.impulse) && isAmount(drive.angle_deg));
-  return body && isPositive(mass) && isPositive(length) && [damping, stiffness, drag, quadratic_drag].every(isAmount) && driven;
 }

@@ -8,8 +8,6 @@ import { courseOf, leadingOf } from "./courses.js";
 import { full } from "./steps.js";
 import { isWhole, wholeOf } from "./switched.js";
 
-export const MOST_LINKS = 60;
-
 export function systemOf(scene) {
   const chains = [];
   scene.pendulum.forEach((pendulum, entry) => {

@@ -13,6 +13,10 @@ export class ModeTable {
     const { player, body, heads } = this;
     const damped = player.rows.some((row) => row.ratio && !row.growing);
     body.closest("table").classList.toggle("damped", damped);
+    const [beats, angles] = ["beat", "onePercent"].map((key) => player.rows.some((row) => Number.isFinite(row[key])));
+    body.closest("table").classList.toggle("beatless", !beats);
+    body.closest("table").classList.toggle("angleless", !angles);
+    [heads.beat.hidden, heads.angle.hidden, heads.star.hidden] = [!beats, !angles, !player.rows.some((row) => row.resonant)];
     heads.frequency.textContent = damped ? "|λ|/2π (Hz)" : "f (Hz)";
     heads.damped.hidden = !damped;
     if (this.lines.length !== player.rows.length) {
