@@ -267,7 +267,7 @@ def blocks_of(data: dict[str, Any]) -> list[Sums]:
     scene = part(data, "scene", SCENE, "title ground")
     for k, force in enumerate(scene["force"]):
         if force["kind"] == "constant":
-            raise NotProvedError(f"force[{k}]: links lean under it, at no fractions")
+            raise NotProvedError(f"force[{k}]: links lean, at no fractions, and are enclosed at best")
     gravity, moving, given = size(scene["gravity"]), Sums(1), scene["support"]
     given = given if isinstance(given, list) else [given]
     carriers = [Carrier(moving, each, f"support[{k}]", gravity) for k, each in enumerate(given)]

@@ -103,6 +103,7 @@ def equilibrium_of(scene: Scene) -> Equilibrium | None:
 
 
 def load_of(scene: Scene, number: Callable[[Any], Any] = np.asarray) -> _Load:
+    """What constant forces do to every link, in floats or, by `number`, any other numbers."""
     horizontal, down, torque, sizes = number(np.zeros((4, scene.n_links)))
     reach, centre = number(
         [

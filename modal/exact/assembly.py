@@ -2,10 +2,10 @@
 
     M = Σ m (h hᵀ + v vᵀ) + Σ I a aᵀ,      K = Σ k e eᵀ
 
-The rows h and v of a centre of mass are its displacements along the rail and down, a is an angle, e the turn of a joint,
-the extension of a spring, or an angle or a coordinate that weights hold.  A link that hangs or stands straight has for
-coordinate how far its lower end moves along, so that M and K of a chain join neighbours only; one that leans under
-constant forces has its angle.  The floats of the scene are taken exactly as they are stored.
+The rows h and v of a centre of mass are its displacements along the rail and down, a is an angle, e the turn of a
+joint, the extension of a spring, or an angle or a coordinate that weights hold.  A link that hangs or stands straight
+has for coordinate how far its lower end moves along, so that M and K of a chain join neighbours only; one that leans
+under constant forces has its angle.  The floats of the scene are taken exactly as they are stored.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from importlib import import_module
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,8 +21,8 @@ import numpy as np
 from modal import pair
 from modal.assembly.equilibrium import equilibrium_of, load_of
 from modal.errors import ComputationError, MissingExtraError
-from modal.scene import AnyLink, Pendulum, Scene
-from modal.scene.points import CarrierEnd, End, GroundEnd, LinkEnd
+from modal.scene import Pendulum, Scene
+from modal.scene.points import CarrierEnd, End, GroundEnd
 from modal.structure import CarrierNumbers, Structure, drawn_together, structure_of, tied
 from modal.types import NEWTON_ROUNDS
 
@@ -109,7 +110,7 @@ class LinkInBalls(NamedTuple):
 def links_of(pendulum: Pendulum, gravity: Ball) -> list[LinkInBalls]:
     """The links of a pendulum that hangs or stands straight."""
     arb, numbers = flint().arb, []
-    for link in (link for link in pendulum.links for _ in range(link.count)):
+    for link in (each for each in pendulum.links for _ in range(each.count)):
         m, l = arb(link.mass), arb(link.length)
         rotor, spring = arb(link.rotor_inertia) * arb(link.gear_ratio) ** 2, arb(link.linear_coefficients[0])
         numbers.append((m, l, *link.proportions(m, l, arb), rotor, spring))
@@ -125,10 +126,11 @@ def leaning_links(scene: Scene) -> list[list[LinkInBalls]]:
     """The links of every pendulum, counting copies, at the equilibrium under constant forces, which is enclosed."""
     arb, equilibrium = flint().arb, equilibrium_of(scene)
     assert equilibrium is not None
-    load, angles, chains = load_of(scene, np.frompyfunc(arb, 1, 1)), equilibrium.rest.angle, list[list[LinkInBalls]]()
-    for pendulum in (pendulum for pendulum in scene.pendulum for _ in range(pendulum.count)):
-        first = sum(map(len, chains))
+    load, angles = load_of(scene, np.frompyfunc(arb, 1, 1)), equilibrium.rest.angle
+    chains, first = list[list[LinkInBalls]](), 0
+    for pendulum in (each for each in scene.pendulum for _ in range(each.count)):
         at = slice(first, first + pendulum.n_links)
+        first = at.stop
         links = links_of(pendulum, arb(scene.gravity))
         sinking = [link.cosine * link.hold + down for link, down in zip(links, load.down[at], strict=True)]
         pulls = load.horizontal[at], sinking, load.torque[at]
@@ -155,7 +157,7 @@ def enclosed_angles(links: list[LinkInBalls], x: Any, z: Any, torque: Any, start
     def step(middle: list[Ball], at: list[Ball]) -> list[Ball]:
         f, J = [], arb_mat(n, n)
         turns = [theta - upright for theta, upright in zip(middle, relaxed, strict=True)]
-        bends = [turns[0], *(below - above for above, below in zip(turns, turns[1:], strict=False)), arb(0)]
+        bends = [turns[0], *(below - above for above, below in pairwise(turns)), arb(0)]
         for i, (m, t) in enumerate(zip(middle, at, strict=True)):
             moment = spring[i] * bends[i] - spring[i + 1] * bends[i + 1]
             f.append([z[i] * m.sin() - x[i] * m.cos() - torque[i] + moment])
@@ -199,34 +201,35 @@ class Assembly:
         leaning = leaning_links(self.scene) if "constant_force" in self.scene.features else []
         pendula = [pendulum for pendulum in self.scene.pendulum for _ in range(pendulum.count)]
         joined = tied(self.structure, [pendulum.n_links for pendulum in pendula])
-        equal: dict[Any, list[int]] = {}
+        equal, first = dict[Any, list[int]](), 0
         for p, (pendulum, pivot) in enumerate(zip(pendula, self.structure.pivots, strict=True)):
-            body, point = self.structure.carriers[pivot.carrier], self.point(pivot)
+            body = self.structure.carriers[pivot.carrier]
             links = leaning[p] if leaning else links_of(pendulum, self.gravity)
             self._hold(pivot, sum(link.mass for link in links))
-            first = sum(each.n_links for each in pendula[:p])
             if leaning or p in joined:
-                self._hang(self.moving, links, point, 1, first)
-                continue
-            chain: tuple[AnyLink, ...] = tuple(each.replace(count=1) for each in pendulum.links for _ in range(each.count))
-            place = pivot if body.turning is not None else pivot.carrier if body.size else None
-            equal.setdefault((chain, tuple(pendulum.ways), place), []).append(p)
-        stills = []
-        for members in equal.values():
-            pivot, links = self.structure.pivots[members[0]], links_of(pendula[members[0]], self.gravity)
-            is_carried = self.structure.carriers[pivot.carrier].size > 0
-            still = len(members) * (1 + (self.scene.space == "space")) - is_carried
-            where = ("cart still" if self.scene.cart else "structure still") if is_carried else "fixed support"
-            if is_carried:
-                self._hang(self.moving, links, self.point(pivot), len(members))
-            if still:
-                stills.append(Block(f"{where}: pendulum {members[0] + 1}", still))
-                self._hang(stills[-1], links, Point({}, {}, {}, (0, 0)), 1)
+                self._hang(self.moving, links, self.point(pivot), 1, first)
+            else:
+                chain = tuple(each.replace(count=1) for each in pendulum.links for _ in range(each.count))
+                place = pivot if body.turning is not None else pivot.carrier if body.size else None
+                equal.setdefault((chain, tuple(pendulum.ways), place), []).append(p)
+            first += len(links)
+        stills = [block for members in equal.values() for block in self._hang_equal(members, pendula[members[0]])]
         for spring in self.structure.springs:
-            rows, stiffness = self._ways(spring.ends, is_torsion=spring.torsion), flint().arb(spring.stiffness)
-            for size, row in rows:
-                self.moving.add(self.moving.K, stiffness * size, row)
+            for size, row in self._ways(spring.ends, is_torsion=spring.torsion):
+                self.moving.add(self.moving.K, flint().arb(spring.stiffness) * size, row)
         yield from (block for block in (self.moving, *stills) if block.M)
+
+    def _hang_equal(self, members: list[int], pendulum: Pendulum) -> Iterator[Block]:
+        """Add equal pendula that move alike: their sum moves with the support, their differences leave it still."""
+        pivot, links = self.structure.pivots[members[0]], links_of(pendulum, self.gravity)
+        is_carried = self.structure.carriers[pivot.carrier].size > 0
+        if is_carried:
+            self._hang(self.moving, links, self.point(pivot), len(members))
+        if still := len(members) * (1 + (self.scene.space == "space")) - is_carried:
+            where = ("cart still" if self.scene.cart else "structure still") if is_carried else "fixed support"
+            block = Block(f"{where}: pendulum {members[0] + 1}", still)
+            self._hang(block, links, Point({}, {}, {}, (0, 0)), 1)
+            yield block
 
     def _carry(self, carrier: int, body: CarrierNumbers) -> None:
         """Add a support itself."""
@@ -258,7 +261,9 @@ class Assembly:
         body, first, arb = self.structure.carriers[end.carrier], self.structure.offsets[end.carrier], flint().arb
         zeros = [arb(0)] * body.size
         moving = body.moving(in_arb(end.where), zeros, zeros)
-        along, down = ({first + k: arb(row[way]) for k, row in enumerate(moving.slopes) if row[way] != 0} for way in (0, 1))
+        along, down = (
+            {first + k: arb(row[way]) for k, row in enumerate(moving.slopes) if row[way] != 0} for way in (0, 1)
+        )
         return Point(along, down, {} if body.turning is None else {first + body.turning: arb(1)}, moving.place)
 
     def _hang(self, block: Block, links: list[LinkInBalls], pivot: Point, times: int, first: int | None = None) -> None:
@@ -289,7 +294,9 @@ class Assembly:
         upper, lower, link = self.joints[end.link]
         below = link.centre if end.below is None else flint().arb(end.below)
         share, (x, z) = below / link.length, upper.place
-        return upper._replace(along=combine((share, lower), (1 - share, upper.along)), place=(x, z + below * link.cosine))
+        return upper._replace(
+            along=combine((share, lower), (1 - share, upper.along)), place=(x, z + below * link.cosine)
+        )
 
     def _ways(self, ends: tuple[End, End], *, is_torsion: bool) -> list[tuple[Ball, Row]]:
         """The extension of a spring in each of the ways in which it acts, and what its square is multiplied by."""

@@ -112,21 +112,24 @@ class SceneInBalls:
         return low, high
 
     def guesses(self) -> tuple[int, list[tuple[int, int, float]]]:
-        """How many modes are free motions; block, number and ω² in double precision of the others, ascending in each."""
+        """The number of free motions; block, number and ω² in double precision of the others, block by block."""
         modes = natural_modes(self.scene)
         squares = -(modes.eigenvalue**2).real
-        values = sorted(set(squares[squares != 0].tolist()))
-        n_negative, n_free = sum(value < 0 for value in values), int(modes.multiplicity[squares == 0].sum())
-        ends = [value + 64 * EPS * abs(value) for value in values[:-1]] + [2.0**64 * abs(value) for value in values[-1:]]
+        bounds = dict(zip(squares.tolist(), modes.relative_error_bound.tolist(), strict=True))
+        values, n_free = sorted({*bounds, 0.0}), int(modes.multiplicity[squares == 0].sum())
+        ends = [value + 4 * bounds.get(value, 0.0) * abs(value) for value in values]
+        ends[-1] = 2.0**64 * ends[-1]  # where all have been counted
         guesses, total = list[tuple[int, int, float]](), n_free
         for k, block in enumerate(self.blocks()):
             index = 0
-            for place, (value, end) in enumerate(zip(values, ends, strict=True)):
-                index += n_free if place == n_negative and not k else 0  # the first block has what is free
-                upto = self.count_in(k, end, GUARD_BITS)
+            for value, end in zip(values, ends, strict=True):
+                if value == 0:
+                    index += n_free if k == 0 else 0  # the first block has what is free
+                    continue
+                upto = max(index, self.count_in(k, end, GUARD_BITS))
                 guesses += [(k, number, value) for number in range(index, upto)]
-                total += block.multiplicity * max(upto - index, 0)
-                index = max(upto, index)
+                total += block.multiplicity * (upto - index)
+                index = upto
         if total != modes.multiplicity.sum():
             raise ComputationError(
                 "the ratios in this scene are beyond double precision: there is no approximation to refine"

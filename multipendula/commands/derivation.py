@@ -118,7 +118,8 @@ def enclose(options: argparse.Namespace) -> tuple[Enclosure, ...]:
     with output(options.output) as write:
         for row in rows:
             folds = f", {row.multiplicity}-fold" if row.multiplicity > 1 else ""
-            write(folded(f"{row.low} <= omega <= {row.high} rad/s  {row.label}{folds}") + "\n")
+            name, unit = ("growth rate", "1/s") if row.is_growth else ("omega", "rad/s")
+            write(folded(f"{row.low} <= {name} <= {row.high} {unit}  {row.label}{folds}") + "\n")
     return rows
 
 
