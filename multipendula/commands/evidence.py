@@ -27,7 +27,7 @@ from modal.scene import Fixed, Scene, dumps, example_names, require
 from modal.scene.contents import text_of
 from modal.scene.files import example_text
 from multipendula import check_proof
-from multipendula.check_proof import NotProvedError, Sums, UnreadableError
+from multipendula.check_proof import Block, NotProvedError, UnreadableError
 from multipendula.commands.shared import bar, estimate_of, in_a_folder, output, remark
 
 if TYPE_CHECKING:
@@ -175,7 +175,7 @@ class _Prover:
 
     def __init__(
         self,
-        blocks: list[Sums],
+        blocks: list[Block],
         why: str,
         numbers: dict[int, int],
         in_fractions: int = 40,
@@ -183,8 +183,8 @@ class _Prover:
         balls: SceneInBalls | None = None,
     ) -> None:
         self.blocks, self.why, self.numbers, self.balls = blocks, why, numbers, balls
-        self.is_damped = any(block.squares["D"] for block in blocks)
-        largest = max((block.n for block in blocks), default=0)
+        self.is_damped = any(any(block.D) for block in blocks)
+        largest = max((len(block.M) for block in blocks), default=0)
         self.bits = 0 if largest <= in_fractions else 128
         if self.is_damped and largest > in_polynomials:
             self.why = f"with dampers, polynomials of at most {in_polynomials} coordinates are made"
@@ -202,9 +202,9 @@ class _Prover:
 
     def _counts(self, row: Mode) -> dict[str, Any]:
         for low, high in intervals(row):
-            bits = self.bits if low != high else 0
+            unit = Fraction(1, 2**self.bits) if self.bits and low != high else Fraction(0)
             try:
-                before, upto = self._below(Fraction(low), bits)[0], sum(self._below(Fraction(high), bits))
+                before, upto = self._below(Fraction(low), -unit)[0], sum(self._below(Fraction(high), unit))
             except NotProvedError as error:
                 problem = error
                 continue
@@ -216,9 +216,9 @@ class _Prover:
             return {"omega_squared": [low, high], "counts": [before, upto], "numbers": numbers}
         raise problem
 
-    def _below(self, x: Fraction, bits: int) -> tuple[int, int]:
+    def _below(self, x: Fraction, unit: Fraction) -> tuple[int, int]:
         """How many ω² are below x, and how many are x."""
-        return (self.balls.count(x), 0) if self.balls else check_proof.count(self.blocks, x, bits)
+        return (self.balls.count(x), 0) if self.balls else check_proof.count(self.blocks, x, unit)
 
     def _roots(self, row: Mode, root: complex) -> dict[str, Any]:
         radius = 0.9 * row.omega * row.relative_error_bound  # with the rounding of its centre it is within the bound

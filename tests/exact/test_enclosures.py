@@ -79,7 +79,7 @@ def test_rotors_and_springs_at_joints_against_the_oracle(seed: int) -> None:
 
 def below(scene: Scene, square: Fraction) -> tuple[int, int]:
     """How many ω² are below a number and how many up to it, by the checker's own matrices in fractions."""
-    n_below, n_equal = check_proof.count(check_proof.blocks_of(tomllib.loads(dumps(scene))), square, 0)
+    n_below, n_equal = check_proof.count(check_proof.blocks_of(tomllib.loads(dumps(scene))), square)
     return n_below, n_below + n_equal
 
 
