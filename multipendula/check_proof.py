@@ -46,7 +46,6 @@ class NotProvedError(Exception):
     """Why a row is not proved."""
 
 
-
 class Block:
     """M, K and D, row by row, of what moves together; so many `times` over."""
 
@@ -77,23 +76,21 @@ def combine(*terms: tuple[Q | int, Row]) -> Row:
     return row
 
 
+def part(data: Data, where: str, known: Data, unused: str = "") -> Data:
+    """A table of a file, its numbers as fractions; no frequency depends on its `unused` keys.
 
-def part(data: Any, where: str, known: Data, unused: str = "") -> Data:
-    """A table of a file with its defaults, None for what must be there; `unused` keys count not."""
-    for key in data:
+    Those `known` have their defaults, None where there must be something.
+    """
+    for key in {**known, **data}:
         if key not in known and key not in unused.split():
             raise UnreadableError(f"{where}.{key}: this checker does not know it")
-    for key, default in known.items():
-        if default is None and key not in data:
+        if known.get(key, "") is None and key not in data:
             raise UnreadableError(f"{where}.{key}: is missing")
-    return {**known, **data}
-
-
-def size(value: Any) -> Q:
-    """A number that is not negative, exactly."""
-    if Q(value) < 0:
-        raise UnreadableError(f"{value}: must not be negative")
-    return Q(value)
+    every = {**known, **data}
+    numbers = {key: Q(value) for key, value in every.items() if isinstance(value, int | float)}
+    if any(value < 0 for value in numbers.values()):
+        raise UnreadableError(f"{where}: no number of it must be negative")
+    return every | numbers
 
 
 class Point(NamedTuple):
@@ -130,12 +127,12 @@ class Carrier:
                 law = self.data[key]
                 if isinstance(law, dict):
                     law = part(law, f"{where}.{key}", {"sway": 0, "heave": 0, "roll": 0})[way]
-                block.add(S, size(law), {i: 1})
+                block.add(S, law, {i: 1})
         if self.at:
-            centre, mass = self.point(*self.data.get("centre", (0, 0))), size(self.data["mass"])
-            block.add(block.M, mass, centre.along, centre.down)
-            block.add(block.M, size(self.data.get("inertia", 0)), centre.turn)
-            self.hold(centre, mass)
+            centre = self.point(*self.data.get("centre", (0, 0)))
+            block.add(block.M, self.data["mass"], centre.along, centre.down)
+            block.add(block.M, self.data.get("inertia", Q(0)), centre.turn)
+            self.hold(centre, self.data["mass"])
 
     def point(self, s: Any, h: Any) -> Point:
         """The point s along and h below its origin as drawn."""
@@ -148,7 +145,7 @@ class Carrier:
         """Adds the weight of a mass at a point that moves on an arc, and rises."""
         block, weight = self.block, self.gravity * mass
         if self.data["kind"] == "swing":
-            block.add(block.K, weight / size(self.data["length"]), {self.at["sway"]: 1})
+            block.add(block.K, weight / self.data["length"], {self.at["sway"]: 1})
         block.add(block.K, weight * (point.z - Q(self.data["position"][1])), point.turn)
 
 
@@ -162,12 +159,11 @@ def links_of(pendulum: Data, where: str) -> list[Data]:
     links: list[Data] = []
     for k, entry in enumerate(pendulum["links"]):
         known = {**LINK, "centre": None, "inertia": None} if entry["kind"] == "body" else LINK
-        data = part(entry, f"{where}.links[{k}]", known, UNUSED_OF_LINKS)
-        link: Data = {key: size(data[key]) for key in known if key != "kind"}
+        link = part(entry, f"{where}.links[{k}]", known, UNUSED_OF_LINKS)
         m, l, c, I = (link.get(key) for key in ("mass", "length", "centre", "inertia"))
         shapes = {"bob": (l, Q(0)), "rod": (l / 2, m * l * l / 12), "body": (c, I)}
-        link["c"], link["I"] = shapes[data["kind"]]
-        links += [{**link, "entry": k}] * int(data["count"])
+        c, I = shapes[link["kind"]]
+        links += [{**link, "c": c, "I": I, "entry": k}] * int(link["count"])
     ways = pendulum["equilibrium"] or ["down"] * len(links)
     signs = [{"down": 1, "up": -1}[way] for way in ways]
     return [{**link, "sign": sign} for link, sign in zip(links, signs, strict=True)]
@@ -231,8 +227,8 @@ def stretch(block: Block, spring: Data, a: Point | None, b: Point | None) -> Non
         rows = [turn]
     elif x * x + z * z > near * near:  # else what is along its line
         factor, rows = 1 / (x * x + z * z), [combine((x, along), (z, down))]
-    block.add(block.K, size(spring["stiffness"]) * factor, *rows)
-    block.add(block.D, size(spring["damping"]) * factor, *rows)
+    block.add(block.K, spring["stiffness"] * factor, *rows)
+    block.add(block.D, spring["damping"] * factor, *rows)
 
 
 SCENE: Data = {"gravity": None, "space": "plane", "support": {"kind": "fixed"}, "pendulum": None}
@@ -251,7 +247,7 @@ def blocks_of(data: Data) -> list[Block]:
     for k, force in enumerate(scene["force"]):
         if force["kind"] == "constant":
             raise NotProvedError(f"force[{k}]: links lean, at no fractions: enclosed at best")
-    gravity, moving, supports = size(scene["gravity"]), Block(1), scene["support"]
+    gravity, moving, supports = scene["gravity"], Block(1), scene["support"]
     supports = supports if isinstance(supports, list) else [supports]
     carriers = [Carrier(moving, each, f"support[{k}]", gravity) for k, each in enumerate(supports)]
     springs = [part(each, f"spring[{k}]", SPRING, "loss") for k, each in enumerate(scene["spring"])]
@@ -287,7 +283,6 @@ def blocks_of(data: Data) -> list[Block]:
         for a, b in zip(*(end * many if len(end) == 1 else end for end in ends), strict=True):
             stretch(moving, spring, a, b)
     return [block for block in blocks if block.M]
-
 
 
 def eliminate(A: list[Row], unit: Q = Q(0)) -> tuple[int, int, Q]:
@@ -365,7 +360,6 @@ def count_roots(blocks: list[Block], re: Q, im: Q, radius: Q) -> int:
     return sum(block.times * roots_near(block.p, re, im, radius) for block in blocks)
 
 
-
 class Verdict(NamedTuple):
     """Whether a row of the table is proved, and what that says, or why not."""
 
@@ -381,10 +375,10 @@ def judge(row: Data, claim: Data, blocks: list[Block], bits: int) -> Verdict:
             raise NotProvedError(claim.get("why", "the proof leaves it out"))
         if None in (row["omega_rad_per_s"], row["relative_error_bound"]):
             raise NotProvedError("no digit of it is certain")
-        w, e = size(row["omega_rad_per_s"]), size(row["relative_error_bound"])
+        w, e = Q(row["omega_rad_per_s"]), Q(row["relative_error_bound"])
         turn = 2 * Q("3.14159265358979323846264338328")
         hertz = w / turn if row["frequency_hz"] is None else Q(row["frequency_hz"])
-        if abs(turn * hertz - w) > (e + Q(1, 2**50)) * w or e > Q(1, 4):
+        if not 0 <= e <= Q(1, 4) or abs(turn * hertz - w) > (e + Q(1, 2**50)) * w:
             raise NotProvedError("omega is not 2 pi times its frequency, or has no digit")
         if any(any(block.D) for block in blocks):
             words = judge_roots(row, claim, blocks, w, e)
@@ -418,9 +412,14 @@ def judge_counts(row: Data, claim: Data, blocks: list[Block], w: Q, e: Q, unit: 
 
 def judge_roots(row: Data, claim: Data, blocks: list[Block], w: Q, e: Q) -> str:
     """Roots z in a disc within the bound of w = |z|, about the root of the table."""
-    (re, im), zeta, radius = map(Q, claim["centre"]), Q(row["damping_ratio"]), size(claim["radius"])
+    (re, im), zeta, radius = (
+        map(Q, claim["centre"]),
+        Q(row["damping_ratio"]),
+        Q(claim["radius"]),
+    )
     near, far = w * (1 - e) + radius, w * (1 + e) - radius
-    if far < 0 or not near**2 <= re * re + im * im <= far**2 or abs(re + zeta * w) > e * w:
+    is_near = min(radius, far) >= 0 and near**2 <= re * re + im * im <= far**2
+    if not is_near or abs(re + zeta * w) > e * w:
         raise NotProvedError("its root is sought elsewhere than within the bound of the table")
     roots = count_roots(blocks, re, im, radius)
     if claim["roots"] != roots or (w and roots != row["multiplicity"]) or not roots:
@@ -434,7 +433,7 @@ def meet(claim: Data, other: Data) -> bool:
         (first, last), (begin, end) = claim["numbers"], other["numbers"]
         return bool(first <= end and begin <= last)
     (a, b), (c, d) = map(Q, claim["centre"]), map(Q, other["centre"])
-    return (a - c) ** 2 + (b - d) ** 2 <= (size(claim["radius"]) + size(other["radius"])) ** 2
+    return (a - c) ** 2 + (b - d) ** 2 <= (Q(claim["radius"]) + Q(other["radius"])) ** 2
 
 
 def check(scene: Data, table: Data, proof: Data) -> list[Verdict]:
