@@ -14,10 +14,10 @@ x is far below zero, and as x grows, a sign changes at each w^2 and nowhere else
 with a minus.  So two counts, at both ends of an interval, prove how many w^2 are in it, by + - * /
 of fractions alone.  The proof says where to count.
 
-ROUNDING.  Of many coordinates the proof may ask for multiples of 2^-bits.  Whoever rounds an entry
-and then takes as much from the diagonal has a smaller matrix, with no fewer minuses; who adds as
-much has a larger one, with no more.  So a count at the lower end is never too small, at the upper
-never too large.
+ROUNDING.  Of many coordinates the proof may ask for integers, multiples of 2^-bits.  Where entries
+are rounded by less than 1 and the diagonal loses 1 for each of its row, the matrix is smaller, with
+no fewer minuses; where it gains as much it is larger, with no more.  So a count at the lower end is
+never too small, at the upper never too large.
 
 With dampers, roots of the polynomial p(z) = det(z^2 M + z D + K) are counted instead, in a disc:
 where one term |a_n| r^n of p(c + y) = sum a_k y^k is larger than the sum of all others, p has
@@ -160,8 +160,9 @@ def links_of(pendulum: Data, where: str) -> list[Data]:
     for k, entry in enumerate(pendulum["links"]):
         known = {**LINK, "centre": None, "inertia": None} if entry["kind"] == "body" else LINK
         link = part(entry, f"{where}.links[{k}]", known, UNUSED_OF_LINKS)
-        m, l, c, I = (link.get(key) for key in ("mass", "length", "centre", "inertia"))
-        shapes = {"bob": (l, Q(0)), "rod": (l / 2, m * l * l / 12), "body": (c, I)}
+        m, l = link["mass"], link["length"]
+        shapes: Data = {"bob": (l, Q(0)), "rod": (l / 2, m * l * l / 12)}
+        shapes["body"] = link.get("centre"), link.get("inertia")
         c, I = shapes[link["kind"]]
         links += [{**link, "c": c, "I": I, "entry": k}] * int(link["count"])
     ways = pendulum["equilibrium"] or ["down"] * len(links)
@@ -221,10 +222,10 @@ def stretch(block: Block, spring: Data, a: Point | None, b: Point | None) -> Non
         there = a or b or NOWHERE
         a, b = there, NOWHERE._replace(x=there.x, z=there.z)
     x, z, near = b.x - a.x, b.z - a.z, max(map(abs, (a.x, a.z, b.x, b.z))) / 2**40
-    along, down, turn = (combine((1, b[way]), (-1, a[way])) for way in range(3))
+    along, down = combine((1, b.along), (-1, a.along)), combine((1, b.down), (-1, a.down))
     factor, rows = Q(1), [along, down]  # where both ends are drawn together, in each way
     if spring["kind"] == "torsion":
-        rows = [turn]
+        rows = [combine((1, b.turn), (-1, a.turn))]
     elif x * x + z * z > near * near:  # else what is along its line
         factor, rows = 1 / (x * x + z * z), [combine((x, along), (z, down))]
     block.add(block.K, spring["stiffness"] * factor, *rows)
@@ -285,11 +286,11 @@ def blocks_of(data: Data) -> list[Block]:
     return [block for block in blocks if block.M]
 
 
-def eliminate(A: list[Row], unit: Q = Q(0)) -> tuple[int, int, Q]:
+def eliminate(A: list[Row], gain: int = 0) -> tuple[int, int, Q]:
     """How many squares of a symmetric matrix have a minus, how many are missing; its determinant.
 
-    Completing the square of x_k takes A_ik A_kj / A_kk from all A_ij; then x_k is done with.  These
-    are rounded to multiples of a unit, half of which the diagonal gains (or loses: a unit below 0).
+    Completing the square of x_k takes A_ik A_kj / A_kk from all A_ij; then x_k is done with.  With
+    a gain of 1 or -1 these are integers, rounded by less than 1, and the diagonal gains as much.
     """
     minus, product, left = 0, Q(1), list(range(len(A)))[::-1]
     while left:
@@ -301,23 +302,25 @@ def eliminate(A: list[Row], unit: Q = Q(0)) -> tuple[int, int, Q]:
         left.remove(k)
         row = A[k]
         square = row.pop(k)
-        minus, product = minus + (square < 0), product if unit else product * square
+        minus, product = minus + (square < 0), product * (1 if gain else square)
         for i, value in row.items():
             del A[i][k]
-            factor = value / square
             for j, entry in row.items():
-                new = A[i].get(j, 0) - factor * entry
-                A[i][j] = round(new / unit) * unit if unit else new
-                A[i][i] = A[i].get(i, 0) + unit / 2
+                taken = value * entry // square if gain else value * entry / square
+                A[i][j] = A[i].get(j, 0) - taken
+                A[i][i] = A[i].get(i, 0) + gain
     return minus, 0, product
 
 
-def count(blocks: list[Block], x: Q, unit: Q = Q(0)) -> tuple[int, int]:
-    """How many w^2 are below x, and how many are x; with a unit below 0 no fewer, else no more."""
+def count(blocks: list[Block], x: Q, bits: int = 0, gain: int = 0) -> tuple[int, int]:
+    """How many w^2 are below x, and how many are x; no fewer for a gain of -1, no more for one of 1."""
     below, equal = 0, 0
     for block in blocks:
         A = [combine((1, K), (-x, M)) for K, M in zip(block.K, block.M, strict=True)]
-        minus, missing, _ = eliminate(A, unit)
+        for i, row in enumerate(A if gain else ()):
+            A[i] = {j: value * 2**bits // 1 for j, value in row.items()}
+            A[i][i] = A[i].get(i, 0) + gain * len(row)
+        minus, missing, _ = eliminate(A, gain)
         below, equal = below + block.times * minus, equal + block.times * missing
     return below, equal
 
@@ -383,14 +386,14 @@ def judge(row: Data, claim: Data, blocks: list[Block], bits: int) -> Verdict:
         if any(any(block.D) for block in blocks):
             words = judge_roots(row, claim, blocks, w, e)
         else:
-            words = judge_counts(row, claim, blocks, w, e, Q(1, 2**bits) if bits else Q(0))
+            words = judge_counts(row, claim, blocks, w, e, bits)
         words = f"{float(w)!r} rad/s within {float(e):.1e} of itself, {words}"
         return Verdict(row["mode"], True, words)
     except NotProvedError as error:
         return Verdict(row["mode"], False, str(error))
 
 
-def judge_counts(row: Data, claim: Data, blocks: list[Block], w: Q, e: Q, unit: Q) -> str:
+def judge_counts(row: Data, claim: Data, blocks: list[Block], w: Q, e: Q, bits: int) -> str:
     """Counts at both ends of an interval within the bound; a growing mode has w^2 = -(growth)^2."""
     grows = row["growth_rate_per_s"] is not None
     least, most = (w * (1 - e)) ** 2, (w * (1 + e)) ** 2
@@ -398,9 +401,9 @@ def judge_counts(row: Data, claim: Data, blocks: list[Block], w: Q, e: Q, unit: 
     (low, high), (first, last) = map(Q, claim["omega_squared"]), claim["numbers"]
     if not least <= low <= high <= most:
         raise NotProvedError("it is counted elsewhere than within the bound of the table")
-    unit = unit if low < high else Q(0)
-    before, missing = count(blocks, low, -unit)
-    upto = sum(count(blocks, high, unit))
+    gain = 1 if bits and low < high else 0
+    before, missing = count(blocks, low, bits, -gain)
+    upto = sum(count(blocks, high, bits, gain))
     if missing if low < high else count(blocks, low - 1)[1]:
         raise NotProvedError("a square vanishes for every x")
     if claim["counts"] != [before, upto] or not before < first <= last <= upto:

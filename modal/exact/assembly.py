@@ -235,8 +235,8 @@ class Assembly:
         """Add a support itself."""
         first, arb = self.structure.offsets[carrier], flint().arb
         for S, matrix in ((self.moving.M, body.M), (self.moving.K, body.K)):
-            for i, j in np.argwhere(np.tri(body.size)).tolist() if matrix is not None else ():
-                S[first + i][first + j] = arb(matrix[i, j])
+            for i, row in enumerate([] if matrix is None else matrix.tolist()):  # of a modal support
+                S[first + i].update({first + j: arb(row[j]) for j in range(i + 1)})
         if body.path is None:
             return
         for k, stiffness in enumerate(body.stiffness, first):
@@ -293,10 +293,8 @@ class Assembly:
             return end.place and Point({}, {}, {}, in_arb(end.place))
         upper, lower, link = self.joints[end.link]
         below = link.centre if end.below is None else flint().arb(end.below)
-        share, (x, z) = below / link.length, upper.place
-        return upper._replace(
-            along=combine((share, lower), (1 - share, upper.along)), place=(x, z + below * link.cosine)
-        )
+        share, place = below / link.length, (upper.place[0], upper.place[1] + below * link.cosine)
+        return upper._replace(along=combine((share, lower), (1 - share, upper.along)), place=place)
 
     def _ways(self, ends: tuple[End, End], *, is_torsion: bool) -> list[tuple[Ball, Row]]:
         """The extension of a spring in each of the ways in which it acts, and what its square is multiplied by."""
@@ -304,12 +302,13 @@ class Assembly:
         other = points[0] or points[1]
         assert other is not None, "one end at least has a place"
         a, b = (point or Point({}, {}, {}, other.place) for point in points)
-        along, down, turn = (combine((one, b[way]), (-one, a[way])) for way in range(3))
+        along, down = combine((one, b.along), (-one, a.along)), combine((one, b.down), (-one, a.down))
         if is_torsion:
-            return [(one, turn)]
-        if drawn_together(*([float(part) for part in point.place] for point in (a, b))):
+            return [(one, combine((one, b.turn), (-one, a.turn)))]
+        first, second = ((float(point.place[0]), float(point.place[1])) for point in (a, b))
+        if drawn_together(first, second):
             return [(one, along), (one, down)]
-        x, z = (second - first for first, second in zip(a.place, b.place, strict=True))
+        x, z = b.place[0] - a.place[0], b.place[1] - a.place[1]
         return [(1 / (x * x + z * z), combine((x, along), (z, down)))]
 
 

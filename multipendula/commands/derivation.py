@@ -172,7 +172,7 @@ COMMANDS = (
         takes=(SCENE, "--digits: a relative width of 10^-N (default 30)", *text_file(kind="txt")),
         details=(
             "Two decimals for each frequency, between which it provably lies, by ball arithmetic. Needs the extra "
-            "`certified`, and a scene without dampers, joint springs and inverted links."
+            "`certified`, and a scene without dampers and laws of joints. Of a mode that grows the rate is enclosed."
         ),
         examples=(
             ("enclose chain-3", "30 digits, proved"),

@@ -202,9 +202,9 @@ class _Prover:
 
     def _counts(self, row: Mode) -> dict[str, Any]:
         for low, high in intervals(row):
-            unit = Fraction(1, 2**self.bits) if self.bits and low != high else Fraction(0)
+            gain = 1 if self.bits and low != high else 0
             try:
-                before, upto = self._below(Fraction(low), -unit)[0], sum(self._below(Fraction(high), unit))
+                before, upto = self._below(Fraction(low), -gain)[0], sum(self._below(Fraction(high), gain))
             except NotProvedError as error:
                 problem = error
                 continue
@@ -216,9 +216,9 @@ class _Prover:
             return {"omega_squared": [low, high], "counts": [before, upto], "numbers": numbers}
         raise problem
 
-    def _below(self, x: Fraction, unit: Fraction) -> tuple[int, int]:
+    def _below(self, x: Fraction, gain: int) -> tuple[int, int]:
         """How many ω² are below x, and how many are x."""
-        return (self.balls.count(x), 0) if self.balls else check_proof.count(self.blocks, x, unit)
+        return (self.balls.count(x), 0) if self.balls else check_proof.count(self.blocks, x, self.bits, gain)
 
     def _roots(self, row: Mode, root: complex) -> dict[str, Any]:
         radius = 0.9 * row.omega * row.relative_error_bound  # with the rounding of its centre it is within the bound
