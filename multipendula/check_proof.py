@@ -313,7 +313,7 @@ def eliminate(A: list[Row], gain: int = 0) -> tuple[int, int, Q]:
 
 
 def count(blocks: list[Block], x: Q, bits: int = 0, gain: int = 0) -> tuple[int, int]:
-    """How many w^2 are below x, and how many are x; no fewer for a gain of -1, no more for one of 1."""
+    """How many w^2 are below x, and how many are x; a gain of -1 finds no fewer, of 1 no more."""
     below, equal = 0, 0
     for block in blocks:
         A = [combine((1, K), (-x, M)) for K, M in zip(block.K, block.M, strict=True)]
