@@ -38,7 +38,7 @@ HEAVY = {
     },
     "sympy": {"modal.symbolic"},
     "control": {"modal.exports.scripts"},
-    "flint": {"modal.exact.enclosures"},
+    "flint": {"modal.exact.assembly"},
     "numba": {"nonlinear.dynamics.compiling"},
     "heyoka": {"nonlinear.integration.taylor"},
     "distributed": {"nonlinear.ensembles.cluster"},

@@ -13,7 +13,7 @@ Newton's method from the unloaded one while the forces grow to their size.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -83,7 +83,7 @@ def equilibrium_of(scene: Scene) -> Equilibrium | None:
     validate_scene(scene)
     if not scene.force or "constant_force" not in scene.features:
         return None
-    load = _load_of(scene)
+    load = load_of(scene)
     problems, rests = list(_imbalance(scene, load)), []
     first = 0
     for p, pendulum in enumerate(scene.pendulum):
@@ -102,9 +102,10 @@ def equilibrium_of(scene: Scene) -> Equilibrium | None:
     return Equilibrium(cart, Rest(*(np.concatenate(parts) for parts in zip(*rests, strict=True))))
 
 
-def _load_of(scene: Scene) -> _Load:
-    horizontal, down, torque, sizes = np.zeros((4, scene.n_links))
-    reach, centre = np.array(
+def load_of(scene: Scene, number: Callable[[Any], Any] = np.asarray) -> _Load:
+    """What constant forces do to every link, in floats or, by `number`, any other numbers."""
+    horizontal, down, torque, sizes = number(np.zeros((4, scene.n_links)))
+    reach, centre = number(
         [
             (link.length, link.centre)
             for pendulum in scene.pendulum

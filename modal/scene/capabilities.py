@@ -384,15 +384,10 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "an enclosure",
-            LINEAR - LOSS - {"inverted"},
+            LINEAR - LOSS | STRUCTURED,
             leaves={**OMITTED, **LOSSLESS, **UNDAMPED},
-            refuses={
-                **LOSSES,
-                **SHIFTED,
-                "inverted": "counts modes of hanging links",
-                "law": "reads numbers of springs alone",
-                **BODILESS,
-            },
+            refuses={**LOSSES, "law": "reads numbers of springs alone"},
+            unless=LEANING,
         ),
         Capability(
             "the live page",

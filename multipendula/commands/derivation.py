@@ -118,7 +118,8 @@ def enclose(options: argparse.Namespace) -> tuple[Enclosure, ...]:
     with output(options.output) as write:
         for row in rows:
             folds = f", {row.multiplicity}-fold" if row.multiplicity > 1 else ""
-            write(folded(f"{row.low} <= omega <= {row.high} rad/s  {row.label}{folds}") + "\n")
+            name, unit = ("growth rate", "1/s") if row.is_growth else ("omega", "rad/s")
+            write(folded(f"{row.low} <= {name} <= {row.high} {unit}  {row.label}{folds}") + "\n")
     return rows
 
 
@@ -171,7 +172,7 @@ COMMANDS = (
         takes=(SCENE, "--digits: a relative width of 10^-N (default 30)", *text_file(kind="txt")),
         details=(
             "Two decimals for each frequency, between which it provably lies, by ball arithmetic. Needs the extra "
-            "`certified`, and a scene without dampers, joint springs and inverted links."
+            "`certified`, and a scene without dampers and laws of joints. Of a mode that grows the rate is enclosed."
         ),
         examples=(
             ("enclose chain-3", "30 digits, proved"),

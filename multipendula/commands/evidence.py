@@ -15,19 +15,23 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from decimal import Decimal
 from fractions import Fraction
-from math import ceil, degrees, floor, inf
+from math import ceil, degrees, floor, inf, sqrt
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from modal.errors import MultipendulaError
+from modal.eigen.amplitude import ONE_PERCENT
+from modal.errors import ComputationError, MultipendulaError
 from modal.modes import Mode, Modes, tables
 from modal.report import as_json
-from modal.scene import Scene, dumps, example_names
+from modal.scene import Fixed, Scene, dumps, example_names, require
 from modal.scene.contents import text_of
 from modal.scene.files import example_text
 from multipendula import check_proof
-from multipendula.check_proof import NotProvedError, Sums, UnreadableError
+from multipendula.check_proof import Block, NotProvedError, UnreadableError
 from multipendula.commands.shared import bar, estimate_of, in_a_folder, output, remark
+
+if TYPE_CHECKING:
+    from modal.exact.enclosures import SceneInBalls
 
 WHAT = "python check_proof.py SCENE.toml TABLE.json PROOF.json counts again, with Python's standard library alone"
 
@@ -57,8 +61,12 @@ def evidence(options: argparse.Namespace, modes: Modes, rows: list[Mode], starre
         with bar(float(len(rows)), "row", "proof") as report, output(options.prove) as write:
             text, proofs = prove(modes, rows, options.scene, report)
             write(text)
-        if reasons := sorted({claim["why"] for claim in json.loads(text)["modes"] if "why" in claim}):
+        if reasons := sorted({claim["why"] for claim in json.loads(text)["modes"] if claim.keys() == {"mode", "why"}}):
             remark(f"not proved, as {'; '.join(reasons[:3])}")
+        if "enclosed" in proofs.values():
+            remark("enclosed: counted in balls about an enclosed equilibrium; check_proof.py does not count it again")
+        if swings_alone(modes.scene):
+            remark("the 1 % angle is enclosed: between {:.2f}° and {:.2f}°".format(*angle_of_one_link()))
     return Evidence(rows, starred, stds, proofs)
 
 
@@ -79,10 +87,29 @@ def angles_by_orbits(modes: Modes, rows: Sequence[Mode]) -> tuple[list[Mode], st
     return replaced, "; ".join(["the 1 % angle is that of the mode's periodic orbits", *missing])
 
 
+def swings_alone(scene: Scene) -> bool:
+    """Whether every pendulum is one link on a fixed support, which gravity alone turns back."""
+    is_free = scene.support == Fixed() and scene.features <= {"copies", "rotor"}
+    return is_free and all(pendulum.n_links == 1 for pendulum in scene.pendulum)
+
+
+def angle_of_one_link() -> tuple[float, float]:
+    """Two angles (deg, rounded outwards) between which the frequency of one link is 1 % below that of small swings.
+
+    For |a| ≤ 2, 0 ≤ ω(a)/ω₀ − 1 + a²/16 ≤ a⁴/3072, by the arithmetic-geometric mean (docs/explanation/proof.md).
+
+    >>> angle_of_one_link()
+    (22.91, 22.93)
+    """
+    low = 16 * ONE_PERCENT
+    high = (1 - sqrt(1 - low / 48)) * 96  # where a²/16 − a⁴/3072 is 1 %
+    return floor(100 * degrees(sqrt(low))) / 100, ceil(100 * degrees(sqrt(high))) / 100
+
+
 def prove(
     modes: Modes, rows: Sequence[Mode], source: object, report: Callable[[float], object]
 ) -> tuple[str, dict[int, str]]:
-    """A proof of these rows as JSON, and by their numbers "proved" or "not proved".
+    """A proof of these rows as JSON, and by their numbers "proved", "enclosed" or "not proved".
 
     `source` is where the scene was read; `report` is called with the number of rows that are done.
     """
@@ -93,15 +120,31 @@ def prove(
         blocks, why = [], str(error)
     if modes.scene.has_modal_damping and modes.scene.has_dampers:
         blocks, why = [], "damping ratios beside dampers make a matrix of no fractions"
-    prover = _Prover(blocks, why, first_numbers(modes))
+    prover = _Prover(blocks, why, first_numbers(modes), balls=balls_of(modes.scene))
     claims, words = [], {}
     for done, row in enumerate(rows, start=1):
         claim = prover.claim(row, complex(modes.eigenvalue[modes.index_of(row)]))
         verdict = check_proof.judge(tables.record_of(row), claim, blocks, prover.bits)
-        words[row.number] = "proved" if verdict.proved else "not proved"
-        claims.append(claim if verdict.proved else {"mode": row.number, "why": verdict.words})
+        is_enclosed = "enclosed" in claim
+        words[row.number] = "proved" if verdict.proved else "enclosed" if is_enclosed else "not proved"
+        claims.append(claim if verdict.proved or is_enclosed else {"mode": row.number, "why": verdict.words})
         report(done)
     return as_json({"what": WHAT, "scene": scene, "bits": prover.bits, "modes": claims}), words
+
+
+def balls_of(scene: Scene) -> SceneInBalls | None:
+    """The counts in balls of an undamped scene whose links lean; None of any other, and without python-flint."""
+    from modal.exact.enclosures import SceneInBalls
+
+    if "constant_force" not in scene.features:
+        return None
+    try:
+        require(scene, "an enclosure")
+        balls = SceneInBalls(scene)
+        balls.blocks()
+    except MultipendulaError:
+        return None
+    return balls
 
 
 def scene_data(scene: Scene, source: object) -> dict[str, Any]:
@@ -132,41 +175,50 @@ class _Prover:
 
     def __init__(
         self,
-        blocks: list[Sums],
+        blocks: list[Block],
         why: str,
         numbers: dict[int, int],
         in_fractions: int = 40,
         in_polynomials: int = 12,
+        balls: SceneInBalls | None = None,
     ) -> None:
-        self.blocks, self.why, self.numbers = blocks, why, numbers
-        self.is_damped = any(block.squares["D"] for block in blocks)
-        largest = max((block.n for block in blocks), default=0)
+        self.blocks, self.why, self.numbers, self.balls = blocks, why, numbers, balls
+        self.is_damped = any(any(block.D) for block in blocks)
+        largest = max((len(block.M) for block in blocks), default=0)
         self.bits = 0 if largest <= in_fractions else 128
         if self.is_damped and largest > in_polynomials:
             self.why = f"with dampers, polynomials of at most {in_polynomials} coordinates are made"
 
     def claim(self, row: Mode, root: complex) -> dict[str, Any]:
         """The claim for a row with this eigenvalue (rad/s), as the proof has it."""
-        if self.why or row.is_uncertain:
-            return {"mode": row.number, "why": self.why or "no digit of it is certain"}
         try:
+            if self.balls and not row.is_uncertain:
+                return {"mode": row.number, "why": self.why, "enclosed": self._counts(row)}
+            if self.why or row.is_uncertain:
+                return {"mode": row.number, "why": self.why or "no digit of it is certain"}
             return {"mode": row.number, **(self._roots(row, root) if self.is_damped else self._counts(row))}
-        except NotProvedError as error:
+        except (NotProvedError, ComputationError) as error:
             return {"mode": row.number, "why": str(error)}
 
     def _counts(self, row: Mode) -> dict[str, Any]:
         for low, high in intervals(row):
-            bits = self.bits if low != high else 0
+            gain = 1 if self.bits and low != high else 0
             try:
-                before = check_proof.count(self.blocks, Fraction(low), bits)[0]
-                upto = sum(check_proof.count(self.blocks, Fraction(high), bits))
+                before, upto = self._below(Fraction(low), -gain)[0], sum(self._below(Fraction(high), gain))
             except NotProvedError as error:
                 problem = error
                 continue
             first = self.numbers.get(row.number, before + 1)
             numbers = [first, first + row.multiplicity - 1]
+            if not before < first <= numbers[1] <= upto:
+                problem = NotProvedError(f"{before} are below its interval, {upto} up to its end")
+                continue
             return {"omega_squared": [low, high], "counts": [before, upto], "numbers": numbers}
         raise problem
+
+    def _below(self, x: Fraction, gain: int) -> tuple[int, int]:
+        """How many ω² are below x, and how many are x."""
+        return (self.balls.count(x), 0) if self.balls else check_proof.count(self.blocks, x, self.bits, gain)
 
     def _roots(self, row: Mode, root: complex) -> dict[str, Any]:
         radius = 0.9 * row.omega * row.relative_error_bound  # with the rounding of its centre it is within the bound

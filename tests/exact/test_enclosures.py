@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import sys
+import tomllib
 from decimal import Decimal
+from fractions import Fraction
+from itertools import product
 
 import mpmath as mp
 import oracle
 import pytest
-from scenes import extreme_scene, geared, sprung_scene
+from scenes import extreme_scene, geared, spatial_scene, sprung_scene, structured_scene
 
-from modal import Bob, Cart, ComputationError, Pendulum, Scene, SceneError, load, natural_modes
+from modal import Bob, Body, Cart, ComputationError, Fixed, Pendulum, Rod, Scene, SceneError, load, natural_modes
 from modal.errors import MissingExtraError
 from modal.exact import enclose
-from modal.exact.enclosures import Enclosure, _decimal, _problems, flint
+from modal.exact.enclosures import Enclosure, SceneInBalls, _decimal, flint
+from modal.scene import ConstantForce, dumps
+from multipendula import check_proof
 
 pytest.importorskip("flint")
 
@@ -72,6 +77,120 @@ def test_rotors_and_springs_at_joints_against_the_oracle(seed: int) -> None:
     assert_proved(scene, enclosures)
 
 
+def below(scene: Scene, square: Fraction) -> tuple[int, int]:
+    """How many ω² are below a number and how many up to it, by the checker's own matrices in fractions."""
+    n_below, n_equal = check_proof.count(check_proof.blocks_of(tomllib.loads(dumps(scene))), square)
+    return n_below, n_below + n_equal
+
+
+def assert_counted(scene: Scene, enclosures: list[Enclosure]) -> None:
+    """As `assert_proved`, with growing modes below 0."""
+    signed = [(-(Fraction(e.high) ** 2), -(Fraction(e.low) ** 2)) if e.is_growth else squares(e) for e in enclosures]
+    rows = [(*ends, e.multiplicity) for ends, e in zip(signed, enclosures, strict=True)]
+    assert sum(e.multiplicity for e in enclosures) == natural_modes(scene).multiplicity.sum()
+    for low, high, multiplicity in rows:
+        surely = sum(each for _, end, each in rows if end < low)
+        perhaps = sum(each for end, _, each in rows if end <= high)
+        assert surely <= below(scene, low)[0] <= perhaps - multiplicity
+        assert surely + multiplicity <= below(scene, high)[1] <= perhaps
+
+
+def squares(e: Enclosure) -> tuple[Fraction, Fraction]:
+    return Fraction(e.low) ** 2, Fraction(e.high) ** 2
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_structures_springs_and_standing_links_against_fractions(seed: int) -> None:
+    for scene in (structured_scene(seed, 2.0), sprung_scene(seed, 3.0, standing=True), spatial_scene(seed)):
+        if not scene.has_dampers:
+            enclosures = enclose(scene, 25)
+            assert_narrow(enclosures, 25)
+            assert_counted(scene, enclosures)
+
+
+@pytest.mark.parametrize("name", ["two-bobs", "cart-upright"])
+def test_shipped_structures_and_standing_links(name: str) -> None:
+    scene = load(name)
+    enclosures = enclose(scene)
+    assert_counted(scene, enclosures)
+    assert [e.is_growth for e in enclosures] == sorted((e.is_growth for e in enclosures), reverse=True)
+
+
+def leaning(*, springs: bool, standing: bool, cart: bool) -> Scene:
+    """Three links under a force along the rail, one up, and a torque."""
+    links = (
+        Bob(mass=1.0, length=1.0, stiffness=20.0 * springs),
+        Rod(mass=0.5, length=0.7, stiffness=1.5 * springs),
+        Body(mass=0.2, length=0.4, centre=0.1, inertia=0.01),
+    )
+    forces = (
+        ConstantForce(on="pendulum[0].links[1]", amplitude=3.0),
+        ConstantForce(on="pendulum[0].links[0]@0.3", amplitude=2.0, direction="torque"),
+        ConstantForce(on="pendulum[0].links[2]@0.1", amplitude=1.0, direction="vertical"),
+    )
+    pendulum = Pendulum(links=links, equilibrium=("up", "down", "down") if standing else None)
+    support = Cart(mass=2.0, stiffness=30.0) if cart else Fixed()
+    return Scene(gravity=9.81, support=support, pendulum=(pendulum,), force=forces)
+
+
+def hessian_squares(scene: Scene) -> list[mp.mpf]:
+    """ω² of `leaning` by derivatives of its potential, and of all places, at its minimum: nothing of the package."""
+    g, cart, (pendulum,) = mp.mpf(scene.gravity), scene.cart, scene.pendulum
+    parts = [[mp.mpf(v) for v in (k.mass, k.length, k.centre, k.inertia, k.stiffness)] for k in pendulum.links]
+    parts[1][3] = parts[1][0] * parts[1][1] ** 2 / 12
+    n, upright = len(parts), [mp.pi * (way == "up") for way in pendulum.ways]
+
+    def places(q: list[mp.mpf]) -> list[tuple[mp.mpf, mp.mpf]]:
+        x, z, points = q[n] if cart else mp.mpf(0), mp.mpf(0), []
+        for (_, l, c, _, _), angle in zip(parts, q, strict=False):
+            points.append((x + c * mp.sin(angle), z + c * mp.cos(angle)))
+            x, z = x + l * mp.sin(angle), z + l * mp.cos(angle)
+        tip = (x + (mp.mpf(0.1) - l) * mp.sin(q[n - 1]), z + (mp.mpf(0.1) - l) * mp.cos(q[n - 1]))
+        return [*points, tip]
+
+    def potential(*q: mp.mpf) -> mp.mpf:
+        points = places(list(q))
+        energy = -sum(g * part[0] * z for part, (_, z) in zip(parts, points, strict=False))
+        bends = [q[i] - upright[i] - (q[i - 1] - upright[i - 1] if i else 0) for i in range(n)]
+        energy += sum(part[4] * bend**2 for part, bend in zip(parts, bends, strict=True)) / 2
+        energy -= 3 * points[1][0] + 2 * q[0] - points[n][1]
+        return energy + (cart.stiffness * q[n] ** 2 / 2 if cart else 0)
+
+    size = n + bool(cart)
+
+    def unit(*where: int) -> tuple[int, ...]:
+        return tuple(where.count(i) for i in range(size))
+
+    start = [*natural_modes(scene).rig.rest_angles, *([3.0 / cart.stiffness] if cart else [])]
+    slopes = [lambda *q, i=i: mp.diff(potential, q, unit(i)) for i in range(size)]
+    rest = [mp.mpf(value) for value in mp.findroot(slopes, start)]
+    K = mp.matrix(size, size)
+    M = mp.matrix(size, size)
+    for i, j in product(range(size), repeat=2):
+        K[i, j] = mp.diff(potential, rest, unit(i, j))
+        for k, (mass, _, _, inertia, _) in enumerate(parts):
+            ways = [
+                [mp.diff(lambda *q, k=k, w=w: places(list(q))[k][w], rest, unit(a)) for a in (i, j)] for w in (0, 1)
+            ]
+            M[i, j] += mass * sum(a * b for a, b in ways) + inertia * (i == j == k)
+    if cart:
+        M[n, n] += cart.mass
+    return sorted((value.real for value in mp.eig(M**-1 * K, left=False, right=False)), key=float)
+
+
+@pytest.mark.parametrize(("springs", "standing"), [(False, False), (True, False), (True, True), (False, True)])
+@pytest.mark.parametrize("cart", [False, True])
+def test_rests_that_lean_against_derivatives_of_the_energy(springs: bool, standing: bool, cart: bool) -> None:
+    scene = leaning(springs=springs, standing=standing, cart=cart)
+    with mp.workdps(60):
+        expected = hessian_squares(scene)
+        enclosures = enclose(scene, 12)
+        assert len(enclosures) == len(expected)
+        for e, value in zip(enclosures, expected, strict=True):
+            assert e.is_growth == (value < 0)
+            assert mp.mpf(e.low) < mp.sqrt(abs(value)) < mp.mpf(e.high)
+
+
 def test_the_proof_bites() -> None:
     scene = bobs(3)
     enclosures = enclose(scene)
@@ -108,15 +227,15 @@ def test_a_massless_cart_loses_a_mode() -> None:
 
 def test_bisection_alone_gives_the_same() -> None:
     """Where Newton's iteration fails, from however bad a start."""
-    (problem,) = _problems(bobs(4))
+    balls = SceneInBalls(bobs(4))
     with flint().ctx.workprec(200):
         arb = flint().arb
         width = arb(10) ** -30
         for index, start in enumerate((arb(40), arb(40), arb("0.001"), arb(1))):
-            low, high = problem.bisect(index, start, width, 200)
+            low, high = balls.bisect(0, index, start, width, 200)
             assert high - low < 3 * width * high
-            assert problem.system.count(low, 200) == index
-            assert problem.system.count(high, 200) == index + 1
+            assert balls.count_in(0, low, 200) == index
+            assert balls.count_in(0, high, 200) == index + 1
 
 
 def test_a_cluster_closer_than_double_precision() -> None:
@@ -140,13 +259,11 @@ def test_refusals(monkeypatch: pytest.MonkeyPatch) -> None:
     damped = Scene(gravity=1.0, pendulum=(Pendulum(links=(Bob(mass=1.0, length=1.0, damping=1.0),)),))
     law = {"kind": "van-der-pol", "strength": 1.0, "angle_deg": 5.0}
     lawful = Scene(gravity=1.0, pendulum=[{"links": [{"kind": "bob", "mass": 1.0, "length": 1.0, "law": law}]}])
-    standing = Scene(gravity=1.0, pendulum=(Pendulum(links=(Bob(mass=1.0, length=1.0),), equilibrium=("up",)),))
-    for scene in (damped, lawful, standing):
+    for scene in (damped, lawful):
         with pytest.raises(SceneError, match="an enclosure"):
             enclose(scene)
-    (problem,) = _problems(bobs(1))
     with pytest.raises(ComputationError, match="bits do not suffice"):
-        problem.system.count(flint().arb(1), 64)
+        SceneInBalls(bobs(1)).count(Fraction(1))
     monkeypatch.setitem(sys.modules, "flint", None)
     with pytest.raises(MissingExtraError, match=r"\.\[certified\]"):
         enclose(bobs(1))
