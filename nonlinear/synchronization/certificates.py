@@ -16,7 +16,8 @@ from modal.scene import Scene, refusals
 from modal.scene.parameters import Variation
 from modal.types import Floats
 from nonlinear.averaging import RelativeEquilibrium, swinging
-from nonlinear.orbits import Orbit, Special, cycle_of, first_special_point
+from nonlinear.integration import Trajectory
+from nonlinear.orbits import Orbit, Special, closing_orbit, cycle_of, first_special_point, last_swing
 from nonlinear.synchronization.patterns import own_amplitudes
 
 CERTIFIED_LINKS_MAX = 24
@@ -43,6 +44,22 @@ def certified_orbit(scene: Scene, equilibrium: RelativeEquilibrium) -> Orbit | N
         and np.abs(own_amplitudes(equilibrium)).max() > 0
     )
     return orbit if is_close else None
+
+
+def orbit_at_the_end(trajectory: Trajectory, within: float = 0.05) -> Orbit | None:
+    """The stable periodic orbit in which a run ends, None where its end is not `within` this part of one.
+
+    Newton's method begins at the last state, so that a motion which converges slowly need not be waited for; the
+    multipliers of the orbit tell that it does converge.
+    """
+    if certificate_refusal(trajectory.scene):
+        return None
+    try:
+        period = last_swing(trajectory.times, trajectory.motion)
+        orbit, distance = closing_orbit(trajectory.scene, trajectory.final, period)
+    except ComputationError:
+        return None
+    return orbit if orbit.is_stable and distance <= within else None
 
 
 def certificate_refusal(scene: Scene) -> str:

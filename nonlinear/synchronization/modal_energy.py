@@ -147,7 +147,7 @@ class Survival(Displayed):
         """Whether the end of the run goes on: a share that is constant, or a beat."""
         if not np.all(np.isfinite(self.share[-1])):
             return True
-        return self.is_steady or self.beat is not None or bool(self.beating)
+        return self.is_steady or self.beat is not None
 
     @cached_property
     def beating(self) -> tuple[int, ...]:

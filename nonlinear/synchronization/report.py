@@ -114,15 +114,8 @@ def sync_verdict(study: SynchronizationStudy) -> list[str]:
 
 def _reasons(study: SynchronizationStudy) -> list[str]:
     """Reasons why the survivor is not certain, without the one that no mode wins, which is said first."""
-    theory = study.theory
-    if theory is None:
-        return []
-    return [reason for reason in _doubts(study, theory) if reason != theory.prediction.indecision]
-
-
-def _doubts(study: SynchronizationStudy, theory: Theory) -> list[str]:
-    """Why the prediction is not certain, first that the simulation contradicts it."""
-    return ["the simulation ends elsewhere"] * (study.agrees is False) + list(theory.doubts)
+    indecision = study.theory.prediction.indecision if study.theory else ""
+    return [reason for reason in study.doubts if reason != indecision]
 
 
 def _winner(study: SynchronizationStudy) -> Iterator[str]:
@@ -140,7 +133,7 @@ def _winner(study: SynchronizationStudy) -> Iterator[str]:
             f"{percent(beats.high)} of it, every {beats.period:.4g} s ({_angles(study)})"
         )
     elif survival and outcome and not survival.is_settled:
-        outcome += ", undecided: it has not settled"
+        outcome += f", undecided after {end}: it has not settled"
     if study.theory is None:
         if outcome:
             yield f"{capital(outcome)}."
@@ -445,7 +438,7 @@ def _orbit_record(orbit: Orbit | None) -> dict[str, Any] | None:
 def _prediction_record(study: SynchronizationStudy, theory: Theory) -> dict[str, Any]:
     prediction = theory.prediction
     dies = prediction.motion.dies
-    doubts = _doubts(study, theory)
+    doubts = list(study.doubts)
     return {
         "unstable": _configuration_record(prediction.unstable) if prediction.unstable else None,
         "dies_out": prediction.motion.dies,
@@ -466,6 +459,8 @@ def _simulation_record(study: SynchronizationStudy) -> dict[str, Any]:
     late = last(trajectory.times, ENDING)
     return {
         "duration_s": float(trajectory.times[-1]),
+        "verdict": study.verdict or None,
+        "orbit": _orbit_record(study.orbit),
         **(_survival_record(study.survival) if study.survival else {"no_modes": study.unmeasured_reason}),
         "own_mode": phases.leading + 1,
         "order_parameter": float(phases.order[late, phases.leading].mean()),
