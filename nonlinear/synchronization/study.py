@@ -160,7 +160,7 @@ class SynchronizationStudy(TextResult):
         """What the run ends in: "settles", "beats", "rests", or "undecided"; "" where energies were not measured."""
         if self.survival is None:
             return ""
-        if not np.isfinite(self.survival.share[-1]).all():
+        if self.survival.is_at_rest:
             return "rests"
         if self.orbit or self.survival.is_steady:
             return "settles"
@@ -253,7 +253,7 @@ def study_synchronization(
         survival, unmeasured_reason = _attempt(partial(find_survival, trajectory, modes))
         orbit = None if is_certain or survival is None else orbit_at_the_end(trajectory)
         is_enough = is_certain or theory is None or theory.is_family
-        has_ended = survival is None or survival.beat or (survival.is_steady and is_enough)
+        has_ended = survival is None or survival.is_at_rest or survival.beat or (survival.is_steady and is_enough)
         if not longer or orbit or has_ended:
             break
         more, seconds = float(trajectory.times[-1]), partial(_forward, report, longer * length)
