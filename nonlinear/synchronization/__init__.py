@@ -10,9 +10,10 @@ leave the motions in which they all do the same (`sectors`), and where (`thresho
 measures, `continuation` follows branches, `report` words both.
 """
 
+from nonlinear.synchronization.attractors import Ending, ending_of, ending_orbit, orbit_amplitudes
 from nonlinear.synchronization.continuation import Branches, EquilibriumBranch, follow_branches
 from nonlinear.synchronization.modal_energy import Survival, find_survival
-from nonlinear.synchronization.patterns import agreement
+from nonlinear.synchronization.patterns import agreement, rhythm_name
 from nonlinear.synchronization.phases import ENDING, Phases, phases_of
 from nonlinear.synchronization.population_report import diagram_csv, diagram_text
 from nonlinear.synchronization.populations import PopulationPhases, population_phases
@@ -24,6 +25,7 @@ from nonlinear.synchronization.thresholds import MotionBranch, PopulationDiagram
 __all__ = [
     "ENDING",
     "Branches",
+    "Ending",
     "EquilibriumBranch",
     "MotionBranch",
     "Phases",
@@ -38,11 +40,15 @@ __all__ = [
     "branches_text",
     "diagram_csv",
     "diagram_text",
+    "ending_of",
+    "ending_orbit",
     "find_survival",
     "follow_branches",
     "follow_populations",
+    "orbit_amplitudes",
     "phases_of",
     "population_phases",
+    "rhythm_name",
     "study_synchronization",
     "symmetric_motions",
     "sync_record",

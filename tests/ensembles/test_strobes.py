@@ -47,8 +47,8 @@ from nonlinear.ensembles import (
     grid_of,
     strobes_table,
 )
-from nonlinear.ensembles.attractors import clustered
-from nonlinear.ensembles.strobes import repetition, strobe_times
+from nonlinear.postprocessing.returns import clustered, repetition
+from nonlinear.ensembles.strobes import strobe_times
 from nonlinear.plotting import basins_figure, bifurcation_figure, strobes_figure
 
 DRIVEN, SHAKEN = load("driven-pendulum"), load("shaken-pendulum")
