@@ -15,7 +15,6 @@ orbits on which every population of equal pendula moves as one.
 
 from nonlinear.orbits.branch import Branch
 from nonlinear.orbits.cycles import (
-    closing_orbit,
     cycle_of,
     first_special_point,
     follow_cycles,
@@ -54,7 +53,6 @@ __all__ = [
     "PatternOrbit",
     "Special",
     "at_amplitude",
-    "closing_orbit",
     "cycle_of",
     "finite_swing",
     "first_special_point",

@@ -70,24 +70,8 @@ def periodic_orbit(
     y = probe.first.equations.begin(start)
     if force is not None:
         return solve_orbit(replace(probe, clock=Clock(period)), y, period)
-    return _orbit_beside(probe, y, period)[0]
-
-
-@checked
-def closing_orbit(scene: Scene, start: State, period: float) -> tuple[Orbit, float]:
-    """The periodic orbit close to a motion that nearly closes, and how far off that is, over the orbit's largest angle.
-
-    Distances are in natural units, where the widest link turns back; ComputationError where there is no orbit.
-    """
-    probe = shooting(scene)
-    orbit, y = _orbit_beside(probe, probe.first.equations.begin(start), period)
-    return orbit, float(np.abs((orbit.y - y) / probe.first.scale).max() / orbit.amplitude)
-
-
-def _orbit_beside(probe: Shooting, y: Floats, period: float) -> tuple[Orbit, Floats]:
-    """The orbit close to the motion from y, and where that motion begins one."""
     y, leader = turning(probe, y, period)
-    return solve_orbit(replace(probe, leader=leader), y, period), y
+    return solve_orbit(replace(probe, leader=leader), y, period)
 
 
 def solve_orbit(problem: Shooting, y: Floats, period: float, value: float | None = None) -> Orbit:
