@@ -87,23 +87,16 @@ def _film(study: SynchronizationStudy, name: str, theme: str) -> None:
 
 def _branches(scene: Scene, options: argparse.Namespace) -> Branches | PopulationDiagram:
     from modal.scene.parameters import parse_variations
-    from nonlinear.synchronization import branches_csv, branches_text, follow_branches
+    from nonlinear.synchronization import branches_csv, branches_text, follow_branches, has_patterns
 
     (variation,) = parse_variations([options.vary])
-    if _has_populations(scene):
+    if has_patterns(scene):
         return _diagram(scene, variation, options)
     with crew_of(options) as crew, bar(0, "branches") as report:
         branches = follow_branches(scene, variation, report, crew=crew)
     say(branches_csv(branches) if options.format == "csv" else branches_text(branches), options.format)
     draw_in(options, options.output, "nonlinear.plotting", "draw_branches", branches)
     return branches
-
-
-def _has_populations(scene: Scene) -> bool:
-    """Whether its populations have symmetric motions."""
-    from nonlinear.system import populations_of, representation_obstacles
-
-    return scene.is_structured and len(populations_of(scene)) <= 2 and not any(representation_obstacles(scene))
 
 
 def _diagram(scene: Scene, variation: Variation, options: argparse.Namespace) -> PopulationDiagram:

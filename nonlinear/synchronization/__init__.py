@@ -17,13 +17,27 @@ from nonlinear.synchronization.patterns import agreement, rhythm_name
 from nonlinear.synchronization.phases import ENDING, Phases, phases_of
 from nonlinear.synchronization.population_report import diagram_csv, diagram_text
 from nonlinear.synchronization.populations import PopulationPhases, population_phases
-from nonlinear.synchronization.report import branches_csv, branches_text, sync_record, sync_text
+from nonlinear.synchronization.report import (
+    AveragedThreshold,
+    averaged_thresholds,
+    branches_csv,
+    branches_text,
+    sync_record,
+    sync_text,
+)
 from nonlinear.synchronization.sectors import SymmetricMotion, symmetric_motions
 from nonlinear.synchronization.study import SynchronizationStudy, study_synchronization, theory_of_scene
-from nonlinear.synchronization.thresholds import MotionBranch, PopulationDiagram, Threshold, follow_populations
+from nonlinear.synchronization.thresholds import (
+    MotionBranch,
+    PopulationDiagram,
+    Threshold,
+    follow_populations,
+    has_patterns,
+)
 
 __all__ = [
     "ENDING",
+    "AveragedThreshold",
     "Branches",
     "Ending",
     "EquilibriumBranch",
@@ -36,6 +50,7 @@ __all__ = [
     "SynchronizationStudy",
     "Threshold",
     "agreement",
+    "averaged_thresholds",
     "branches_csv",
     "branches_text",
     "diagram_csv",
@@ -45,6 +60,7 @@ __all__ = [
     "find_survival",
     "follow_branches",
     "follow_populations",
+    "has_patterns",
     "orbit_amplitudes",
     "phases_of",
     "population_phases",

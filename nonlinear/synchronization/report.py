@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from math import degrees, isfinite, pi
 from textwrap import TextWrapper, fill
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -30,18 +30,26 @@ from modal.report import (
     short,
     with_unit,
 )
-from modal.scene import describe, title_of
+from modal.scene import Scene, describe, title_of
 from modal.scene.doors import require_type
+from modal.scene.parameters import Variation
+from modal.types import Crew
 from nonlinear.averaging import ASIDE, RelativeEquilibrium
 from nonlinear.orbits import Orbit, growth
 from nonlinear.orbits.report import TABLE_ROWS_MAX
 from nonlinear.postprocessing import last, smooth
-from nonlinear.synchronization.continuation import Branches, Change, EquilibriumBranch
+from nonlinear.synchronization.continuation import Branches, Change, EquilibriumBranch, follow_branches
 from nonlinear.synchronization.modal_energy import Survival
 from nonlinear.synchronization.patterns import agreement, own_amplitudes
 from nonlinear.synchronization.phases import ENDING
-from nonlinear.synchronization.population_report import ends_of, population_record, population_sections
+from nonlinear.synchronization.population_report import (
+    ends_of,
+    population_record,
+    population_sections,
+    threshold_words,
+)
 from nonlinear.synchronization.study import SynchronizationStudy, Theory
+from nonlinear.synchronization.thresholds import follow_populations, has_patterns
 from nonlinear.system import System
 
 NOT_COVERED = (
@@ -563,3 +571,47 @@ def branches_csv(diagram: Branches) -> str:
 def change_words(change: Change) -> str:
     """What happens at a critical value: loses stability (neighbours beat at 0.063 rad/s)."""
     return change.kind + (f" (neighbours beat at {change.beat:.3g} rad/s)" if change.beat else "")
+
+
+def averaged_thresholds(
+    scene: Scene, vary: str | Variation, *, crew: Crew | None = None
+) -> tuple[AveragedThreshold, ...]:
+    """Where averaged equations let a steady motion begin, end or change its stability along a number, ascending.
+
+    Their words name the motion, the event, and which mode drains it or how far it is drained.  Raises what
+    `follow_branches` and, for populations on a structure, `follow_populations` raise.
+
+    >>> from modal import load
+    >>> from nonlinear.synchronization import averaged_thresholds
+    >>> for threshold in averaged_thresholds(load("huygens"), "support.mass=4:6:2"):
+    ...     print(f"{threshold.value:.3f} kg: {threshold.words}")
+    """
+    if has_patterns(scene):
+        thresholds = follow_populations(scene, vary, crew=crew).thresholds
+        return tuple(
+            AveragedThreshold(
+                threshold.averaged,
+                f"{threshold.pattern} {threshold_words(threshold)}" + f": {threshold.reason}" * bool(threshold.reason),
+            )
+            for threshold in thresholds
+            if threshold.averaged is not None
+        )
+    diagram = follow_branches(scene, vary)
+    return tuple(
+        AveragedThreshold(
+            change.value,
+            f"{diagram.branches[number].words} {change_words(change)}"
+            + (f": {change.rival} {DRAINS[change.kind]}" if change.rival else ""),
+        )
+        for change, number in diagram.changes
+    )
+
+
+class AveragedThreshold(NamedTuple):
+    """A critical value of the averaged equations, and in words what happens there as the number grows."""
+
+    value: float
+    words: str
+
+
+DRAINS = {"loses stability": "begins to drain it", "becomes stable": "no longer drains it"}
