@@ -82,7 +82,7 @@ def rhythm_starts(scene: Scene, count: int, largest_deg: float, seed: int = 7) -
 
 
 def groups_of(scene: Scene, starts: Motion, limit: float, **options: Any) -> tuple[Group, ...]:
-    """What these starts end in, the most frequent first, after at most `limit` (s); `options` are those of `ensemble`."""
+    """What these starts end in, the most frequent first, within `limit` (s); `options` are those of `ensemble`."""
     count = len(starts.links)
     endings: dict[int, Ending] = {}
     left, motion, elapsed = np.arange(count), starts, 0.0
