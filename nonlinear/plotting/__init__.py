@@ -20,6 +20,7 @@ from nonlinear.plotting.notebooks import show_film
 from nonlinear.plotting.orbit_films import film_orbit
 from nonlinear.plotting.orbits import draw_orbits, orbits_figure
 from nonlinear.plotting.populations import draw_populations, populations_figure
+from nonlinear.plotting.rhythms import draw_rhythms, grid_figure, rhythm_figure
 from nonlinear.plotting.run import draw_run
 from nonlinear.plotting.strobes import bifurcation_figure, draw_bifurcations, draw_strobes, strobes_figure
 from nonlinear.plotting.sweeps import draw_sweep, validate_axes
@@ -43,6 +44,7 @@ __all__ = [
     "draw_frequencies",
     "draw_orbits",
     "draw_populations",
+    "draw_rhythms",
     "draw_run",
     "draw_running",
     "draw_section",
@@ -55,8 +57,10 @@ __all__ = [
     "film_orbit",
     "fit_figure",
     "frequencies_figure",
+    "grid_figure",
     "orbits_figure",
     "populations_figure",
+    "rhythm_figure",
     "section_figure",
     "show_film",
     "spread_figure",

@@ -179,6 +179,9 @@ def slow_rotation(record: Floats, residual: float = 1e-2) -> float | None:
         return None
     spectrum = np.sum(np.abs(np.fft.rfft(np.hanning(count)[:, None] * x, 4 * count, axis=0)) ** 2, axis=1)
     strongest = float(spectrum.argmax()) / (4 * count)
+    halves = [float(np.linalg.norm(part - part.mean(axis=0))) for part in np.array_split(x, 2)]
+    if strongest * count < 8 or not 0.9 * halves[0] < halves[1] < 1.1 * halves[0]:  # slow, or not bounded
+        return None
     times, harmonics = np.arange(count), min(count // 12, 24)
     for multiple in range(1, 4):
         for turn in range(multiple):

@@ -35,8 +35,8 @@ AT_REST, PERIODIC, TORUS, OPEN = "at rest", "periodic", "torus", "open"
 class Ending(Displayed):
     """What returns say: `kind` "at rest", "periodic", "torus" or "open", which has not settled or is chaos.
 
-    `period` (s) is that of a periodic motion, of others the mean time of a return; `slow_period` (s) is that of a torus,
-    on which pendula may be `drifting` apart.  `chimera`: some equal pendula move as one, others of them do not.
+    `period` (s) is that of a periodic motion, else the mean time of a return; `slow_period` (s) that of a torus, on
+    which pendula may be `drifting` apart.  `chimera`: some equal pendula move as one, others of them do not.
     `record` (K, D) are the last returns in natural units, with equal pendula in an order of their own; `state` is the
     last return.
     """
