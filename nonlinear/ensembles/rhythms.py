@@ -2,8 +2,8 @@
 
 At every value the same starts are run until they tell what they end in (`endings`).  The orbit of each periodic motion
 is followed along the number, to both sides of the value where it was found, while it is stable; where that ends, at a
-fold, a branch point, a Neimark–Sacker point or a doubling, it is born or dies.  The share of starts that end in a rhythm
-has Wilson's interval [Wilson1927]:
+fold, a branch point, a Neimark–Sacker point or a doubling, it is born or dies.  The share of starts that end in a
+rhythm has Wilson's interval [Wilson1927]:
 
     (p + z²/2n ± z sqrt(p(1 − p)/n + z²/4n²)) / (1 + z²/n),     z = 1.96
 """
@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from hashlib import sha256
 from itertools import pairwise
 from math import degrees, nan, sqrt
@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from modal.errors import ComputationError
 from modal.report import Displayed, Drawable, Form, ReportTable, Result, finite, silent
 from modal.scene import Scene, describe
 from modal.scene.doors import checked, checked_index, checked_number
@@ -43,6 +44,7 @@ from nonlinear.orbits.orbit import Orbit
 from nonlinear.orbits.special import along_cycles, bisect
 from nonlinear.synchronization.attractors import Ending, orbit_amplitudes
 from nonlinear.synchronization.patterns import rhythm_name
+from nonlinear.synchronization.report import AveragedThreshold, averaged_thresholds
 from nonlinear.system import Motion, State
 
 if TYPE_CHECKING:
@@ -181,6 +183,21 @@ class RhythmMap(Drawable, Result):
     what, key = "map of rhythms", "values"
     figure = "nonlinear.plotting.rhythms:rhythm_figure"
 
+    @cached_property
+    def averaged(self) -> tuple[AveragedThreshold, ...]:
+        """Where averaged equations let steady motions begin, end or change stability; () where they have none."""
+        few = self.variation.values[:: max(1, len(self.variation.values) // 8)]
+        values = (*few[:-1], self.variation.values[-1])
+        try:
+            return averaged_thresholds(self.scene, replace(self.variation, values=values))
+        except ComputationError:
+            return ()
+
+    def distance(self, threshold: AveragedThreshold) -> float | None:
+        """From a threshold of averaged equations to the nearest computed birth or death; None where there is none."""
+        exact = [event.value for event in self.births if not event.between]
+        return min((value - threshold.value for value in exact), key=abs, default=None)
+
     @property
     def names(self) -> tuple[str, ...]:
         """Of all rhythms, in the order of their births along the number."""
@@ -228,6 +245,7 @@ class RhythmMap(Drawable, Result):
                 for value in self.values
             ],
             "births": [event.record() for event in self.births],
+            "averaged": [{**each._asdict(), "distance": self.distance(each)} for each in self.averaged],
         }
 
     def parts(self, form: Form = "text") -> Iterator[ReportTable | str]:
@@ -244,7 +262,14 @@ class RhythmMap(Drawable, Result):
         ]
         yield "starts (%) that end in each rhythm:\n"
         yield ReportTable(columns, rows)
-        yield "\n".join([*map(self.event_words, self.births), *self._footnotes()])
+        yield "\n".join([*map(self.event_words, self.births), *map(self._averaged_words, self.averaged)])
+        yield "\n".join(self._footnotes())
+
+    def _averaged_words(self, threshold: AveragedThreshold) -> str:
+        """A sentence about a threshold of averaged equations, and how far the exact one is."""
+        distance, unit = self.distance(threshold), self.variation.unit
+        further = "" if distance is None else f"; the nearest birth or death is {distance:+.2g} {unit} from there"
+        return f"Averaged, at {threshold.value:.6g} {unit}: {threshold.words}{further}."
 
     def event_words(self, event: Event) -> str:
         """A sentence about one of the events."""
