@@ -38,9 +38,10 @@ from nonlinear.averaging import ASIDE, RelativeEquilibrium
 from nonlinear.orbits import Orbit, growth
 from nonlinear.orbits.report import TABLE_ROWS_MAX
 from nonlinear.postprocessing import last, smooth
+from nonlinear.synchronization.attractors import orbit_amplitudes
 from nonlinear.synchronization.continuation import Branches, Change, EquilibriumBranch, follow_branches
 from nonlinear.synchronization.modal_energy import Survival
-from nonlinear.synchronization.patterns import agreement, own_amplitudes
+from nonlinear.synchronization.patterns import agreement, own_amplitudes, rhythm_name
 from nonlinear.synchronization.phases import ENDING
 from nonlinear.synchronization.population_report import (
     ends_of,
@@ -110,7 +111,7 @@ def sync_verdict(study: SynchronizationStudy) -> list[str]:
             "This start lies on an unstable motion of the averaged equations (often by symmetry); it was perturbed by "
             f"{100 * ASIDE:.0f} %."
         )
-    sentences += [*_winner(study), *_since(study)]
+    sentences += [*_winner(study), *_since(study), *_orbit_at_the_end(study)]
     phases = study.phases
     if phases.z.shape[1] > 1 and study.populations is None:
         sentences += _locking(study)
@@ -163,6 +164,20 @@ def _winner(study: SynchronizationStudy) -> Iterator[str]:
         yield f"{forecast}, by the prediction; the simulation is too short to tell: {outcome}."
     else:
         yield f"The simulation differs from the prediction: {outcome}. Predicted: {forecast[:1].lower()}{forecast[1:]}."
+
+
+def _orbit_at_the_end(study: SynchronizationStudy) -> Iterator[str]:
+    """The periodic motion in which the run ends, where the prediction alone was not certain."""
+    if study.orbit:
+        size = float(np.abs(study.orbit.floquet.others).max())
+        yield (
+            f"The run settles on a periodic motion of {study.orbit.period:.6g} s ({_rhythm(study.orbit)}), stable in the "
+            f"full equations: no multiplier exceeds {size:.6g}."
+        )
+
+
+def _rhythm(orbit: Orbit) -> str:
+    return rhythm_name(orbit_amplitudes(orbit))
 
 
 def _angles(study: SynchronizationStudy) -> str:
@@ -427,13 +442,11 @@ def _configuration_record(state: RelativeEquilibrium, orbit: Orbit | None = None
         "lasts": orbit.is_stable if orbit and state.is_stable is not None else state.is_stable,
         "growth_rate_per_s": finite(growth(orbit) if orbit else state.growth),
         "averaged_growth_rate_per_s": finite(state.growth),
-        "orbit": _orbit_record(orbit),
+        "orbit": orbit and _orbit_record(orbit),
     }
 
 
-def _orbit_record(orbit: Orbit | None) -> dict[str, Any] | None:
-    if orbit is None:
-        return None
+def _orbit_record(orbit: Orbit) -> dict[str, Any]:
     return {
         "omega_rad_per_s": orbit.omega,
         "amplitude_deg": degrees(orbit.amplitude),
@@ -455,7 +468,7 @@ def _prediction_record(study: SynchronizationStudy, theory: Theory) -> dict[str,
         "survivor_share": None if dies else prediction.share,
         "certain": not doubts,
         "doubts": doubts,
-        "ends_on": _orbit_record(theory.ending),
+        "ends_on": theory.ending and _orbit_record(theory.ending),
         "locking_time_s": prediction.locking_time(),
         "locking_time_doubts": list(prediction.timing_doubts),
         "largest_angle_deg": degrees(prediction.averaged.largest(prediction.motion.z[:, -1])),
@@ -468,7 +481,7 @@ def _simulation_record(study: SynchronizationStudy) -> dict[str, Any]:
     return {
         "duration_s": float(trajectory.times[-1]),
         "verdict": study.verdict or None,
-        "orbit": _orbit_record(study.orbit),
+        "orbit": study.orbit and {"name": _rhythm(study.orbit), **_orbit_record(study.orbit)},
         **(_survival_record(study.survival) if study.survival else {"no_modes": study.unmeasured_reason}),
         "own_mode": phases.leading + 1,
         "order_parameter": float(phases.order[late, phases.leading].mean()),
@@ -583,8 +596,9 @@ def averaged_thresholds(
 
     >>> from modal import load
     >>> from nonlinear.synchronization import averaged_thresholds
-    >>> for threshold in averaged_thresholds(load("huygens"), "support.mass=4:6:2"):
+    >>> for threshold in averaged_thresholds(load("huygens"), "support.mass=20:30:2"):
     ...     print(f"{threshold.value:.3f} kg: {threshold.words}")
+    26.673 kg: in phase loses stability: mode 3 (cart still: antiphase) begins to drain it
     """
     if has_patterns(scene):
         thresholds = follow_populations(scene, vary, crew=crew).thresholds
