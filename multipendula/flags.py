@@ -169,6 +169,7 @@ FLAGS: dict[str, Flag] = {
     "--loci": Flag("", "follow every frequency along one --vary by its mode shape"),
     "--lqr": Flag("", "gains of the linear-quadratic regulator, a column for each state, a row for each input"),
     "--loss": Flag("", "cost of a residual", group="computed", choices=LOSSES, default="linear"),
+    "--map": Flag("", "map every rhythm that starts end in along one or two --vary"),
     "--max": Flag("QUANTITY=VALUE", "largest value that a quantity may have", action=Repeated, keyword="limits"),
     "--max-acceleration": Flag(
         "M/S²", "largest acceleration of a travel", number("m/s² above 0"), names=("acceleration",)

@@ -3,11 +3,14 @@
 Two to four clocks with escapements hang from one cart, equal or unequal, some of them starting below the angle of
 their escapement.  The oracle has its own equations of motion, its own integrator and its own kicks, runs at least
 twice as long, and divides the energy among modes of its own.  Two promises are tried: a survivor without a doubt has
-the claimed share of the energy at the end, and a run "as predicted" has it at the end of that run.
+the claimed share of the energy at the end, and a run "as predicted" has it at the end of that run.  A third is tried
+where the prediction is contradicted: a run that settles on a stable orbit stays there.  How many sets are certain,
+contradicted and doubted is counted.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from math import pi, sqrt
 
@@ -176,19 +179,33 @@ def trials(seed: int) -> Iterator[Trial]:
         study = study_synchronization(scene)
     except ComputationError:
         return
-    theory = study.theory
-    if theory is None or theory.prediction.motion.dies:
+    theory, survival = study.theory, study.survival
+    if theory is None or theory.prediction.motion.dies or survival is None:
         return
     prediction, duration = theory.prediction, float(study.trajectory.times[-1])
     settled = max(2 * duration, min(2 * float(prediction.motion.times[-1]), LONGEST))
     oracle = Oracle(scene, prediction.start, (duration, settled))
     omega = float(prediction.averaged.modes[prediction.row].omega)
     about = f"{len(scene.pendulum)} clocks, mode {prediction.number}"
-    if not theory.doubts:
+    if not study.doubts:
+        claim = "certain"
         yield Trial(f"{about} certain", abs(oracle.share(settled, omega) - prediction.share), WITHIN)
+    elif study.agrees is False and study.orbit:
+        claim = "contradicted, and settled elsewhere"
+        settled_omega = float(survival.mode.omega)
+        error = abs(oracle.share(settled, settled_omega) - survival.survivor_share)
+        yield Trial(f"{about} contradicted", error, WITHIN)
+    else:
+        claim = f"doubted ({study.verdict})"
+    CLAIMS[claim] += 1
     if study.agrees:
         yield Trial(f"{about} as predicted", abs(oracle.share(duration, omega) - prediction.share), WITHIN)
 
 
+CLAIMS: Counter[str] = Counter()
+
 if __name__ == "__main__":
-    attack(__doc__ or "", trials, cases=100, quick=1)
+    try:
+        attack(__doc__ or "", trials, cases=100, quick=1)
+    finally:
+        print("sets:", ", ".join(f"{number} {claim}" for claim, number in CLAIMS.most_common()))

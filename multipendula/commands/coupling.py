@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from modal.coupling import Coupling
 
 MORE = "--words says all of it in sentences with formulas; --format json has every number."
+MAP = "sync {} --vary NUMBER=FIRST:LAST:COUNT --map: every rhythm that starts end in along a number, and how often."
 
 
 def explain(options: argparse.Namespace) -> Coupling:
@@ -22,7 +23,8 @@ def explain(options: argparse.Namespace) -> Coupling:
     picture(options.output)
     coupling = explain(noted(load(options.scene), "the explanation of the coupling"))
     draw_in(options, options.output, "modal.plotting", "coupling_figure", coupling)
-    report = coupling_report(coupling, options.format, words=options.words, elsewhere="" if options.words else MORE)
+    elsewhere = [MORE] * (not options.words) + [MAP.format(options.scene)] * coupling.scene.is_driven
+    report = coupling_report(coupling, options.format, words=options.words, elsewhere="\n".join(elsewhere))
     say(report, options.format)
     return coupling
 

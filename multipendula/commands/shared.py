@@ -254,7 +254,7 @@ def validated(options: argparse.Namespace, image: str | None, misfits: Iterable[
 
     scene, *_ = validate(
         lambda: load(options.scene),
-        lambda: options.vary and parse_variations([options.vary]),
+        lambda: options.vary and parse_variations(options.vary if isinstance(options.vary, list) else [options.vary]),
         refuse_misfits,
         lambda: picture(image),
         lambda: options.film and film_form(options.film, "--film"),

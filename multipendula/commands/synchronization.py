@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
-from multipendula.command import CREW, SCENE, Command, formats, misfits, once, report_file
+from multipendula.command import CREW, SCENE, Command, formats, misfits, option, report_file
 from multipendula.commands.runs import start_of
 from multipendula.commands.shared import (
     HOUR,
@@ -21,25 +21,39 @@ from multipendula.commands.shared import (
     stages,
     validated,
 )
+from multipendula.options import integer
 
 if TYPE_CHECKING:
     from modal.scene import Scene
     from modal.scene.parameters import Variation
+    from nonlinear.ensembles import RhythmGrid, RhythmMap
     from nonlinear.synchronization import Branches, PopulationDiagram, SynchronizationStudy
 
 
 MORE = "--words describes prediction and simulation in sentences."
 
 
-def sync(options: argparse.Namespace) -> SynchronizationStudy | Branches | PopulationDiagram:
+def sync(
+    options: argparse.Namespace,
+) -> SynchronizationStudy | Branches | PopulationDiagram | RhythmMap | RhythmGrid:
     """Predict which mode survives in a scene with drives, simulate it, and measure which pendula synchronize."""
     scene = validated(options, options.output, _misfits(options))
-    return (_branches if options.vary else _run)(scene, options)
+    return (_map if options.map else _branches if options.vary else _run)(scene, options)
 
 
 def _misfits(options: argparse.Namespace) -> Iterator[str]:
     form = getattr(options, "format_words", f"--format {options.format}")
+    if options.map:
+        yield from misfits(options, "cannot be combined with --map", "--start", "--film", "--words")
+        if not options.vary:
+            yield "--map: needs --vary"
+        elif len(options.vary) > 2:
+            yield "--vary: a map goes along one number or two"
+        return
+    yield from misfits(options, "needs --map", "--members", "--spread", "--seed", "--folder")
     if options.vary:
+        if len(options.vary) > 1:
+            yield "--vary: two numbers need --map"
         yield from misfits(options, "cannot be combined with --vary", "--duration", "--start", "--film", "--words")
         if options.format == "json":
             yield f"{form}: cannot be combined with --vary"
@@ -87,10 +101,10 @@ def _film(study: SynchronizationStudy, name: str, theme: str) -> None:
 
 def _branches(scene: Scene, options: argparse.Namespace) -> Branches | PopulationDiagram:
     from modal.scene.parameters import parse_variations
-    from nonlinear.synchronization import branches_csv, branches_text, follow_branches
+    from nonlinear.synchronization import branches_csv, branches_text, follow_branches, has_patterns
 
-    (variation,) = parse_variations([options.vary])
-    if _has_populations(scene):
+    (variation,) = parse_variations(options.vary)
+    if has_patterns(scene):
         return _diagram(scene, variation, options)
     with crew_of(options) as crew, bar(0, "branches") as report:
         branches = follow_branches(scene, variation, report, crew=crew)
@@ -99,11 +113,25 @@ def _branches(scene: Scene, options: argparse.Namespace) -> Branches | Populatio
     return branches
 
 
-def _has_populations(scene: Scene) -> bool:
-    """Whether its populations have symmetric motions."""
-    from nonlinear.system import populations_of, representation_obstacles
+def _map(scene: Scene, options: argparse.Namespace) -> RhythmMap | RhythmGrid:
+    from math import prod
 
-    return scene.is_structured and len(populations_of(scene)) <= 2 and not any(representation_obstacles(scene))
+    from modal.scene.parameters import parse_variations
+    from nonlinear.ensembles import find_rhythm_grid, find_rhythms
+
+    axes = parse_variations(options.vary)
+    names = {"members": options.members, "largest_deg": options.spread, "seed": options.seed}
+    names |= {"limit": options.duration, "folder": options.folder}
+    how = {name: value for name, value in names.items() if value is not None}
+    with crew_of(options) as crew, bar(prod(len(axis.values) for axis in axes), "value") as report:
+        if len(axes) == 2:
+            outcome: RhythmMap | RhythmGrid = find_rhythm_grid(scene, axes, crew=crew, report=report, **how)
+        else:
+            outcome = find_rhythms(scene, axes[0], crew=crew, report=report, **how)
+    say(outcome.report(options.format), options.format)
+    figure = "grid_figure" if len(axes) > 1 else "rhythm_figure"
+    draw_in(options, options.output, "nonlinear.plotting", figure, outcome)
+    return outcome
 
 
 def _diagram(scene: Scene, variation: Variation, options: argparse.Namespace) -> PopulationDiagram:
@@ -124,10 +152,21 @@ COMMANDS = (
         main=("--duration", "--start", "--vary", "--film", "--output"),
         takes=(
             SCENE,
-            "--duration (default as predicted)",
+            "--duration (default as predicted), with --map the longest run (default 2048 periods)",
             "--start, as in simulate, with undamped mode shapes",
-            once("--vary, such as support.mass=1:100:30log, along which every steady oscillation is followed instead"),
-            formats("text", "csv", "json", more=" (default text); csv with --vary only"),
+            "--vary, such as support.mass=1:100:30log, along which every steady oscillation is followed instead; with "
+            "--map also a second number",
+            "--map",
+            option(
+                "--members, with --map (default 300 starts at each value, of two numbers 20)", type=integer(100_000)
+            ),
+            option(
+                "--spread: with --map, the largest starting angle (default twice the drives' angle)",
+                keyword="largest_deg",
+            ),
+            "--seed, with --map (default 7)",
+            "--folder, with --map",
+            formats("text", "csv", "json", more=" (default text); csv with --vary only, json without it or with --map"),
             "--words: prediction and simulation",
             *report_file("text", "csv", "json"),
             "--film: a stroboscopic one",
@@ -142,11 +181,17 @@ COMMANDS = (
             "structure it says which population is locked, and to which; then follow the growth rates of the motions "
             "in which every population is one pendulum, and with --vary the values at which these begin or cease to "
             "last. With --vary the oscillations found at one value, and their critical values, are shared among the "
-            "--workers; each is followed from value to value by one."
+            "--workers; each is followed from value to value by one. With --map the same starts are run at every value "
+            "until their returns to a section tell what they end in: the share of each rhythm with its 95 % interval, "
+            "its orbit, and where it is born and dies in the full equations."
         ),
         examples=(
             ("sync metronomes -o sync.png --film sync.gif", "two metronomes on a light base, with a figure and a film"),
             ("sync huygens --vary support.mass=3:30:3log -o branches.png", "the range of each steady oscillation"),
+            (
+                "sync metronomes --vary support.mass=0.05:0.2:4 --map --members 12 -o map.png",
+                "what two metronomes end in on bases of 0.05 to 0.2 kg, and how often",
+            ),
             ("sync two-swings --duration 60", "two swings with 15 metronomes each, of which half agree"),
         ),
     ),

@@ -58,7 +58,8 @@ class RelativeEquilibrium(Displayed):
     """A motion of constant shape: amplitudes z (C,), rotation rates Ω (B,) in rad/s, growth rates (1/s).
 
     `rates` are the eigenvalues μ except the neutral ones, the slowest first, and `leaving` the fraction of the energy
-    of each eigenvector outside the row that holds most: many pendula in antiphase may share it in many ways. `recovery`
+    of each eigenvector outside the row that holds most: many pendula in antiphase may share it in many ways. `rivals`
+    are the rows, from 0, that hold most of these fractions.  `recovery`
     is the size of Re z*ᵀJz/|z|² (1/s), the rate at which the overall amplitude changes by itself.
     """
 
@@ -70,6 +71,7 @@ class RelativeEquilibrium(Displayed):
     turning: Floats
     rates: Complexes
     leaving: Floats
+    rivals: Ints
     recovery: float
 
     @cached_property
@@ -284,15 +286,21 @@ def _linearize(equations: AveragedEquations, z: Complexes, turning: Floats, band
 
 def _rates(
     equations: AveragedEquations, z: Complexes, jacobian: Floats, neutral: int
-) -> tuple[Complexes, Floats, float]:
-    """All μ but the `neutral` ones closest to 0, the slowest first, how far each leaves the row of z, the recovery."""
+) -> tuple[Complexes, Floats, Ints, float]:
+    """All μ but the `neutral` ones closest to 0, the slowest first, how far each leaves the row of z and for which.
+
+    Last the recovery.
+    """
     parts = np.concatenate((z.real, z.imag))
     values, vectors = np.linalg.eig(jacobian)
     energy = np.sum([equations.energies(np.abs(part) + 0j) for part in np.split(vectors, 2)], axis=0)
-    leaving = 1 - energy[int(equations.energies(z).argmax())] / energy.sum(axis=0)
+    holder = int(equations.energies(z).argmax())
+    leaving = 1 - energy[holder] / energy.sum(axis=0)
+    energy[holder] = 0.0
     order = np.argsort(np.abs(values))[neutral:]
     order = order[np.argsort(-values[order].real)]
-    return values[order].astype(complex), leaving[order], abs(float(parts @ jacobian @ parts / (parts @ parts)))
+    recovery = abs(float(parts @ jacobian @ parts / (parts @ parts)))
+    return values[order].astype(complex), leaving[order], energy.argmax(axis=0)[order], recovery
 
 
 def is_same_motion(

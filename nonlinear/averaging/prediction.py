@@ -137,7 +137,7 @@ class Prediction(Displayed):
         if not self.motion.settled:
             yield f"nothing has settled after {self.motion.times[-1]:.3g} s", True
         elif not self.is_won:
-            yield self.indecision, True
+            yield self.indecision, False
         if self.ending is None or self.ending.hold < 2 * self._error:
             yield "the final state attracts its neighbours only weakly", False
         if min(flow.reach for flow in (self.motion, *self.neighbours)) < KICK_REACH_MIN:

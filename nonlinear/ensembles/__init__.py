@@ -7,7 +7,8 @@ of every member, with its energy drift and horizon, in chunks that may be files 
 
 Start with `running`; `measures` says how measures are computed, `lanes` and `compiled` are the engines, and
 `plain` takes one by one what these do not; `basins` and `sections` are what ensembles are run for most, of
-scenes that are driven in time `strobes`, `attractors` and `bifurcations`; `executors` and `cluster` share the work
+scenes that are driven in time `strobes`, `attractors` and `bifurcations`; `rhythms` maps what scenes with drives end
+in along a number; `executors` and `cluster` share the work
 among processes, also that of other rooms.  `preparing` compiles ahead of time what a scene can use.
 """
 
@@ -21,6 +22,7 @@ from nonlinear.ensembles.measures import validate_measures
 from nonlinear.ensembles.members import Members, members_of
 from nonlinear.ensembles.plain import measured_run
 from nonlinear.ensembles.preparing import Compilation, CompiledCode, compilation_table, compile_engines
+from nonlinear.ensembles.rhythms import RhythmGrid, RhythmMap, find_rhythm_grid, find_rhythms
 from nonlinear.ensembles.running import Ensemble, ensemble
 from nonlinear.ensembles.runs import measured_together, run_together, times_of
 from nonlinear.ensembles.sections import PoincareSection, energy_of, find_section, section_table, starts_at
@@ -36,6 +38,8 @@ __all__ = [
     "Ensemble",
     "Members",
     "PoincareSection",
+    "RhythmGrid",
+    "RhythmMap",
     "StroboscopicSection",
     "WorkerPool",
     "Workers",
@@ -48,6 +52,8 @@ __all__ = [
     "ensemble",
     "find_basins",
     "find_bifurcations",
+    "find_rhythm_grid",
+    "find_rhythms",
     "find_section",
     "find_strobes",
     "grid_of",

@@ -18,17 +18,14 @@ from modal.errors import SceneError
 from modal.report import Displayed, finite, silent
 from modal.scene import Scene, drive_period
 from modal.scene.parameters import Variation
-from modal.types import Floats, Ints
+from modal.types import Floats
 from nonlinear.ensembles.running import Ensemble, ensemble
-from nonlinear.ensembles.strobes import JUDGED_STROBES, natural_units, repetition, settling_time, strobe_times
+from nonlinear.ensembles.strobes import settling_time, strobe_times
 from nonlinear.postprocessing import largest_angle
+from nonlinear.postprocessing.returns import JUDGED_STROBES, clustered, natural_units, repetition
 from nonlinear.simulation import simulate
 from nonlinear.system import State
 
-ATTRACTOR_GAP_MIN = 3e-3
-"""Tolerance: in natural units, from which on strobes are those of two attractors: a settled motion is within 1e-4."""
-ATTRACTORS_MAX = 40
-"""Limit: attractors that are told apart; starts that end in further ones count as "none of these"."""
 EQUAL_ANGLES_GAP = 1e-2
 """Tolerance: between largest angles (deg) that count as equal: mirror images go by their strobes."""
 
@@ -118,34 +115,6 @@ def find_attractors(
     rank[1 + np.array(order, dtype=int)] = 1 + np.arange(len(order))
     numbers = np.where(np.isnan(strobes).any((1, 2)), nan, rank[labels])
     return ensembled, tuple(attractors[k] for k in order), numbers
-
-
-def clustered(strobes: Floats, period: Ints, turns: Ints) -> tuple[Ints, list[int]]:
-    """To which cluster each of the motions (S, K, D) belongs, from 1, 0 for none, (S,), and a member of each.
-
-    `period` (S,) and `turns` (S, L) are those of `repetition`.
-
-    >>> still, swinging = np.zeros((50, 2)), np.array([[0.3 * (-1) ** k, 0.0] for k in range(50)])
-    >>> motions = np.array([still, swinging, still, swinging[::-1]])
-    >>> clustered(motions, *repetition(motions, 1))[0].tolist()
-    [1, 2, 1, 2]
-    """
-    labels, members = np.zeros(len(strobes), dtype=np.int64), list[int]()
-    while len(members) < ATTRACTORS_MAX and len(left := np.flatnonzero((period > 0) & (labels == 0))):
-        first, p = left[0], period[left[0]]
-        alike = left[(period[left] == p) & (turns[left] == turns[first]).all(1)]
-        orbit = strobes[first, -p:]
-        apart = [_apart(strobes[alike, -p:], np.roll(orbit, k, 0), turns.shape[1]) for k in range(p)]
-        members.append(int(first))
-        labels[alike[np.min(apart, axis=0) < ATTRACTOR_GAP_MIN]] = len(members)
-    return labels, members
-
-
-def _apart(strobes: Floats, other: Floats, links: int) -> Floats:
-    """The largest difference between strobes (S, p, D) and (p, D), angles modulo whole turns, (S,)."""
-    change = strobes - other
-    change[..., :links] -= 2 * np.pi * np.round(change[..., :links] / (2 * np.pi))
-    return np.asarray(np.abs(change).max((1, 2)))
 
 
 def _order(attractors: list[Attractor]) -> list[int]:

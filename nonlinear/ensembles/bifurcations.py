@@ -22,11 +22,7 @@ from modal.scene.parameters import Variable, Variation, find_places, parse_varia
 from modal.types import Floats, Ints
 from nonlinear.ensembles.running import ensemble
 from nonlinear.ensembles.strobes import (
-    JUDGED_STROBES,
-    REPEAT_PERIODS_MAX,
     links_named,
-    natural_units,
-    repetition,
     settling_time,
     state_records,
     strobe_times,
@@ -34,6 +30,7 @@ from nonlinear.ensembles.strobes import (
     within_a_turn,
 )
 from nonlinear.integration import validate
+from nonlinear.postprocessing.returns import JUDGED_STROBES, REPEAT_PERIODS_MAX, natural_units, repetition
 from nonlinear.reduction import usual_start
 from nonlinear.system import System, system_of
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from math import ceil, inf, isfinite, radians, sqrt
+from math import ceil, inf, isfinite, radians
 from typing import Any
 
 import numpy as np
@@ -28,20 +28,10 @@ from nonlinear.chaos.lyapunov import nearby
 from nonlinear.ensembles.measures import places
 from nonlinear.ensembles.running import Ensemble, EnsembleResult, ensemble
 from nonlinear.integration import validate, validate_whole
+from nonlinear.postprocessing.returns import JUDGED_STROBES, REPEAT_PERIODS_MAX, natural_units, repetition
 from nonlinear.reduction import usual_start
 from nonlinear.synchronization.study import USUAL_PERIODS
-from nonlinear.system import System, system_of, translations
-
-JUDGED_STROBES = 50
-"""Limit: strobes by which a settled motion is judged: "an attractor takes 50 periods"."""
-REPEAT_PERIODS_MAX = 16
-"""Limit: the longest period of a motion in those of the drives, beyond which it does "not repeat within 16"."""
-REPEAT_GAP_MAX = 1e-4
-"""Tolerance: in natural units, within which a motion repeats: a decay of ten e-folds leaves 5e-5."""
-APPROACH_RATIO_MAX = 0.9
-"""Tolerance: of its distance from a shorter period, which a motion keeps: one that still approaches it loses more in
-50 periods."""
-
+from nonlinear.system import System, system_of
 
 # ------------------------------------------------------------------------------------------------------- in time
 
@@ -64,53 +54,6 @@ def settling_time(scene: Scene, period: float) -> float:
     except MultipendulaError:
         decay = []
     return max(E_FOLDING_TIMES / min(decay) if decay else 0.0, USUAL_PERIODS * period)
-
-
-# ------------------------------------------------------------------------------------------------------- repetition
-
-
-def natural_units(system: System, states: Sequence[Floats]) -> Floats:
-    """States (links, their rates, cart, its rate), (S, K, ...), in natural units, (S, K, D), angles (rad) first.
-
-    The place of a cart or of carriers that nothing holds is omitted: wherever they are, they move on in the same way.
-    """
-    links, rates, cart, speed, *carried = states
-    length = float(system.by_link("length").min())
-    rate = sqrt(system.gravity / length)
-    columns = [links, rates / rate]
-    if system.cart is not None:
-        columns += [(cart / length)[..., None]] * bool(system.cart.stiffness)
-        columns.append((speed / (length * rate))[..., None])
-    if carried:
-        places = carried[0]
-        for along in translations(system):
-            places = places - (places @ along)[..., None] * along / (along @ along)
-        columns += [places / system.first_units, carried[1] / (system.first_units * rate)]
-    return np.concatenate(columns, axis=-1)
-
-
-def repetition(strobes: Floats, links: int) -> tuple[Ints, Ints]:
-    """After how many strobes motions (S, K, D) repeat, (S,), 0 for none, and by how many turns each link, (S, links).
-
-    One that still approaches a shorter period, as it does near a doubling, repeats after none.
-
-    >>> turning = np.array([[[0.1 + np.pi * k, 2.0] for k in range(50)]])  # half a turn a period
-    >>> period, turns = repetition(turning, 1)
-    >>> period.tolist(), turns.tolist()
-    ([2], [[1]])
-    """
-    period, turns = np.zeros(len(strobes), dtype=np.int64), np.zeros((len(strobes), links), dtype=np.int64)
-    far: dict[int, Floats] = {}
-    for p in range(1, min(REPEAT_PERIODS_MAX, strobes.shape[1] // 3) + 1):
-        change = strobes[:, p:] - strobes[:, :-p]
-        whole = np.round(np.nan_to_num(change[:, -1, :links]) / (2 * np.pi))
-        change[..., :links] -= 2 * np.pi * whole[:, None]
-        far[p] = np.abs(change).max(2)
-        new = (period == 0) & (far[p].max(1) < REPEAT_GAP_MAX)
-        for q in (q for q in far if q < p and p % q == 0):
-            new &= far[q][:, -p:].max(1) > APPROACH_RATIO_MAX * far[q][:, :p].max(1)
-        period[new], turns[new] = p, whole[new]
-    return period, turns
 
 
 def repetition_words(period: Ints) -> str:

@@ -237,8 +237,8 @@ def follow_cycles(
     branches: list[Branch] = []
     walk = BranchWalk(longest, max_orbits)
     for value in ends[: 1 if start else 2]:
-        beginnings = _beginnings(scene, variation, value, start, tolerance)
-        for branch in map_by_crew(walk, (beginning for beginning in beginnings if beginning.is_new(branches)), crew):
+        orbits = beginnings(scene, variation, value, start, tolerance)
+        for branch in map_by_crew(walk, (beginning for beginning in orbits if beginning.is_new(branches)), crew):
             if not is_known(branch.orbits[0], branches):
                 branches.append(branch)
                 report(len(branches))
@@ -256,7 +256,7 @@ def require_cycles(scene: Scene, variation: Variation) -> None:
     require(scene, "a limit cycle")
 
 
-def _beginnings(
+def beginnings(
     scene: Scene,
     variation: Variation,
     value: float,

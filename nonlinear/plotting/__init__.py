@@ -17,6 +17,7 @@ from nonlinear.plotting.notebooks import show_film
 from nonlinear.plotting.orbit_films import film_orbit
 from nonlinear.plotting.orbits import orbits_figure
 from nonlinear.plotting.populations import populations_figure
+from nonlinear.plotting.rhythms import grid_figure, rhythm_figure
 from nonlinear.plotting.run import run_figure
 from nonlinear.plotting.strobes import bifurcation_figure, strobes_figure
 from nonlinear.plotting.sweeps import sweep_figure, validate_axes
@@ -36,9 +37,11 @@ __all__ = [
     "finding_figure",
     "fit_figure",
     "frequencies_figure",
+    "grid_figure",
     "orbits_figure",
     "populations_figure",
     "run_figure",
+    "rhythm_figure",
     "section_figure",
     "show_film",
     "spectrum_figure",

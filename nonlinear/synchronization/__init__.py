@@ -10,20 +10,36 @@ leave the motions in which they all do the same (`sectors`), and where (`thresho
 measures, `continuation` follows branches, `report` words both.
 """
 
+from nonlinear.synchronization.attractors import Ending, ending_of, ending_orbit, orbit_amplitudes
 from nonlinear.synchronization.continuation import Branches, EquilibriumBranch, follow_branches
 from nonlinear.synchronization.modal_energy import Survival, find_survival
-from nonlinear.synchronization.patterns import agreement
+from nonlinear.synchronization.patterns import agreement, rhythm_name
 from nonlinear.synchronization.phases import ENDING, Phases, phases_of
 from nonlinear.synchronization.population_report import diagram_csv, diagram_text
 from nonlinear.synchronization.populations import PopulationPhases, population_phases
-from nonlinear.synchronization.report import branches_csv, branches_text, sync_record, sync_text
+from nonlinear.synchronization.report import (
+    AveragedThreshold,
+    averaged_thresholds,
+    branches_csv,
+    branches_text,
+    sync_record,
+    sync_text,
+)
 from nonlinear.synchronization.sectors import SymmetricMotion, symmetric_motions
 from nonlinear.synchronization.study import SynchronizationStudy, study_synchronization, theory_of_scene
-from nonlinear.synchronization.thresholds import MotionBranch, PopulationDiagram, Threshold, follow_populations
+from nonlinear.synchronization.thresholds import (
+    MotionBranch,
+    PopulationDiagram,
+    Threshold,
+    follow_populations,
+    has_patterns,
+)
 
 __all__ = [
     "ENDING",
+    "AveragedThreshold",
     "Branches",
+    "Ending",
     "EquilibriumBranch",
     "MotionBranch",
     "Phases",
@@ -34,15 +50,21 @@ __all__ = [
     "SynchronizationStudy",
     "Threshold",
     "agreement",
+    "averaged_thresholds",
     "branches_csv",
     "branches_text",
     "diagram_csv",
     "diagram_text",
+    "ending_of",
+    "ending_orbit",
     "find_survival",
     "follow_branches",
     "follow_populations",
+    "has_patterns",
+    "orbit_amplitudes",
     "phases_of",
     "population_phases",
+    "rhythm_name",
     "study_synchronization",
     "symmetric_motions",
     "sync_record",

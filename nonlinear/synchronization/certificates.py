@@ -16,8 +16,10 @@ from modal.scene import Scene, refusals
 from modal.scene.parameters import Variation
 from modal.types import Floats
 from nonlinear.averaging import RelativeEquilibrium, swinging
-from nonlinear.orbits import Orbit, Special, cycle_of, first_special_point
+from nonlinear.integration import Trajectory
+from nonlinear.orbits import Orbit, Special, cycle_of, first_special_point, last_swing, periodic_orbit
 from nonlinear.synchronization.patterns import own_amplitudes
+from nonlinear.system import State
 
 CERTIFIED_LINKS_MAX = 24
 """Limit: "limit cycles are computed of up to 24" links."""
@@ -43,6 +45,34 @@ def certified_orbit(scene: Scene, equilibrium: RelativeEquilibrium) -> Orbit | N
         and np.abs(own_amplitudes(equilibrium)).max() > 0
     )
     return orbit if is_close else None
+
+
+def orbit_at_the_end(trajectory: Trajectory, within: float = 0.05) -> Orbit | None:
+    """The stable periodic orbit in which a run ends, None where its end is not `within` this part of one.
+
+    Newton's method begins at the last state, so that a motion which converges slowly need not be waited for; the
+    multipliers of the orbit tell that it does converge.
+    """
+    if certificate_refusal(trajectory.scene):
+        return None
+    try:
+        period = last_swing(trajectory.times, trajectory.motion)
+        orbit = periodic_orbit(trajectory.scene, trajectory.final, period)
+    except ComputationError:
+        return None
+    return orbit if orbit.is_stable and _distance(orbit, trajectory.final) <= within * orbit.amplitude else None
+
+
+def _distance(orbit: Orbit, state: State) -> float:
+    """How far a state is from an orbit (rad): the largest angle θ, or θ'/ω, of any link, across the orbit."""
+    angles = orbit.coordinates[:, orbit.flow.equations.layout.first :]
+    rates = (np.roll(angles, -1, axis=0) - np.roll(angles, 1, axis=0)) * (len(angles) / (4 * np.pi))
+    aside = np.angle(np.exp(1j * (state.links - angles)))
+    differences = np.hstack((aside, state.link_rates / orbit.omega - rates))
+    nearest = int(np.linalg.norm(differences, axis=1).argmin())
+    difference, curve = differences[nearest], np.hstack((angles, rates))
+    along = np.roll(curve, -1, axis=0)[nearest] - np.roll(curve, 1, axis=0)[nearest]
+    return float(np.abs(difference - along * (difference @ along) / (along @ along)).max())
 
 
 def certificate_refusal(scene: Scene) -> str:

@@ -22,12 +22,14 @@ from math import exp, log
 import numpy as np
 
 from modal.errors import SceneError
+from modal.modes import table_numbers
 from modal.report import Displayed, TextResult, silent
 from modal.scene import Scene, require
 from modal.scene.doors import checked, formerly
 from modal.scene.parameters import Variation, validate_variations, variation_of, vary
 from modal.types import Crew, Floats, map_by_crew
 from nonlinear.averaging import (
+    LOCKED,
     AveragedEquations,
     RelativeEquilibrium,
     average,
@@ -60,12 +62,14 @@ class Change:
     """What happens to a branch at a critical value, as the parameter increases.
 
     `kind` is one of appears, disappears, emerges from rest, dies out, becomes stable, loses stability.  Where stability
-    changes, `beat` is the rate (rad/s) at which growing perturbations oscillate, 0 where they grow monotonically.
+    changes, `beat` is the rate (rad/s) at which growing perturbations oscillate, 0 where they grow monotonically, and
+    `rival` the mode that takes the energy in them, "" where they are of the motion's own mode.
     """
 
     value: float
     kind: str
     beat: float = 0.0
+    rival: str = ""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -111,7 +115,7 @@ class EquilibriumBranch(Displayed):
         """The critical values, ascending."""
         ends = (self._end(0, "emerges from rest", "appears"), self._end(-1, "dies out", "disappears"))
         fates = [
-            Change(value, "becomes stable" if self.is_stable[index] else "loses stability", self._beat(index))
+            Change(value, "becomes stable" if self.is_stable[index] else "loses stability", *self._growing(index))
             for value, index in self._flips()
         ]
         return tuple(change for change in (ends[0], *fates, ends[1]) if change)
@@ -122,10 +126,14 @@ class EquilibriumBranch(Displayed):
             if state != following:
                 yield float((self.values[index - 1] + self.values[index]) / 2), index
 
-    def _beat(self, index: int) -> float:
-        """The oscillation rate of the fastest growing perturbation, on the unstable side."""
-        rates = self.states[index - self.is_stable[index]].rates
-        return float(abs(rates[0].imag)) if len(rates) else 0.0
+    def _growing(self, index: int) -> tuple[float, str]:
+        """The oscillation rate and the mode of the fastest growing perturbation, on the unstable side."""
+        state = self.states[index - self.is_stable[index]]
+        if not len(state.rates):
+            return 0.0, ""
+        modes, row = state.averaged.modes, int(state.rivals[0])
+        rival = f"mode {table_numbers(state.averaged.scene, modes)[row]} ({modes[row].family})"
+        return float(abs(state.rates[0].imag)), rival if state.leaving[0] > LOCKED else ""
 
     def _end(self, at: int, faint: str, fold: str) -> Change | None:
         """What happens at the first or last value, None where it is an end of the variation."""

@@ -75,9 +75,14 @@ class Survival(Displayed):
         shares = np.divide(self.energy, total, out=np.full_like(self.energy, np.nan), where=total > 0)
         return np.asarray(shares)
 
+    @property
+    def is_at_rest(self) -> bool:
+        """Whether nothing moves at the end."""
+        return not np.all(np.isfinite(self.share[-1]))
+
     @cached_property
     def _place(self) -> int:
-        if not np.all(np.isfinite(self.share[-1])):
+        if self.is_at_rest:
             raise ComputationError("nothing moves at the end of the run: no mode survives")
         return int(np.argmax(self.share[-1]))
 
@@ -118,8 +123,8 @@ class Survival(Displayed):
 
     @cached_property
     def beat(self) -> Beat | None:
-        """The beat in which the late part of the run goes on: PERIODS slow periods alike; None where there is none."""
-        if not np.all(np.isfinite(self.share[-1])):
+        """The beat in which the late part of the run goes on: three slow periods alike; None where there is none."""
+        if self.is_at_rest:
             return None
         periods = np.diff(self._rises)
         if len(periods) < 3 or np.ptp(periods) > BEAT_DIFFERENCE_MAX * periods.mean():
@@ -138,16 +143,16 @@ class Survival(Displayed):
 
     @cached_property
     def is_steady(self) -> bool:
-        """Whether the share of the survivor has changed by less than 1 % for that long."""
+        """Whether something moves, and the share of the survivor has changed by less than 1 % for that long."""
+        if self.is_at_rest:
+            return False
         late = self._others[self.times >= self.times[-1] - self.waiting]
         return bool(np.ptp(late) < LOCKED)
 
     @property
     def is_settled(self) -> bool:
-        """Whether the end of the run goes on: a share that is constant, or a beat."""
-        if not np.all(np.isfinite(self.share[-1])):
-            return True
-        return self.is_steady or self.beat is not None or bool(self.beating)
+        """Whether the end of the run goes on: at rest, with a share that is constant, or in a beat."""
+        return self.is_at_rest or self.is_steady or self.beat is not None
 
     @cached_property
     def beating(self) -> tuple[int, ...]:

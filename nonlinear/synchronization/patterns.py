@@ -11,9 +11,11 @@ from math import degrees
 
 import numpy as np
 
+from modal.report import listed
 from modal.types import Complexes, Floats
 from nonlinear.averaging import RelativeEquilibrium, swinging
 from nonlinear.synchronization.phases import own_shapes
+from nonlinear.system import System
 
 STILL_AMPLITUDE_RATIO = 0.1
 """Limit: of the largest amplitude, below which a pendulum does not count among those that "swing"."""
@@ -24,12 +26,18 @@ PATTERN_PHASE_MAX = np.pi / 6
 def own_amplitudes(state: RelativeEquilibrium) -> Complexes:
     """η (N,) in rad of every pendulum, in the strongest fixed-base mode of the strongest band."""
     amplitudes = state.averaged
-    links = amplitudes.link_shapes @ np.where(amplitudes.band == state.band, state.z, 0.0)
-    count = min(group.n for group in amplitudes.system.groups)
-    eta = np.empty((amplitudes.system.n_pendula, count), dtype=complex)
+    return amplitudes_of(
+        amplitudes.link_shapes @ np.where(amplitudes.band == state.band, state.z, 0.0), amplitudes.system
+    )
+
+
+def amplitudes_of(links: Complexes, system: System) -> Complexes:
+    """η (N,) in rad of every pendulum from the amplitudes of all links (L,), in the mode with most energy."""
+    count = min(group.n for group in system.groups)
+    eta = np.empty((system.n_pendula, count), dtype=complex)
     energy: Floats = np.zeros(count)
-    for group in amplitudes.system.groups:
-        modes = own_shapes(group, amplitudes.system.gravity, count)
+    for group in system.groups:
+        modes = own_shapes(group, system.gravity, count)
         eta[group.pendula] = np.einsum("np,pnb->pb", links[group.index], modes.dual)
         energy += np.sum(modes.mass * modes.omega**2 * np.abs(eta[group.pendula]) ** 2, axis=0)
     return np.asarray(eta[:, int(energy.argmax())])
@@ -48,18 +56,48 @@ def agreement(state: RelativeEquilibrium) -> str:
 
 
 def _phases(eta: Complexes, copies: int) -> str:
-    phases = np.abs(relative_phases(eta))
+    phases = relative_phases(eta)
     if len(phases) == 1:
         z = f"pendulum {int(np.abs(eta).argmax()) + 1}" if copies < len(eta) else "one pendulum"
         return "swings" if len(eta) == 1 else f"{z} alone"
-    return _agreement(phases) + (f", {len(phases)} of {len(eta)} swing" if len(phases) < len(eta) else "")
+    return phase_pattern(phases) + (f", {len(phases)} of {len(eta)} swing" if len(phases) < len(eta) else "")
 
 
-def _agreement(phases: Floats) -> str:
-    """Of two or more phases, rad from 0 to π."""
-    count = int(np.count_nonzero(phases <= PATTERN_PHASE_MAX))
-    if count == len(phases):
-        return "in phase"
-    if np.all((phases <= PATTERN_PHASE_MAX) | (phases >= np.pi - PATTERN_PHASE_MAX)):
-        return "antiphase" if len(phases) == 2 else f"antiphase, {count} against {len(phases) - count}"
-    return f"{degrees(phases.max()):.0f}° apart" if len(phases) == 2 else "phases spread"
+def rhythm_name(eta: Complexes) -> str:
+    """The pattern of amplitudes η (N,), whichever of equal pendula they belong to, and how many of them are dead."""
+    phases = relative_phases(eta)
+    still = len(eta) - len(phases)
+    dead = f"{'one' if still == 1 else still} pendul{'um' if still == 1 else 'a'} dead" if still else ""
+    pattern = phase_pattern(phases) if len(phases) > 1 else "" if still else "swings"
+    return ", ".join(filter(None, (pattern, dead)))
+
+
+def phase_pattern(phases: Floats) -> str:
+    """Of two or more phases (rad): clusters of those at most PATTERN_PHASE_MAX apart, and whether they are even.
+
+    >>> phase_pattern(np.radians([0, 2, 181])), phase_pattern(np.radians([0, 122, 239]))
+    ('antiphase, 2 against 1', 'splay')
+    >>> phase_pattern(np.radians([0, 3, 70])), phase_pattern(np.radians([0, 70]))
+    ('clusters of 2 and 1', '70° apart')
+    """
+    ascending = np.sort(np.asarray(phases) % (2 * np.pi))
+    gaps = np.diff(ascending, append=ascending[0] + 2 * np.pi)
+    breaks = np.flatnonzero(gaps > PATTERN_PHASE_MAX)
+    if len(breaks) < 2:
+        return "in phase" if not len(breaks) or gaps.max() >= np.pi else "phases spread"
+    first = breaks[0] + 1
+    unrolled = np.concatenate((ascending[first:], ascending[:first] + 2 * np.pi))
+    clusters = np.split(unrolled, np.cumsum(np.diff(breaks)))
+    sizes = [len(cluster) for cluster in clusters]
+    means = np.array([cluster.mean() for cluster in clusters])
+    distances = np.diff(means, append=means[0] + 2 * np.pi)
+    if np.all(np.abs(distances - 2 * np.pi / len(sizes)) <= PATTERN_PHASE_MAX):
+        if len(sizes) == 2:
+            return "antiphase" if sizes == [1, 1] else f"antiphase, {max(sizes)} against {min(sizes)}"
+        if len(set(sizes)) == 1:
+            return "splay" if sizes[0] == 1 else f"splay of {len(sizes)} clusters"
+    if len(phases) == 2:
+        return f"{degrees(distances.min()):.0f}° apart"
+    if max(sizes) == 1:
+        return "phases spread"
+    return f"clusters of {listed([str(size) for size in sorted(sizes, reverse=True)], len(sizes))}"

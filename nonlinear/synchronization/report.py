@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from math import degrees, isfinite, pi
 from textwrap import TextWrapper, fill
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -30,18 +30,27 @@ from modal.report import (
     short,
     with_unit,
 )
-from modal.scene import describe, title_of
+from modal.scene import Scene, describe, title_of
 from modal.scene.doors import require_type
+from modal.scene.parameters import Variation
+from modal.types import Crew
 from nonlinear.averaging import ASIDE, RelativeEquilibrium
 from nonlinear.orbits import Orbit, growth
 from nonlinear.orbits.report import TABLE_ROWS_MAX
 from nonlinear.postprocessing import last, smooth
-from nonlinear.synchronization.continuation import Branches, Change, EquilibriumBranch
+from nonlinear.synchronization.attractors import orbit_amplitudes
+from nonlinear.synchronization.continuation import Branches, Change, EquilibriumBranch, follow_branches
 from nonlinear.synchronization.modal_energy import Survival
-from nonlinear.synchronization.patterns import agreement, own_amplitudes
+from nonlinear.synchronization.patterns import agreement, own_amplitudes, rhythm_name
 from nonlinear.synchronization.phases import ENDING
-from nonlinear.synchronization.population_report import ends_of, population_record, population_sections
+from nonlinear.synchronization.population_report import (
+    ends_of,
+    population_record,
+    population_sections,
+    threshold_words,
+)
 from nonlinear.synchronization.study import SynchronizationStudy, Theory
+from nonlinear.synchronization.thresholds import follow_populations, has_patterns
 from nonlinear.system import System
 
 NOT_COVERED = (
@@ -102,7 +111,7 @@ def sync_verdict(study: SynchronizationStudy) -> list[str]:
             "This start lies on an unstable motion of the averaged equations (often by symmetry); it was perturbed by "
             f"{100 * ASIDE:.0f} %."
         )
-    sentences += [*_winner(study), *_since(study)]
+    sentences += [*_winner(study), *_since(study), *_orbit_at_the_end(study)]
     phases = study.phases
     if phases.z.shape[1] > 1 and study.populations is None:
         sentences += _locking(study)
@@ -114,15 +123,8 @@ def sync_verdict(study: SynchronizationStudy) -> list[str]:
 
 def _reasons(study: SynchronizationStudy) -> list[str]:
     """Reasons why the survivor is not certain, without the one that no mode wins, which is said first."""
-    theory = study.theory
-    if theory is None:
-        return []
-    return [reason for reason in _doubts(study, theory) if reason != theory.prediction.indecision]
-
-
-def _doubts(study: SynchronizationStudy, theory: Theory) -> list[str]:
-    """Why the prediction is not certain, first that the simulation contradicts it."""
-    return ["the simulation ends elsewhere"] * (study.agrees is False) + list(theory.doubts)
+    indecision = study.theory.prediction.indecision if study.theory else ""
+    return [reason for reason in study.doubts if reason != indecision]
 
 
 def _winner(study: SynchronizationStudy) -> Iterator[str]:
@@ -140,7 +142,7 @@ def _winner(study: SynchronizationStudy) -> Iterator[str]:
             f"{percent(beats.high)} of it, every {beats.period:.4g} s ({_angles(study)})"
         )
     elif survival and outcome and not survival.is_settled:
-        outcome += ", undecided: it has not settled"
+        outcome += f", undecided after {end}: it has not settled"
     if study.theory is None:
         if outcome:
             yield f"{capital(outcome)}."
@@ -162,6 +164,20 @@ def _winner(study: SynchronizationStudy) -> Iterator[str]:
         yield f"{forecast}, by the prediction; the simulation is too short to tell: {outcome}."
     else:
         yield f"The simulation differs from the prediction: {outcome}. Predicted: {forecast[:1].lower()}{forecast[1:]}."
+
+
+def _orbit_at_the_end(study: SynchronizationStudy) -> Iterator[str]:
+    """The periodic motion in which the run ends, where the prediction alone was not certain."""
+    if study.orbit:
+        size = float(np.abs(study.orbit.floquet.others).max())
+        yield (
+            f"The run settles on a periodic motion of {study.orbit.period:.6g} s ({_rhythm(study.orbit)}), stable in the "
+            f"full equations: no multiplier exceeds {size:.6g}."
+        )
+
+
+def _rhythm(orbit: Orbit) -> str:
+    return rhythm_name(orbit_amplitudes(orbit))
 
 
 def _angles(study: SynchronizationStudy) -> str:
@@ -426,13 +442,11 @@ def _configuration_record(state: RelativeEquilibrium, orbit: Orbit | None = None
         "lasts": orbit.is_stable if orbit and state.is_stable is not None else state.is_stable,
         "growth_rate_per_s": finite(growth(orbit) if orbit else state.growth),
         "averaged_growth_rate_per_s": finite(state.growth),
-        "orbit": _orbit_record(orbit),
+        "orbit": orbit and _orbit_record(orbit),
     }
 
 
-def _orbit_record(orbit: Orbit | None) -> dict[str, Any] | None:
-    if orbit is None:
-        return None
+def _orbit_record(orbit: Orbit) -> dict[str, Any]:
     return {
         "omega_rad_per_s": orbit.omega,
         "amplitude_deg": degrees(orbit.amplitude),
@@ -445,7 +459,7 @@ def _orbit_record(orbit: Orbit | None) -> dict[str, Any] | None:
 def _prediction_record(study: SynchronizationStudy, theory: Theory) -> dict[str, Any]:
     prediction = theory.prediction
     dies = prediction.motion.dies
-    doubts = _doubts(study, theory)
+    doubts = list(study.doubts)
     return {
         "unstable": _configuration_record(prediction.unstable) if prediction.unstable else None,
         "dies_out": prediction.motion.dies,
@@ -454,7 +468,7 @@ def _prediction_record(study: SynchronizationStudy, theory: Theory) -> dict[str,
         "survivor_share": None if dies else prediction.share,
         "certain": not doubts,
         "doubts": doubts,
-        "ends_on": _orbit_record(theory.ending),
+        "ends_on": theory.ending and _orbit_record(theory.ending),
         "locking_time_s": prediction.locking_time(),
         "locking_time_doubts": list(prediction.timing_doubts),
         "largest_angle_deg": degrees(prediction.averaged.largest(prediction.motion.z[:, -1])),
@@ -466,6 +480,8 @@ def _simulation_record(study: SynchronizationStudy) -> dict[str, Any]:
     late = last(trajectory.times, ENDING)
     return {
         "duration_s": float(trajectory.times[-1]),
+        "verdict": study.verdict or None,
+        "orbit": study.orbit and {"name": _rhythm(study.orbit), **_orbit_record(study.orbit)},
         **(_survival_record(study.survival) if study.survival else {"no_modes": study.unmeasured_reason}),
         "own_mode": phases.leading + 1,
         "order_parameter": float(phases.order[late, phases.leading].mean()),
@@ -568,3 +584,48 @@ def branches_csv(diagram: Branches) -> str:
 def change_words(change: Change) -> str:
     """What happens at a critical value: loses stability (neighbours beat at 0.063 rad/s)."""
     return change.kind + (f" (neighbours beat at {change.beat:.3g} rad/s)" if change.beat else "")
+
+
+def averaged_thresholds(
+    scene: Scene, vary: str | Variation, *, crew: Crew | None = None
+) -> tuple[AveragedThreshold, ...]:
+    """Where averaged equations let a steady motion begin, end or change its stability along a number, ascending.
+
+    Their words name the motion, the event, and which mode drains it or how far it is drained.  Raises what
+    `follow_branches` and, for populations on a structure, `follow_populations` raise.
+
+    >>> from modal import load
+    >>> from nonlinear.synchronization import averaged_thresholds
+    >>> for threshold in averaged_thresholds(load("huygens"), "support.mass=20:30:2"):
+    ...     print(f"{threshold.value:.3f} kg: {threshold.words}")
+    26.673 kg: in phase loses stability: mode 3 (cart still: antiphase) begins to drain it
+    """
+    if has_patterns(scene):
+        thresholds = follow_populations(scene, vary, crew=crew).thresholds
+        return tuple(
+            AveragedThreshold(
+                threshold.averaged,
+                f"{threshold.pattern} {threshold_words(threshold)}" + f": {threshold.reason}" * bool(threshold.reason),
+            )
+            for threshold in thresholds
+            if threshold.averaged is not None
+        )
+    diagram = follow_branches(scene, vary)
+    return tuple(
+        AveragedThreshold(
+            change.value,
+            f"{diagram.branches[number].words} {change_words(change)}"
+            + (f": {change.rival} {DRAINS[change.kind]}" if change.rival else ""),
+        )
+        for change, number in diagram.changes
+    )
+
+
+class AveragedThreshold(NamedTuple):
+    """A critical value of the averaged equations, and in words what happens there as the number grows."""
+
+    value: float
+    words: str
+
+
+DRAINS = {"loses stability": "begins to drain it", "becomes stable": "no longer drains it"}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from functools import cached_property, partial
 from math import pi
 from typing import Any
@@ -19,13 +19,13 @@ from nonlinear.averaging.prediction import E_FOLDING_TIMES
 from nonlinear.integration import Trajectory, estimate_timescales
 from nonlinear.orbits import Orbit
 from nonlinear.orbits.cycles import is_same_orbit
-from nonlinear.simulation import simulate
-from nonlinear.synchronization.certificates import certificate_refusal, certified_orbit
+from nonlinear.simulation import resume, simulate
+from nonlinear.synchronization.certificates import certificate_refusal, certified_orbit, orbit_at_the_end
 from nonlinear.synchronization.modal_energy import SHARE_DIFFERENCE_MAX, Survival, find_survival
 from nonlinear.synchronization.phases import Phases, phases_of
 from nonlinear.synchronization.populations import PopulationPhases, population_phases
 from nonlinear.synchronization.sectors import SymmetricMotion, symmetric_motions
-from nonlinear.system import State
+from nonlinear.system import Kicks, Motion, State
 
 LOCKING_TIMES = 1.5
 """Limit: default of `duration` over the predicted locking time."""
@@ -33,6 +33,7 @@ PERIODS_AFTER_LOCKING = 30
 """Limit: periods of the slowest mode that are added to it."""
 USUAL_PERIODS = 200
 """Limit: default of `duration` in periods where nothing predicts it, and the least transient before strobes."""
+UNCERTIFIED = "no stable periodic orbit of the full equations was found beside the final state"
 PERIODS_MAX = 5000
 """Limit: the longest default of `duration` in periods."""
 SEARCHED_PENDULA_MAX = 8
@@ -86,15 +87,27 @@ class Theory(Displayed):
         return certificate_refusal(self.prediction.averaged.scene)
 
     @property
+    def is_family(self) -> bool:
+        """Whether the predicted motion is one of a continuous family, none of which is an orbit by itself."""
+        return self.prediction.ending is not None and self.prediction.ending.is_family
+
+    @property
     def doubts(self) -> tuple[str, ...]:
-        """Reasons why the survivor is not certain: those of averaging count only where no stable orbit was found."""
-        return self.prediction.doubts_of_start if self.ending else self.prediction.doubts
+        """Reasons why the survivor is not certain before anything is simulated.
+
+        Where a stable orbit was found those of averaging do not count; where none was found, that is one.
+        """
+        if self.ending:
+            return self.prediction.doubts_of_start
+        missing = () if self.is_family or self.prediction.motion.dies else (self.certificate_refusal or UNCERTIFIED,)
+        return (*self.prediction.doubts, *missing)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SynchronizationStudy(TextResult):
     """Theory and simulation of a scene; without theory or modes, `silent` and `unmeasured_reason` say why.
 
+    `orbit` is the stable periodic orbit at the end of the run, looked for where the prediction alone is not certain.
     On a structure `populations` are the phases of the run by populations, and `motions` their symmetric motions, or
     `motionless` says why there are none.
     """
@@ -106,6 +119,7 @@ class SynchronizationStudy(TextResult):
     phases: Phases
     survival: Survival | None
     unmeasured_reason: str
+    orbit: Orbit | None = None
     populations: PopulationPhases | None = None
     motions: tuple[SymmetricMotion, ...] = ()
     motionless: str = ""
@@ -124,7 +138,33 @@ class SynchronizationStudy(TextResult):
         if self.survival.beat:
             return self.leads and not prediction.is_won
         alike = self.leads and abs(prediction.share - self.survival.survivor_share) <= SHARE_DIFFERENCE_MAX
-        return None if not alike and (self.too_short or not self.survival.is_settled) else alike
+        has_ended = self.orbit is not None or (self.survival.is_settled and not self.too_short)
+        return alike if alike or has_ended else None
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Reasons why the prediction is not certain, the run and the orbit at its end included."""
+        if self.theory is None:
+            return ()
+        if self.agrees is False:
+            return ("the simulation ends elsewhere", *self.theory.doubts)
+        if self.orbit and self.agrees:
+            return ()
+        if self.theory.is_family and self.agrees:
+            of_start = self.theory.prediction.doubts_of_start
+            return tuple(doubt for doubt in self.theory.doubts if doubt not in of_start)
+        return self.theory.doubts
+
+    @property
+    def verdict(self) -> str:
+        """What the run ends in: "settles", "beats", "rests", or "undecided"; "" where energies were not measured."""
+        if self.survival is None:
+            return ""
+        if self.survival.is_at_rest:
+            return "rests"
+        if self.orbit or self.survival.is_steady:
+            return "settles"
+        return "beats" if self.survival.beat else "undecided"
 
     @property
     def leads(self) -> bool:
@@ -183,7 +223,8 @@ def study_synchronization(
 ) -> SynchronizationStudy:
     """Predict, simulate for `duration` seconds (by default as long as the prediction needs) and measure.
 
-    Without a duration a run that has not settled is repeated, up to twice, each twice as long as before.
+    Without a duration a run goes on, to at most four times its first length, until it has settled: in a beat, or where
+    the prediction alone is not certain within 5 % of a stable periodic orbit, by whose multipliers it stays there.
 
     `start` replaces the initial condition of the scene file, `options` are those of `simulate`; `predicting` is called
     with the part of the prediction that is done, `report` with the simulated time and the duration.  A start that ends
@@ -206,17 +247,39 @@ def study_synchronization(
     if theory is not None and theory.prediction.unstable:
         start = theory.prediction.start
     modes = theory and theory.prediction.averaged.modes
-    for runs_left in range(2, -1, -1):
-        trajectory = simulate(scene, length, start=start, report=partial(_forward, report, length), **options)
-        if trajectory.run.interrupted:
-            raise KeyboardInterrupt
+    is_certain = theory is not None and not theory.doubts
+    trajectory = _completed(simulate(scene, length, start=start, report=partial(_forward, report, length), **options))
+    for longer in [0] if duration else [2, 4, 0]:
         survival, unmeasured_reason = _attempt(partial(find_survival, trajectory, modes))
-        if duration or not runs_left or theory is None or survival is None or survival.is_settled:
+        orbit = None if is_certain or survival is None else orbit_at_the_end(trajectory)
+        is_enough = is_certain or theory is None or theory.is_family
+        has_ended = survival is None or survival.is_at_rest or survival.beat or (survival.is_steady and is_enough)
+        if not longer or orbit or has_ended:
             break
-        length *= 2
+        more, seconds = float(trajectory.times[-1]), partial(_forward, report, longer * length)
+        samples = len(trajectory.times)
+        trajectory = joined(trajectory, _completed(resume(trajectory, more, output=samples, report=seconds)))
     phases = phases_of(trajectory)
     populations = population_phases(phases), motions, motionless
-    return SynchronizationStudy(scene, theory, silent, trajectory, phases, survival, unmeasured_reason, *populations)
+    return SynchronizationStudy(
+        scene, theory, silent, trajectory, phases, survival, unmeasured_reason, orbit, *populations
+    )
+
+
+def _completed(trajectory: Trajectory) -> Trajectory:
+    if trajectory.run.interrupted:
+        raise KeyboardInterrupt
+    return trajectory
+
+
+def joined(first: Trajectory, later: Trajectory) -> Trajectory:
+    """A run and the one that continues it, as one run."""
+    parts = [(getattr(first.motion, part.name), getattr(later.motion, part.name)[1:]) for part in fields(Motion)]
+    motion = Motion(*map(np.concatenate, parts))
+    motion.work[len(first.times) :] += first.motion.work[-1]
+    kicks = Kicks(*map(np.concatenate, zip(first.kicks, later.kicks, strict=True)))
+    times = np.concatenate((first.times, later.times[1:]))
+    return replace(later, times=times, motion=motion, kicks=kicks)
 
 
 def _forward(report: Callable[[float, float], object], length: float, seconds: float) -> None:

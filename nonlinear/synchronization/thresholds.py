@@ -25,6 +25,7 @@ from nonlinear.averaging import averaged_pattern, patterns_of, rest_growth
 from nonlinear.orbits import PatternOrbit, pattern_orbit, require_cycles
 from nonlinear.orbits.continuation import PLACE_ACCURACY
 from nonlinear.synchronization.sectors import SymmetricMotion, symmetric_motion
+from nonlinear.system import populations_of, representation_obstacles
 
 Report = Callable[[int], object]
 
@@ -138,6 +139,11 @@ class PopulationDiagram(TextResult):
                 begin = None if growing else threshold.value if begin is None else begin
         if begin is not None:
             yield begin, high
+
+
+def has_patterns(scene: Scene) -> bool:
+    """Whether the populations of a scene have symmetric motions."""
+    return scene.is_structured and len(populations_of(scene)) <= 2 and not any(representation_obstacles(scene))
 
 
 @formerly(variation="vary")

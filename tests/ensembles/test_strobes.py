@@ -47,9 +47,9 @@ from nonlinear.ensembles import (
     grid_of,
     strobes_table,
 )
-from nonlinear.ensembles.attractors import clustered
-from nonlinear.ensembles.strobes import repetition, strobe_times
+from nonlinear.ensembles.strobes import strobe_times
 from nonlinear.plotting import basins_figure, bifurcation_figure, strobes_figure
+from nonlinear.postprocessing.returns import clustered, repetition
 
 DRIVEN, SHAKEN = load("driven-pendulum"), load("shaken-pendulum")
 ANGLE, RATE = (f"pendulum[0].start.{name}[0]" for name in ("angles_deg", "rates_deg"))

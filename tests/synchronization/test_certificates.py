@@ -8,12 +8,23 @@ import floquet
 import numpy as np
 import pytest
 
-from modal.scene.parameters import parse_variations
+from modal import load
+from modal.scene.parameters import parse_variations, vary
 from nonlinear.averaging import predict, relative_equilibria
-from nonlinear.orbits import follow_cycles
-from nonlinear.synchronization import agreement, branches_text, follow_branches, sync_record, sync_text
-from nonlinear.synchronization.certificates import certified_orbit
-from nonlinear.synchronization.study import Theory, study_synchronization
+from nonlinear.integration import Trajectory
+from nonlinear.orbits import follow_cycles, last_swing
+from nonlinear.simulation import resume, simulate
+from nonlinear.synchronization import (
+    agreement,
+    averaged_thresholds,
+    branches_text,
+    find_survival,
+    follow_branches,
+    sync_record,
+    sync_text,
+)
+from nonlinear.synchronization.certificates import certified_orbit, orbit_at_the_end
+from nonlinear.synchronization.study import Theory, joined, study_synchronization
 from nonlinear.system import State
 
 DETUNED = "pendulum[1].links[0].inertia"
@@ -84,3 +95,58 @@ def test_critical_values_are_located_on_the_full_equations() -> None:
     assert averaged != pytest.approx(exact - 1e-5, rel=1e-4)
     assert averaged == pytest.approx(exact - 1e-5, rel=0.2)
     assert f"{exact:.7g}" in branches_text(branches)
+
+
+LOW = State(np.radians([2.0, 7.0]), np.zeros(2))
+"""One clock starts below the 3° of its escapement."""
+
+
+@cache
+def clocks(seconds: float) -> Trajectory:
+    return simulate(floquet.huygens(3.0, 10.0).scene, seconds, start=LOW)
+
+
+def test_the_orbit_at_the_end_is_that_in_which_a_long_run_repeats() -> None:
+    """Newton's method finds it from a run that is not there yet; the run that goes on has its period and its angles."""
+    assert orbit_at_the_end(clocks(3.0)) is None
+    run = clocks(10.0)
+    orbit = orbit_at_the_end(run)
+    assert orbit is not None
+    assert orbit_at_the_end(run, within=1e-9) is None
+    late = resume(run, 100.0, output=20001)
+    assert orbit.period == pytest.approx(last_swing(late.times, late.motion), rel=1e-4)
+    widest = np.abs(late.motion.links[-2000:]).max(axis=0)
+    assert widest == pytest.approx(orbit.amplitudes, rel=1e-2)
+
+
+def test_where_the_run_ends_on_its_orbit_a_start_below_the_kicks_is_no_doubt() -> None:
+    study = study_synchronization(clocks(10.0).scene, start=LOW)
+    assert study.theory is not None
+    assert study.theory.doubts
+    assert study.agrees
+    assert not study.doubts
+    record = sync_record(study)
+    assert record["prediction"]["certain"]
+    assert record["simulation"]["verdict"] == "settles"
+    assert record["simulation"]["orbit"]["stable"]
+    assert "is not certain" not in sync_text(study)
+
+
+def test_a_run_that_goes_on_is_that_of_one_call() -> None:
+    first = clocks(10.0)
+    whole = joined(first, resume(first, 10.0, output=len(first.times)))
+    other = simulate(first.scene, 20.0, start=LOW, output=2 * len(first.times) - 1)
+    assert whole.times == pytest.approx(other.times)
+    assert whole.motion.links == pytest.approx(other.motion.links, abs=1e-6)
+    assert whole.motion.work == pytest.approx(other.motion.work, abs=1e-6 * abs(other.motion.work).max())
+    assert whole.kicks.time == pytest.approx(other.kicks.time, abs=1e-5)
+
+
+def test_thresholds_of_averaged_equations_name_who_drains() -> None:
+    """The value is that of the branches; a run beside the motion beyond it ends in the mode named."""
+    (loses,) = averaged_thresholds(load("huygens"), "support.mass=20:30:2")
+    assert loses.value == pytest.approx(26.6726, rel=1e-3)
+    assert "in phase loses stability: mode 3 (cart still: antiphase) begins to drain it" in loses.words
+    beyond = vary(load("huygens"), {"support.mass": 50.0})
+    run = simulate(beyond, 500.0, start=State(np.radians([7.0, 4.0]), np.zeros(2)))
+    assert find_survival(run).number == 3

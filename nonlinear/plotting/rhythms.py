@@ -1,0 +1,96 @@
+"""Maps of rhythms as pictures: shares of starts along a number, the most frequent rhythm over two."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import BoundaryNorm, ListedColormap, to_rgb
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from modal.plotting import HUES, colour, headline, key, rest, scale
+from modal.plotting.style import ink, secondary_colour, sheet_of_rows
+from modal.scene import number_label, title_of
+from nonlinear.plotting.sweeps import edges
+
+if TYPE_CHECKING:
+    from nonlinear.ensembles import RhythmGrid, RhythmMap
+
+Thresholds = Sequence[tuple[float, str]]
+
+
+def rhythm_figure(rhythms: RhythmMap, thresholds: Thresholds = ()) -> Figure:
+    """The share of each rhythm along the number with its 95 % interval; births and deaths are vertical lines.
+
+    `thresholds` are values of averaged equations with words, drawn dashed.
+    """
+    figure = sheet_of_rows(2)
+    axis = figure.subplots()
+    values, names = np.array(rhythms.variation.values), rhythms.names
+    for number, name in enumerate(names):
+        shares = 100 * np.array(rhythms.shares(name))
+        ends = [next((r.interval for r in v.rhythms if r.name == name), (np.nan, np.nan)) for v in rhythms.values]
+        is_there = ~np.isnan(np.array(ends)[:, 0])
+        axis.plot(values, np.where(is_there, shares, np.nan), "o-", ms=3, color=colour(number % HUES))
+        low, high = 100 * np.array(ends).T
+        axis.fill_between(values, low, high, where=is_there, color=colour(number % HUES), alpha=0.2, lw=0)
+    undecided = 100 * np.array([value.undecided / rhythms.members for value in rhythms.values])
+    handles = [Line2D([], [], marker="o", ms=3, color=colour(k % HUES), label=name) for k, name in enumerate(names)]
+    if undecided.any():
+        axis.plot(values, undecided, color=rest())
+        handles.append(Line2D([], [], color=rest(), label="undecided"))
+    axis.set(ylabel="starts (%)", ylim=(-3, 118), xlim=(values[0], values[-1]), yticks=range(0, 101, 20))
+    axis.set_xlabel(number_label(rhythms.scene, rhythms.variation.path))
+    scale(axis, "x", rhythms.variation)
+    marks = [
+        (e.value, f"{e.kind}: {e.name} {'born' if e.is_birth else 'dies'}", "-")
+        for e in rhythms.births
+        if not e.between
+    ]
+    _mark(axis, [*marks, *((value, words, "--") for value, words in thresholds or rhythms.averaged)])
+    headline(figure, title_of(rhythms.scene), f"rhythms of {rhythms.members} starts at each value")
+    key(figure, handles, columns=min(3, len(handles)))
+    return figure
+
+
+def _mark(axis: Axes, marks: Sequence[tuple[float, str, str]]) -> None:
+    """Vertical lines with words at their tops, each row of words a little lower."""
+    low, high = axis.get_xlim()
+    for number, (value, words, dashes) in enumerate(sorted(marks)):
+        axis.axvline(value, color=ink() if dashes == "-" else secondary_colour(), lw=0.9, ls=dashes, ymax=0.86)
+        is_right = value > (low + high) / 2
+        axis.text(value, 115 - 5 * (number % 3), words, fontsize="small", ha="right" if is_right else "left", va="top")
+
+
+def grid_figure(grid: RhythmGrid) -> Figure:
+    """The rhythm in which most starts end, a colour each, and the borders along each row, joined from row to row."""
+    figure = sheet_of_rows(2)
+    axis = figure.subplots()
+    first, second = grid.axes
+    names = [*grid.names, "undecided"]
+    most = [
+        [v.rhythms[0].name if v.rhythms and v.rhythms[0].count >= v.undecided else "undecided" for v in row.values]
+        for row in grid.maps
+    ]
+    kinds = np.array([[names.index(name) for name in row] for row in most])
+    hues = [*(colour(k % HUES) for k in range(len(names) - 1)), rest()]
+    norm = BoundaryNorm(np.arange(len(names) + 1) - 0.5, len(names))
+    colours = ListedColormap([to_rgb(hue) for hue in hues])
+    axis.pcolormesh(edges(first), edges(second), kinds, cmap=colours, norm=norm, rasterized=True, alpha=0.75)
+    for chains in grid.borders().values():
+        for chain in chains:
+            axis.plot(*np.array(chain).T, "o-", ms=2.5, lw=1.4, color=ink())
+    scale(axis, "x", first)
+    scale(axis, "y", second)
+    axis.set(xlabel=number_label(grid.scene, first.path), ylabel=number_label(grid.scene, second.path))
+    axis.grid(visible=False)
+    headline(figure, title_of(grid.scene), "the rhythm in which most starts end, and where rhythms are born and die")
+    handles: list[Patch | Line2D] = [Patch(color=hues[k], label=names[k]) for k in sorted(set(kinds.ravel().tolist()))]
+    if grid.borders():
+        handles.append(Line2D([], [], marker="o", ms=2.5, color=ink(), label="birth or death, computed"))
+    key(figure, handles, columns=min(3, len(handles)))
+    return figure
