@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
 from functools import cached_property
-from math import ceil, inf, log10
+from math import ceil, log10
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -165,7 +165,7 @@ def enclose_motion(
     duration
         The time (s).
     radius
-        The largest radius of any coordinate (rad, m) or rate at any of the times, from 1e-200 to 1e-3.
+        The largest radius of any coordinate (rad, m) or rate at any of the times, from 1e-200 to 1e-6.
     output
         A number of evenly spaced times, or times after the start (s), ascending.
     start
@@ -201,7 +201,7 @@ def enclose_motion(
     """
     require(scene, "a proved motion")
     flint()
-    checked_number("radius", radius, 1e-200, 1e-3)
+    checked_number("radius", radius, 1e-200, 1e-6)
     system = system_of(scene)
     equations = Generated(system)
     if equations.inputs.count and not equations.is_time_only:
@@ -229,7 +229,8 @@ def _rows(carried: LohnerSet, times: Floats, radius: float, report: Callable[[fl
     while pending:
         step = carried.advance()
         while pending and Fraction(pending[0]) <= carried.time:
-            row = TubeRow(pending[0], tuple(map(_decimal, step.at(Fraction(pending[0])))), size)
+            balls = step.at(Fraction(pending[0]))
+            row = TubeRow(pending[0], tuple(_decimal(ball, radius) for ball in balls), size)
             if row.radius > radius:
                 return
             yield row
@@ -239,12 +240,9 @@ def _rows(carried: LohnerSet, times: Floats, radius: float, report: Callable[[fl
         report(min(float(carried.time), float(times[-1])))
 
 
-def _decimal(ball: Any) -> DecimalBall:
-    """A ball in decimal numbers around it, with three digits more than are certain."""
-    certain = -log10(ratio) if 0 < (ratio := _relative(ball)) < 1 else 17
-    mid, radius, exponent = (int(part) for part in ball.mid_rad_10exp(max(17, ceil(certain) + 3)))
-    return DecimalBall(Decimal(mid).scaleb(exponent), Decimal(radius).scaleb(exponent))
-
-
-def _relative(ball: Any) -> float:
-    return float(ball.rad() / abs(ball.mid())) if ball.mid() != 0 else inf
+def _decimal(ball: Any, radius: float) -> DecimalBall:
+    """A ball in decimal numbers around it, to a thousandth of its radius, or of the one asked for if that is more."""
+    size, finest = abs(float(ball.mid())), max(float(ball.rad()), radius) / 1000
+    digits = max(17, ceil(log10(size / finest))) if size else 17
+    mid, rest, exponent = ball.mid_rad_10exp(digits)
+    return DecimalBall(Decimal(f"{mid}E{exponent}"), Decimal(f"{rest}E{exponent}"))
