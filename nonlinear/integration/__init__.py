@@ -32,7 +32,7 @@ from nonlinear.integration.steppers import EXPLICIT, SCIPY, SMALLEST, Pace, SciP
 from nonlinear.integration.switches import switches_of
 from nonlinear.integration.timescales import estimate_timescales, modes_of, sample_count
 from nonlinear.integration.trajectory import CLOSED, TRUNCATED, SolverInfo, Trajectory
-from nonlinear.integration.tubes import Tube, enclose_motion
+from nonlinear.integration.tubes import PROVED, Tube, enclose_motion
 from nonlinear.integration.twins import aside, departure, perturb_last_digits, slightly
 
 __all__ = [
@@ -43,6 +43,7 @@ __all__ = [
     "FORMS",
     "LOOSEST",
     "MEETING",
+    "PROVED",
     "SCIPY",
     "SMALLEST",
     "TIGHTEST",

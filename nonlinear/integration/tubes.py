@@ -19,7 +19,7 @@ from modal.scene import Scene, require
 from modal.scene.doors import checked, checked_number
 from modal.types import Floats
 from nonlinear.dynamics import Generated
-from nonlinear.integration.arguments import sample_times
+from nonlinear.integration.arguments import TIGHTEST, sample_times
 from nonlinear.integration.lohner import LohnerSet
 from nonlinear.integration.trajectory import SolverInfo, Trajectory
 from nonlinear.system import State, System, apart, initial_state, system_of, validate_state
@@ -82,14 +82,20 @@ class Tube(Result):
         layout = Generated(self.system).layout
         mids = np.array([[float(ball.mid) for ball in row.balls] for row in self.rows])
         size = float(np.abs(mids[:, : 2 * layout.half]).max())
-        run = SolverInfo("minimal", PROVED, "enclosed", self.radius, self.steps, error=self.radius + np.spacing(size))
+        run = SolverInfo(
+            "minimal", PROVED, "enclosed", TIGHTEST, self.steps, error=self.radius + float(np.spacing(size))
+        )
         times = np.array([row.time for row in self.rows])
         return Trajectory(self.scene, self.system, times, layout.read(mids), run)
 
+    @property
+    def radii(self) -> Floats:
+        """The largest radius (T,) of a coordinate or a rate at every time."""
+        return np.array([row.radius for row in self.rows])
+
     def distance(self, trajectory: Trajectory) -> Floats:
         """Bounds (T,) on the error of any angle (rad) of a run of the same motion, sampled at the same times."""
-        radii = np.array([row.radius for row in self.rows])
-        return np.asarray(apart(trajectory.motion, self.trajectory.motion) + radii)
+        return np.asarray(apart(trajectory.motion, self.trajectory.motion) + self.radii)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
