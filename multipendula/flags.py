@@ -72,7 +72,7 @@ class Flag(NamedTuple):
 SECONDS, SECONDS_FROM_0 = number("seconds above 0"), number("seconds from 0", least=0.0)
 FLAGS: dict[str, Flag] = {
     "--accuracy": Flag(
-        "RAD", "largest error of any angle", number("radians from 1e-14 to 0.3", 0.3, 1e-14), "computed"
+        "RAD", "largest error of any angle", number("radians from 1e-200 to 0.3", 0.3, 1e-200), "computed"
     ),
     "--amplitude": Flag(
         "DEG", "largest angle of a mode", number("degrees above 0 and at most 90", most=90), keyword="amplitude_deg"
@@ -203,6 +203,7 @@ FLAGS: dict[str, Flag] = {
     "--places": Flag("", "list the places, values and units of the scene's numbers instead"),
     "--prior": Flag("PLACE=VALUE±STD", "what is known of a free number beforehand", action=Repeated, keyword="priors"),
     "--prove": Flag("FILE", "file for a proof of every frequency", group="written", kinds=("json",), keyword="proof"),
+    "--proved": Flag("", "enclose the motion in a proved tube (extra `certified`)", group="computed"),
     "--psd": Flag("CSV", "file of a one-sided power spectral density", completion=files((".csv",))),
     "--quick": Flag("", "a shorter version"),
     "--quiet": Flag(

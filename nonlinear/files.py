@@ -25,7 +25,7 @@ from modal.scene.doors import checked
 from modal.scene.sealed import finite_array, index, reading, require_keys
 from modal.types import Floats
 from nonlinear.dynamics import links_of_contacts
-from nonlinear.integration import FORMS, SCIPY, TRUNCATED, SolverInfo, Trajectory, validate_method
+from nonlinear.integration import FORMS, PROVED, SCIPY, TRUNCATED, SolverInfo, Trajectory, validate_method
 from nonlinear.reduction import CORRECTED, LINEAR
 from nonlinear.system import (
     NO_FRICTION,
@@ -251,7 +251,7 @@ def _solver_info(record: dict[str, Any], system: System, scene: Scene) -> Solver
     if info.form in FORMS:
         integration_system = replace(system, spatial=system.spatial and info.form in {"spatial", "hamiltonian"})
         validate_method(scene, form=info.form, system=integration_system)
-    if info.method not in (*SCIPY, "taylor") if info.form in FORMS else info.form not in REDUCED:
+    if info.method not in (*SCIPY, "taylor", PROVED) if info.form in FORMS else info.form not in REDUCED:
         raise ValueError
     return info
 

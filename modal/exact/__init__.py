@@ -22,7 +22,7 @@ if TYPE_CHECKING:
         exact_links,
         of_scene,
     )
-    from modal.exact.enclosures import enclose
+    from modal.exact.enclosures import enclose, flint
     from modal.exact.polynomials import isolate, multiple, product, total
 
 __all__ = [
@@ -33,6 +33,7 @@ __all__ = [
     "equal_bobs",
     "exact",
     "exact_links",
+    "flint",
     "isolate",
     "multiple",
     "of_scene",

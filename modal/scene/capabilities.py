@@ -449,6 +449,19 @@ CAPABILITIES: dict[str, Capability] = {
             instead=("form minimal", "method DOP853 takes it"),
         ),
         Capability(
+            "a proved motion",
+            SHAPE | LOSS | {"van_der_pol"} | STRUCTURED | {"constant_force", "feedback", "reference"},
+            refuses={
+                "limited_feedback": "has no series across the kink where an input reaches its limit",
+                **_sentences(_of("hoist sampled_feedback"), "follows sines in time alone"),
+                **PLANE,
+                **SWITCHES,
+                "kinked_law": "has no series across a kink",
+                "load": "has no series of forces from Python",
+            },
+            unless={**ENDS, **KINK, **_sentences(_of("moved_support force"), "follows sines in time alone")},
+        ),
+        Capability(
             "compiled equations",
             SHAPE | {"van_der_pol"} | STRUCTURED | {"dampers"},
             refuses=_sentences(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
 from time import perf_counter
 from typing import TYPE_CHECKING
@@ -30,23 +31,27 @@ if TYPE_CHECKING:
 
     from modal.identification import Estimate
     from nonlinear.ensembles import Compilation
-    from nonlinear.integration import Trajectory
+    from nonlinear.integration import Trajectory, Tube
 
 BAND_MEMBERS = 200
 """Format: members of a band from 5 to 95 %, so that ten lie beyond either edge."""
 WRITTEN = (*RUNS, "mat")
 """The kinds of files of a motion, of which MATLAB's is not read back."""
 COMPILED = ("txt", "json")
+OF_TUBES = ("--proved", "--duration", "--start", "--samples", "--accuracy", "--format", "--output", "--quiet")
+"""Options that --proved takes."""
 OF_COMPILING = ("--compile", "--tolerance", "--format", "--output", "--quiet")
 """Options that --compile takes."""
 
 
-def simulate(options: argparse.Namespace) -> Trajectory | Compilation:
+def simulate(options: argparse.Namespace) -> Trajectory | Compilation | Tube:
     """Simulate the motion at large angles, with checks of its accuracy."""
     if options.compile:
         return _compile(options)
     if options.scene is None:
         options.page.error("SCENE: is required")
+    if options.proved:
+        return _enclose(options)
     from modal.report import visible
     from modal.scene import STANDARD
     from nonlinear import files as recordings
@@ -91,7 +96,7 @@ def _trajectory(options: argparse.Namespace) -> Trajectory:
             kind_of(options.output, WRITTEN, "-o ")
 
     if options.accuracy is None or options.keep_modes or recorded(options.scene):
-        refuse(options, "needs --accuracy RAD of a scene, or --compile", "--format")
+        refuse(options, "needs --accuracy RAD of a scene, --proved or --compile", "--format")
         return told.run(named)
     refuse(options, "cannot be combined with --accuracy", "--tolerance")
     from nonlinear.accuracy import advice_table
@@ -171,17 +176,54 @@ def animate(options: argparse.Namespace) -> None:
         remark(f"{shown.left_out:.3g} s of the run omitted; --seconds or --speed")
 
 
+def _take_only(options: argparse.Namespace, flag: str, *names: str) -> None:
+    """SceneError for options that do not go with this one."""
+    others = (option.name for option in options.command.options if option.name.startswith("--"))
+    refuse(options, f"cannot be combined with {flag}", *(name for name in others if name not in names))
+
+
+def _form_of_report(options: argparse.Namespace, kinds: Sequence[str]) -> str:
+    """The format of a report, by the name of its file unless one is asked for; SceneError for other kinds of files."""
+    from modal.scene import STANDARD, kind_of
+
+    form: str = options.format
+    if not options.output or options.output == STANDARD:
+        return form
+    kind = kind_of(options.output, kinds, "-o ")
+    return "json" if kind == "json" and not getattr(options, "format_asked", False) else form
+
+
+def _enclose(options: argparse.Namespace) -> Tube:
+    """A tube that provably contains the motion; a file of a run has its midpoints."""
+    from modal.errors import SceneError
+    from modal.scene import load
+    from nonlinear import files as recordings
+    from nonlinear.integration import enclose_motion
+
+    _take_only(options, "--proved", *OF_TUBES)
+    if recorded(options.scene):
+        raise SceneError([f"--proved: needs a scene, and {options.scene} is a saved run"])
+    form = _form_of_report(options, (*WRITTEN, *COMPILED))
+    in_a_folder(options.output)
+    scene, duration = load(options.scene), options.duration or options.usual
+    start, how = start_of(scene, options.start), kwargs_of(options, "--samples")
+    with bar(duration) as report:
+        tube = enclose_motion(scene, duration, radius=options.accuracy or 1e-10, start=start, report=report, **how)
+    is_run = options.output is not None and options.output.lower().endswith(tuple(f".{kind}" for kind in WRITTEN))
+    if is_run:
+        recordings.save(tube.trajectory, options.output)
+    with output(None if is_run else options.output) as write:
+        write(tube.report(form))
+    return tube
+
+
 def _compile(options: argparse.Namespace) -> Compilation:
     """Compile what the fast integrators need for a scene, or for any, and keep it for later commands."""
-    from modal.scene import STANDARD, kind_of, load
+    from modal.scene import load
     from nonlinear.ensembles import compilation_table, compile_engines
 
-    others = (option.name for option in options.command.options if option.name.startswith("--"))
-    refuse(options, "cannot be combined with --compile", *(name for name in others if name not in OF_COMPILING))
-    form = options.format
-    if options.output and options.output != STANDARD:
-        kind = kind_of(options.output, COMPILED, "-o ")
-        form = "json" if kind == "json" and not getattr(options, "format_asked", False) else form
+    _take_only(options, "--compile", *OF_COMPILING)
+    form = _form_of_report(options, COMPILED)
     compiled = compile_engines(load(options.scene) if options.scene else None, **kwargs_of(options, "--tolerance"))
     with output(options.output) as write:
         write(compilation_table(compiled, form))
@@ -197,8 +239,9 @@ COMMANDS = (
         takes=(
             RUN._replace(how={"nargs": "?"}),
             *motion(60.0)[1:],
+            "--proved, with a radius of at most --accuracy (default 1e-10) at 11 --samples",
             "--compile, for one scene or, without one, for every: nothing is simulated",
-            formats(*REPORTS, more=" (default text), by --accuracy, and by --compile as text or json"),
+            formats(*REPORTS, more=" (default text), by --accuracy or --proved, and by --compile as text or json"),
             "--covariance: adds the band of the motion over the fitted numbers",
             "--band",
             THEME,
@@ -210,7 +253,9 @@ COMMANDS = (
             "The initial condition is the scene's own, a mode at an amplitude, or angles at rest. A saved run is "
             "continued. With --accuracy, the cheapest method that meets it is found: modes in closed form for small "
             "motions, a few modes for long chains, otherwise integration; every attempt is listed, the last with "
-            "evidence that its error is below that. numba (extra `fast`) and heyoka (extra `taylor`) run many times as "
+            "evidence that its error is below that. With --proved every number has a radius within which the motion "
+            "provably is; a file of a run has the midpoints. "
+            "numba (extra `fast`) and heyoka (extra `taylor`) run many times as "
             "fast as Python once they have compiled, which takes seconds to a minute for each form of scene: commands "
             "compile where that pays, --compile does it ahead. The scene's numbers may change afterwards, as long as "
             "none becomes or ceases to be zero; heyoka's code is for one tolerance."
@@ -225,6 +270,7 @@ COMMANDS = (
                 "simulate chain-2 --start angles:60,0 --duration 10 --accuracy 1e-6",
                 "every angle accurate to a microradian, and what was tried for it",
             ),
+            ("simulate chain-2 --proved --duration 2 --accuracy 1e-20", "at 11 times, with 20 proved digits"),
             ("simulate run.npz --duration 10 -o more.npz", "continue the saved run"),
             ("simulate chain-2 --compile", "before many runs of double pendulums"),
         ),

@@ -15,6 +15,7 @@ from multipendula.commands.shared import (
     forewarning,
     in_a_folder,
     picture,
+    remark,
     say,
     warned,
 )
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from modal.scene import Scene
     from nonlinear.accuracy import FrequencyTradeoff, WorkPrecision
     from nonlinear.chaos import Exponent, Finding
+    from nonlinear.integration import Trajectory
     from nonlinear.verification import Check, Comparison
 
 
@@ -47,7 +49,12 @@ def _mode_by_mode(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, 
     from nonlinear.verification import AMPLITUDES_DEG, check_table
     from nonlinear.verification import check as checked
 
-    refuse(options, "needs --general", *(f"--{name.replace('_', '-')}" for name in RunOptions.of(options).given))
+    refuse(
+        options,
+        "needs --general",
+        "--proved",
+        *(f"--{name.replace('_', '-')}" for name in RunOptions.of(options).given),
+    )
     numbers = chosen(options.modes, len(natural_modes(scene)))
     with bar(len(numbers), "mode") as report:
         outcome = checked(scene, list(numbers), options.amplitudes or AMPLITUDES_DEG, report=report)
@@ -61,7 +68,21 @@ def _general(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, str]:
     refuse(options, "cannot be combined with --general", "--modes", "--amplitudes")
     require(scene, "a comparison with modes")
     trajectory = RunOptions.of(options).shown()
+    if options.proved:
+        _judge(trajectory)
     return compare(trajectory), comparison_table, "spectrum_figure"
+
+
+def _judge(trajectory: Trajectory) -> None:
+    """A note on the true error of a run, by a tube that provably contains the motion."""
+    from nonlinear.integration import enclose_motion
+
+    times = trajectory.times - trajectory.times[0]
+    with bar(float(times[-1]), "s", "proof") as report:
+        tube = enclose_motion(
+            trajectory.scene, float(times[-1]), output=times, start=trajectory.motion[0], report=report
+        )
+    remark(f"proved: no angle of the run is off by more than {tube.distance(trajectory).max():.1e} rad")
 
 
 def _place(options: argparse.Namespace) -> None:
@@ -140,14 +161,15 @@ def _of_motion(options: argparse.Namespace, scene: Scene) -> tuple[Any, str]:
     refuse(options, "needs --linear", "--relative-error")
     start, duration = start_of(scene, options.start), options.duration or 10.0
     with bar(len(list_candidates(scene)) + 1, "candidate") as report:
-        comparison = compared(scene, duration, start=start, report=forewarning(report, scene, duration))
+        told = forewarning(report, scene, duration)
+        comparison = compared(scene, duration, start=start, proved=options.proved, report=told)
     return comparison, tradeoff_table(comparison, options.format)
 
 
 def _of_frequencies(options: argparse.Namespace, scene: Scene) -> tuple[Any, str]:
     from nonlinear.accuracy import frequencies_table, measure_frequencies
 
-    refuse(options, "is of motions: omit --linear", "--start", "--duration")
+    refuse(options, "is of motions: omit --linear", "--start", "--duration", "--proved")
     comparison = measure_frequencies(scene, (options.relative_error or 1e-8,))
     return comparison, frequencies_table(comparison, options.format)
 
@@ -163,6 +185,7 @@ COMMANDS = (
             "--modes, counted from 1 (default all)",
             "--amplitudes (default 1,5,10,30)",
             "--general",
+            "--proved, in which that run is",
             formats(*REPORTS),
             *report_file(*REPORTS),
         ),
@@ -170,7 +193,7 @@ COMMANDS = (
             "Every mode is released at several amplitudes and simulated for 40 periods; its frequency is measured and "
             "compared with the table's predictions: the small-angle frequency, its shift "
             "with amplitude, and the angle at which it is off by 1 %. With --general one run is projected on the modes "
-            "instead.  The report begins with how right the predictions are."
+            "instead, and with --proved its true error is told.  The report begins with how right the predictions are."
         ),
         examples=(
             ("check chain-2 --modes 1 --amplitudes 10,30", "the slow mode at two amplitudes"),
@@ -187,6 +210,7 @@ COMMANDS = (
             SCENE,
             "--start, as in simulate",
             "--duration (default 10)",
+            "--proved, by which errors are measured",
             "--linear: dense matrices, a relative error that is allowed, every digit",
             "--relative-error that --linear allows (default 1e-08)",
             formats(*REPORTS),
@@ -194,7 +218,7 @@ COMMANDS = (
         ),
         details=(
             "Linear modes, modes with corrected frequencies, and every integrator at several tolerances, plain and "
-            "compiled: the cost and the error of each, and the time up to which errors can be measured. With --linear "
+            "compiled: the cost and the error of each, and the time up to which errors can be measured, or with --proved true errors. With --linear "
             "the frequencies instead: by dense matrices, to a relative error, and with every digit."
         ),
         examples=(

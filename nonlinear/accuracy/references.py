@@ -28,7 +28,7 @@ from modal.scene import Scene, refusals, validate_scene
 from modal.types import Floats
 from nonlinear.accuracy.candidates import Candidate, Question
 from nonlinear.dynamics.inputs import Inputs
-from nonlinear.integration import SMALLEST, TIGHTEST, Trajectory, aside, slightly, taylor
+from nonlinear.integration import PROVED, SMALLEST, TIGHTEST, Trajectory, aside, enclose_motion, slightly, taylor
 from nonlinear.system import apart, system_of
 
 DIFFERENCE_SHARE_MAX = 1e-2
@@ -57,6 +57,11 @@ class Reference(Displayed):
     def horizon(self) -> float:
         """Time (s) up to which errors are compared."""
         return float(self.trajectory.times[-1])
+
+    @property
+    def is_proved(self) -> bool:
+        """Whether the trajectory is the middle of a tube."""
+        return self.candidate.method == PROVED
 
     @property
     def whole(self) -> bool:
@@ -91,6 +96,21 @@ def reference_of(question: Question) -> Reference:
         solution = finest.prepare(shorter)()
     count = len(shorter.times)
     return Reference(finest, check, solution, difference[:count], growth[:count], duration)
+
+
+def enclose_reference(question: Question) -> Reference:
+    """The midpoints of a tube that provably contains the motion, which shares no error with any candidate."""
+    duration = float(question.times[-1])
+    tube = enclose_motion(
+        question.scene,
+        duration,
+        radius=TIGHTEST,
+        output=question.times,
+        start=question.start,
+        report=lambda time: question.report(time / duration),
+    )
+    proof = Candidate("minimal", PROVED, TIGHTEST)
+    return Reference(proof, proof, tube.trajectory, tube.radii, np.ones(len(tube.rows)), duration)
 
 
 def choose_references(scene: Scene) -> tuple[Candidate, Candidate]:

@@ -29,7 +29,7 @@ from modal.scene.doors import checked
 from modal.types import Floats
 from nonlinear.accuracy.attempts import error_time_count
 from nonlinear.accuracy.candidates import Candidate, GivenUpError, Question, list_candidates
-from nonlinear.accuracy.references import Reference, reference_of
+from nonlinear.accuracy.references import Reference, enclose_reference, reference_of
 from nonlinear.integration import Trajectory, estimate_timescales, taylor, validate_numbers
 from nonlinear.system import (
     Motion,
@@ -148,9 +148,13 @@ class WorkPrecision(Result):
         """What the comparison rests on, and what its columns are."""
         reference = self.reference
         yield (
-            f"reference: {reference.candidate.name}, checked against {reference.check.name}: they differ by "
-            f"{reference.difference[-1]:.1e} rad, and a small error grows {reference.growth[-1]:.2g} times, so no "
-            f"error below {reference.floor:.1e} rad can be resolved."
+            "reference: a proved tube, which shares no error with any method."
+            if reference.is_proved
+            else (
+                f"reference: {reference.candidate.name}, checked against {reference.check.name}: they differ by "
+                f"{reference.difference[-1]:.1e} rad, and a small error grows {reference.growth[-1]:.2g} times, so no "
+                f"error below {reference.floor:.1e} rad can be resolved."
+            )
         )
         rate = reference.exponent
         until = f": until then the e-folding time of a small error is {1 / rate:.2g} s" if rate else ""
@@ -186,12 +190,14 @@ def measure_work_precision(
     *,
     start: State | None = None,
     candidates: Sequence[Candidate] | None = None,
+    proved: bool = False,
     patience: float = 5.0,
     report: Callable[[float], object] = silent,
 ) -> WorkPrecision:
     """Run every candidate, or these, on a scene from its own start or another for `duration` seconds.
 
-    A family of candidates ends with the first that exceeds `patience` seconds or clearly will.  `report` is called with
+    With `proved` the reference is a tube that provably contains the motion (extra `certified`).  A family of candidates
+    ends with the first that exceeds `patience` seconds or clearly will.  `report` is called with
     the number of candidates done, the reference included, and during each with parts of it.  After Ctrl-C those done
     are returned, once there is a reference. Raises SceneError for invalid arguments, ComputationError where there is no
     reference to compare with.
@@ -205,12 +211,15 @@ def measure_work_precision(
         )
     state = validate_state(start if start is not None else initial_state(scene), system_of(scene))
     chosen_candidates = list_candidates(scene) if candidates is None else tuple(candidates)
-    reference = _reference(scene, state, duration, report)
+    if proved:
+        reference = enclose_reference(Question(scene, state, _samples(scene, duration), report=_part(0, report)))
+    else:
+        reference = _reference(scene, state, duration, report)
     question = Question(scene, state, reference.trajectory.times)
-    first = measure(reference.candidate, question, reference)
+    first = () if proved else (measure(reference.candidate, question, reference),)
     report(1)
     rows, reasons = _climb(chosen_candidates, replace(question, patience=patience), reference, report)
-    return WorkPrecision(scene, reference, (first, *rows), tuple(reasons.items()))
+    return WorkPrecision(scene, reference, (*first, *rows), tuple(reasons.items()))
 
 
 def _part(

@@ -140,13 +140,13 @@ class Module:
                 set(),
             )
 
-    def constants(self, p: Sequence[Any]) -> list[Any]:
-        """The constants of all functions, from the numbers of one scene, or of many in arrays."""
+    def constants(self, p: Sequence[Any], target: str = "") -> list[Any]:
+        """The constants of all functions, from the numbers of one scene, or of many in arrays, or of a `target`."""
         names = "".join(f"p{k}, " for k in range(self.sizes.get("p", 0)))
         body = [f" {names}= p"] * bool(names) + [f" {line}" for line in self._before.lines]
         text = "\n".join(("def constants(p):", *body, f" return [{', '.join(self.kept)}]"))
-        target = "arrays" if any(isinstance(number, np.ndarray) for number in p) else "floats"
-        return function_in(text, "constants", target)(p)  # type: ignore[no-any-return]
+        usual = "arrays" if any(isinstance(number, np.ndarray) for number in p) else "floats"
+        return function_in(text, "constants", target or usual)(p)  # type: ignore[no-any-return]
 
     @property
     def names(self) -> list[str]:

@@ -4,7 +4,7 @@ In: a scene and the arguments of a run (`arguments`).  Out: a `Trajectory`: stat
 the drifts of energy, momentum and constraints.  `methods` chooses equations and integrator, with a reason; `driver`
 advances the steppers of `steppers`, of `floats` for generated equations, of `compiled` (extra `fast`) or of `taylor`;
 steps end at `switches`, and what happens within them is seen by `watches` and, of one run, by `happenings`; `twins`
-measure how fast a small difference grows.  Start with `run`.
+measure how fast a small difference grows; `tubes` contain a motion provably (extra `certified`).  Start with `run`.
 """
 
 from nonlinear.integration.arguments import (
@@ -32,6 +32,7 @@ from nonlinear.integration.steppers import EXPLICIT, SCIPY, SMALLEST, Pace, SciP
 from nonlinear.integration.switches import switches_of
 from nonlinear.integration.timescales import estimate_timescales, modes_of, sample_count
 from nonlinear.integration.trajectory import CLOSED, TRUNCATED, SolverInfo, Trajectory
+from nonlinear.integration.tubes import PROVED, Tube, enclose_motion
 from nonlinear.integration.twins import aside, departure, perturb_last_digits, slightly
 
 __all__ = [
@@ -42,6 +43,7 @@ __all__ = [
     "FORMS",
     "LOOSEST",
     "MEETING",
+    "PROVED",
     "SCIPY",
     "SMALLEST",
     "TIGHTEST",
@@ -55,9 +57,11 @@ __all__ = [
     "SolverInfo",
     "Stepper",
     "Trajectory",
+    "Tube",
     "aside",
     "choose",
     "departure",
+    "enclose_motion",
     "equations_of",
     "estimate_timescales",
     "extent",

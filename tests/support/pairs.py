@@ -230,6 +230,7 @@ ATTEMPTS: dict[str, Attempt] = {
     "spread motion": _by("spread @ --uncertain gravity=1% --members 8 --duration 1 --workers 1"),
     "keep modes": _by("simulate @ --keep-modes 1 --duration 1 -o #.csv"),
     "tradeoff": _compared,
+    "proved": _by("simulate @ --proved --duration 0.1 --samples 2"),
     "advise": _by("simulate @ --accuracy 1e-3 --duration 1"),
     "plot": _by("plot @ --duration 1 -o #.png"),
 }
@@ -244,6 +245,7 @@ ASKS: dict[str, tuple[str, ...]] = {
     "simulate RK45": ("a method other than DOP853",),
     "simulate Radau": ("an implicit method",),
     "simulate taylor": ("method taylor",),
+    "proved": ("a proved motion",),
     "ensemble auto": ("an ensemble",),
     "ensemble numpy": ("an ensemble", "engine numpy"),
     "ensemble numba": ("an ensemble", "engine numba"),
