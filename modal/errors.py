@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from itertools import islice
 
 from modal.report import visible
@@ -58,6 +59,21 @@ class SceneError(MultipendulaError, ValueError):
     def __reduce__(self) -> tuple[type[SceneError], tuple[tuple[str, ...]]]:
         """The constructor's arguments: a pickled error keeps its mistakes separate."""
         return type(self), (self.problems,)
+
+
+def refuse_any(problems: Iterable[str]) -> None:
+    """SceneError with these mistakes, if there are any."""
+    if mistakes := [*problems]:
+        raise SceneError(mistakes)
+
+
+@contextmanager
+def gathered(problems: list[str]) -> Iterator[None]:
+    """The mistakes of a SceneError inside go to the others, so that the next are looked for."""
+    try:
+        yield
+    except SceneError as error:
+        problems += error.problems
 
 
 class ComputationError(MultipendulaError, ArithmeticError):

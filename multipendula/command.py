@@ -234,7 +234,6 @@ def misfits(options: argparse.Namespace, why: str, *flags: str) -> list[str]:
 
 def refuse(options: argparse.Namespace, why: str, *flags: str) -> None:
     """SceneError for those of these options that have another value than their default."""
-    from modal.errors import SceneError
+    from modal.errors import refuse_any
 
-    if problems := misfits(options, why, *flags):
-        raise SceneError(problems)
+    refuse_any(misfits(options, why, *flags))

@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Set
 from typing import Any, NamedTuple
 
-from modal.errors import SceneError
+from modal.errors import refuse_any
 from modal.scene.doors import require_type
 from modal.scene.features import DRAG, DRIVES, FEATURES, FRICTION, LOSS
 from modal.scene.model import Scene
@@ -644,8 +644,7 @@ def require(scene: Scene, capability: str, *further_features: str) -> None:
     ...
     modal.errors.SceneError: ...
     """
-    if reasons := refusals(scene, capability, *further_features):
-        raise SceneError(reasons)
+    refuse_any(refusals(scene, capability, *further_features))
 
 
 def left_out(scene: Scene, capability: str = "the table of modes") -> tuple[str, ...]:

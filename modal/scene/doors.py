@@ -25,7 +25,7 @@ from typing import Any, Literal, TypeVar, get_args, get_origin
 
 import numpy as np
 
-from modal.errors import SceneError, spelling_hint
+from modal.errors import SceneError, refuse_any, spelling_hint
 from modal.report.display import VALUE_LETTERS
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -53,8 +53,7 @@ def checked(function: Function) -> Function:
 
     @wraps(function)
     def checking(*arguments: Any, **keywords: Any) -> Any:
-        if problems := list(door.problems(arguments, keywords)):
-            raise SceneError(problems)
+        refuse_any(door.problems(arguments, keywords))
         return function(*arguments, **keywords)
 
     return checking  # type: ignore[return-value]
@@ -76,8 +75,7 @@ def formerly(**names: str) -> Callable[[Function], Function]:
     def decorator(function: Function) -> Function:
         @wraps(function)
         def renaming(*arguments: Any, **keywords: Any) -> Any:
-            if problems := [f"{name}: is now {names[name]}" for name in keywords if name in names]:
-                raise SceneError(problems)
+            refuse_any(f"{name}: is now {names[name]}" for name in keywords if name in names)
             return function(*arguments, **keywords)
 
         return renaming  # type: ignore[return-value]

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from modal.errors import SIMILARITY_MIN, SceneError, spelling_hint
+from modal.errors import SIMILARITY_MIN, SceneError, gathered, refuse_any, spelling_hint
 from modal.report import Displayed, Summary
 from modal.scene.doors import shorten
 from modal.scene.links import Escapement
@@ -344,12 +344,9 @@ def parse_variations(texts: str | Sequence[str]) -> tuple[Variation, ...]:
     variations: list[Variation] = []
     problems: list[str] = []
     for text in texts_of(texts):
-        try:
+        with gathered(problems):
             variations.append(_parse(text))
-        except SceneError as error:
-            problems += error.problems
-    if problems:
-        raise SceneError(problems)
+    refuse_any(problems)
     return tuple(variations)
 
 
@@ -463,8 +460,7 @@ def parse_arrays(scene: Scene, numbers: Mapping[str, ArrayLike]) -> tuple[Variab
             problems += [f"{path}: must be finite"] * (not np.isfinite(arrays[path]).all())
             problems += [f"{with_numbers(place)}: is varied twice" for place in places if place in occupied_places]
             occupied_places.update(places)
-    if problems:
-        raise SceneError(problems)
+    refuse_any(problems)
     return variable, arrays
 
 

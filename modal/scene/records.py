@@ -25,7 +25,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from modal.errors import SceneError, spelling_hint
+from modal.errors import SceneError, refuse_any, spelling_hint
 from modal.scene.contents import MEASURED_MAX, MEASURED_MIN, SIZES_READ
 from modal.scene.hoist import RECORD
 from modal.scene.length_laws import integrated_law
@@ -112,8 +112,7 @@ def _refuse_contradictions(table: Table, times: Floats, acceleration: Floats, re
         if excess[worst] > 0:
             at = f": {values[worst]:.6g} at {times[worst]:.6g} s, not {expected[worst]:.6g}" * table.has_quotes
             problems.append(f"{table.name}: {key} is not what acceleration_m_per_s2 gives from rest{at}")
-    if problems:
-        raise SceneError(problems)
+    refuse_any(problems)
 
 
 def read_lengths(
@@ -163,8 +162,7 @@ def read_gains(
     numbers = np.array([table.numbers(column) for column in table.columns]).T
     if not numbers.size:
         raise SceneError([f"{table.name}: needs a line with the names of states, and a row of numbers for each input"])
-    if problems := [words for column in table.columns for words in _sizes(table, column, table.numbers(column))][:1]:
-        raise SceneError(problems)
+    refuse_any([words for column in table.columns for words in _sizes(table, column, table.numbers(column))][:1])
     return {"gains": {"states": list(table.columns), "rows": numbers.tolist()}}
 
 
@@ -198,8 +196,7 @@ def _table(path: str | PathLike[str], has_quotes: bool, meanings: Mapping[str, s
             values = factor * table.numbers(column)
             problems += [*_sizes(table, column, values)][:1]
             numbers[name] = tuple(values.tolist())
-    if problems:
-        raise SceneError(problems)
+    refuse_any(problems)
     return Table(table.name, numbers | dict.fromkeys(others, ()), has_quotes)
 
 

@@ -26,7 +26,7 @@ from typing import Any
 
 import numpy as np
 
-from modal.errors import SceneError, spelling_hint
+from modal.errors import SceneError, refuse_any, spelling_hint
 from modal.report import Displayed, listed
 from modal.scene.contents import as_text, content_of, decode_text
 from modal.types import Floats
@@ -572,6 +572,5 @@ def parse_where(texts: Sequence[str], example: str = "COLUMN=VALUE, such as use=
         if not sign or not column.strip():
             problems.append(f"{text:.60}: must be {example}")
         cells[column.strip()] = value.strip()
-    if problems:
-        raise SceneError(problems)
+    refuse_any(problems)
     return cells

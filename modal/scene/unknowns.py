@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from modal.errors import SceneError, spelling_hint
+from modal.errors import SceneError, refuse_any, spelling_hint
 from modal.report import Displayed
 from modal.scene.model import Scene
 from modal.scene.parameters import Place, find_places, number_at, unit_at, with_numbers
@@ -108,8 +108,7 @@ def find_unknowns(scene: Scene, text: str) -> tuple[Unknown, ...]:
     paths = [path.strip() for path in words.split("+")]
     path = f"{way}:{'+'.join(paths)}"
     places = tuple(place for part in paths for place in find_places(scene, part))
-    if problems := list(dict.fromkeys(_problems(scene, path, places))):
-        raise SceneError(problems)
+    refuse_any(dict.fromkeys(_problems(scene, path, places)))
     return (_unknown(scene, path, places, way),)
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from modal.errors import SceneError
+from modal.errors import refuse_any
 from modal.scene import Moved, Scene, describe, refusals
 from modal.scene.parameters import with_numbers
 from modal.scene.points import PendulumPoint, parse_point
@@ -34,8 +34,7 @@ def scene_data(scene: Scene) -> dict[str, Any]:
 
     Raises SceneError, which names everything that the page cannot show.
     """
-    if problems := list(_problems(scene)):
-        raise SceneError(problems)
+    refuse_any(_problems(scene))
     data = describe(scene)
     if is_structural(scene):
         if "support" not in data:

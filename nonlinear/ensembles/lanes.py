@@ -11,6 +11,7 @@ from nonlinear.chaos import TRANSIENT
 from nonlinear.dynamics import Lanes
 from nonlinear.ensembles.results import MemberResults, Wanted
 from nonlinear.integration import pacing
+from nonlinear.integration.arguments import extents, shaken
 from nonlinear.integration.crowds import RailWork, switching
 from nonlinear.integration.lanes import LaneTask, integrate
 from nonlinear.integration.watches import Crossings, FirstTurns, Growth, GrowthSamples, Largest, Samples
@@ -31,9 +32,8 @@ def task_of(lanes: Lanes, numbers: Numbers, y: Floats, wanted: Wanted) -> tuple[
     """What to integrate, natural units of y, and the error (in these) allowed in a step."""
     units, layout = pacing.units_of(numbers), lanes.layout
     scale, slope = units.scale(layout), slope_of(lanes, numbers, y)
-    size = pacing.extents(numbers, layout, y, units)
-    if numbers.system.prescribed_motions:
-        size = pacing.shaken(numbers, layout, y, size, wanted.duration)
+    start = numbers.arrays, numbers.system.rest[:, None], layout, y, scale
+    size = shaken(*start, np.array([0.0, wanted.duration])) if numbers.system.prescribed_motions else extents(*start)
     relative, absolute, first = pacing.tolerances(y, slope, scale, size, units.rate, wanted.tolerance)
     absolute = np.ascontiguousarray(np.broadcast_to(absolute, y.shape))
     return LaneTask(lanes, numbers, y, wanted.duration, relative, absolute, first), scale, relative * size

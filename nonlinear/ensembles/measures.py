@@ -15,7 +15,7 @@ from typing import cast
 
 import numpy as np
 
-from modal.errors import SceneError
+from modal.errors import SceneError, gathered, refuse_any
 from modal.extend.measures import LAST_TENTH, WHOLE_MOTION, measure_for, taken_by
 from modal.extend.registry import mistake_of
 from modal.scene import Scene
@@ -175,7 +175,7 @@ def requested_measures(texts: Sequence[str], system: System) -> RequestedMeasure
     section = None
     for text in texts:
         name = text.partition(":")[0]
-        try:
+        with gathered(problems):
             measure_for("ensemble", text)
             if name in names:
                 raise SceneError([f"measure {text}: {name} is requested twice"])
@@ -183,11 +183,8 @@ def requested_measures(texts: Sequence[str], system: System) -> RequestedMeasure
                 section = section_of(text, system)
             elif name != text:
                 raise SceneError([f"measure {text}: {name} takes no number here: the duration is that of the ensemble"])
-        except SceneError as error:
-            problems += error.problems
         names.append(name)
-    if problems:
-        raise SceneError(problems)
+    refuse_any(problems)
     return RequestedMeasures(tuple(names), section)
 
 

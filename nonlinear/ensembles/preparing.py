@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from modal.errors import MultipendulaError, SceneError
+from modal.errors import MultipendulaError, refuse_any
 from modal.report import Displayed, Form, ReportTable, Result
 from modal.scene import Scene, load, refusals, title_of, validate_scene
 from modal.scene.doors import checked
@@ -185,8 +185,7 @@ def _ready(
 ) -> CompiledCode:
     """What an engine has once it has run, and how it was before; why it cannot run where there are problems."""
     try:
-        if problems:
-            raise SceneError(problems)
+        refuse_any(problems)
         before, begun = code(), perf_counter()
         run()
         seconds = perf_counter() - begun

@@ -14,7 +14,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any, TypeVar, cast
 
-from modal.errors import SceneError
+from modal.errors import SceneError, refuse_any
 from modal.scene import whole_file
 from modal.scene.contents import content_of, lock, text_of
 from modal.scene.sealed import UNREADABLE
@@ -80,8 +80,7 @@ def validate_store(folder: object, share: object) -> None:
         fits = False
     if not fits:
         problems.append(f"share {share!r}: must be (k, n), whole numbers with 0 ≤ k < n")
-    if problems:
-        raise SceneError(problems)
+    refuse_any(problems)
 
 
 class ChunkFolder:

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from modal.errors import MultipendulaError, SceneError
+from modal.errors import MultipendulaError, SceneError, refuse_any
 from modal.modes import natural_modes
 from modal.report import Form, counted, silent
 from modal.scene import Scene, drive_period, require, validate_scene
@@ -209,8 +209,7 @@ def find_strobes(
 def links_named(names: str | Sequence[str], system: System) -> tuple[int, ...]:
     """The links, from 0, of names such as "theta_1_2", by default the first; SceneError names every mistake."""
     names, known = texts_of(names, splits_commas=True), [f"theta_{place}" for place in places(system)]
-    if problems := [f"of {name}: must be one of {', '.join(known)}" for name in names if name not in known]:
-        raise SceneError(problems)
+    refuse_any(f"of {name}: must be one of {', '.join(known)}" for name in names if name not in known)
     return tuple(dict.fromkeys(map(known.index, names))) or (0,)
 
 
@@ -219,8 +218,7 @@ def validate_strobes(*, phase_deg: float, spread_deg: float = 0.0, settle: float
     problems = [] if isfinite(phase_deg) else [f"phase_deg {phase_deg!r}: must be a number of degrees"]
     for name, value in (("spread_deg", spread_deg), ("settle", settle)):
         problems += [] if 0 <= value < inf else [f"{name} {value!r}: must be at least 0"]
-    if problems:
-        raise SceneError(problems)
+    refuse_any(problems)
 
 
 # ------------------------------------------------------------------------------------------------------- as text

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from modal.errors import SceneError, spelling_hint
+from modal.errors import SceneError, refuse_any, spelling_hint
 from modal.identification import scene_with
 from modal.identification.parameters import natural_unit
 from modal.report import Displayed, silent
@@ -68,8 +68,7 @@ def compare(
         for name in laws
         if not name or any(law not in LAWS for law in name.split("+"))
     ]
-    if problems:
-        raise SceneError(problems)
+    refuse_any(problems)
     names = [*dict.fromkeys(laws)]
     fits: list[tuple[str, Fit, float]] = []
     for entry in map_by_crew(partial(_fit_with, scene, recording, [*_without(scene, free)], options), names, crew):

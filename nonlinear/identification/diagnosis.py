@@ -48,7 +48,7 @@ def _turns(result: Fit) -> Iterator[str]:
         yield f"{name} jumps by a turn, as angles from atan2 do: it was continued"
     for c, sensor in enumerate(result.recording.sensors):
         if sensor.is_angle and any(is_wrapped(segment.values[:, c]) for segment in result.recording.segments):
-            yield f"{sensor.name} jumps by a turn, as angles from atan2 do: take recording.unwrapped()"
+            yield f"{sensor.name} jumps by a turn, as angles from atan2 do: take recording.unwrap_angles()"
 
 
 def _outliers(result: Fit) -> Iterator[str]:
@@ -170,11 +170,11 @@ def _whiteness(result: Fit) -> Iterator[str]:
 def _misses(result: Fit) -> list[tuple[int, Floats, Floats]]:
     """Sensor, times and residuals of every series."""
     series = []
-    for readings, segment in zip(result.readings, result.recording.segments, strict=True):
+    for misses, segment in zip(result.misses, result.recording.segments, strict=True):
         for c in range(len(result.recording.sensors)):
             is_present = np.isfinite(segment.values[:, c])
             if np.count_nonzero(is_present) > SEGMENT_ROWS_MIN:
-                series.append((c, segment.times[is_present], (segment.values - readings)[is_present, c]))
+                series.append((c, segment.times[is_present], -misses[is_present, c]))
     return series
 
 

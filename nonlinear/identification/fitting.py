@@ -141,14 +141,10 @@ def _beginning(problem: FitProblem) -> float:
     search = Search(start, "linear")
     try:
         u = search.solve(start, search.lengthen(search.begin()), rough=True)
-        misses = [
-            reading - segment.values for reading, segment in zip(start.readings(u), recording.segments, strict=True)
-        ]
+        misses = np.vstack(start.misses(u))
     except ComputationError:
         return np.inf
-    sizes = [_size(recording, c) for c in range(len(recording.sensors))]
-    off = [root_mean_square(np.concatenate([miss[:, c] for miss in misses])) / size for c, size in enumerate(sizes)]
-    return max(off)
+    return max(root_mean_square(miss) / _size(recording, c) for c, miss in enumerate(misses.T))
 
 
 def coarse_noise(recording: Recording) -> Floats:
@@ -322,13 +318,8 @@ class Search:
     def _noise(self, problem: FitProblem, u: Floats) -> Floats:
         """The standard deviation of every sensor's residuals; by their median for a robust loss."""
         noise = []
-        readings = problem.readings(u, with_derivatives=True)
-        for c in range(len(problem.recording.sensors)):
-            misses = [
-                r[:, c] - segment.values[:, c] for r, segment in zip(readings, problem.recording.segments, strict=True)
-            ]
-            residuals = np.concatenate(misses)
-            residuals = residuals[np.isfinite(residuals)]
+        for c, misses in enumerate(np.vstack(problem.misses(u, with_derivatives=True)).T):
+            residuals = misses[np.isfinite(misses)]
             spread = 1.4826 * float(np.median(np.abs(residuals))) if self.loss != "linear" else 0.0
             noise.append(max(spread or root_mean_square(residuals), NOISE_MIN * _size(problem.recording, c)))
         return np.array(noise)

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from modal.errors import SceneError
+from modal.errors import refuse_any
 from modal.identification import Parameter, scene_with
 from modal.identification.parameters import numbers_at
 from modal.report import Displayed
@@ -82,8 +82,7 @@ def require_fittable(scene: Scene, free: Sequence[Parameter] = ()) -> None:
             is_length = place[0] == "pendulum" and place[-1] == "length"
             if is_length and scene.pendulum[int(place[1])].links[int(place[3])].hoist:
                 reasons.append(f"{with_numbers(place)}: follows its hoist, whose course a fit does not change")
-    if reasons:
-        raise SceneError(reasons)
+    refuse_any(reasons)
 
 
 class EvaluatedMotions(NamedTuple):
@@ -238,6 +237,11 @@ class FitProblem(Displayed):
         With `with_derivatives` these are computed along, as for `residuals`.
         """
         return self._readings(u, self._motions(u, with_derivatives))
+
+    def misses(self, u: Floats, with_derivatives: bool = False) -> list[Floats]:
+        """What they would read less what they read, (K, C) for each segment."""
+        readings = self.readings(u, with_derivatives)
+        return [reading - segment.values for reading, segment in zip(readings, self.recording.segments, strict=True)]
 
     def _readings(self, u: Floats, flow: Readings) -> list[Floats]:
         layout, readings = self.layout, []

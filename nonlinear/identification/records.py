@@ -26,7 +26,7 @@ from typing import Any
 
 import numpy as np
 
-from modal.errors import SceneError, spelling_hint
+from modal.errors import SceneError, gathered, refuse_any, spelling_hint
 from modal.report import Displayed, counted, listed
 from modal.scene import Scene
 from modal.scene.contents import MEASURED_MAX, MEASURED_MIN, SIZES_READ
@@ -281,13 +281,12 @@ def read_recording(
         problems.append(f"pixel {pixel:g}: must be above 0, the metres of one")
     if not paths:
         problems.append("no file of measured motions is given")
-    if problems:
-        raise SceneError(problems)
+    refuse_any(problems)
     carriers = carrier_columns(scene)
     tables: list[DataTable] = []
     derived: set[str] = set()
     for path in paths:
-        try:
+        with gathered(problems):
             table = _recorded_table(path, scene, where or {}, columns or {}, carriers)
             if _has_no_cart(scene) if scene else _is_still(table):
                 table = table.renamed({RUNS: f"({RUNS})"} if RUNS in table.columns else {})
@@ -296,21 +295,15 @@ def read_recording(
             table = table.without(rates)
             problems += _unscaled(table, carriers) if pixel is None else []
             tables.append(table.take(range(0, len(table), every)) if every > 1 else table)
-        except SceneError as error:
-            problems += error.problems
-    if problems:
-        raise SceneError(problems)
+    refuse_any(problems)
     sensors = sorted({sensor for table in tables for column in table.columns if (sensor := _sensor(column, carriers))})
     problems += [problem for sensor in sensors if scene for problem in _absent(scene, sensor)]
     segments: list[Segment] = []
     for table in tables:
-        try:
+        with gathered(problems):
             segments += _segments(table, sensors, carriers, pixel or 1.0)
-        except SceneError as error:
-            problems += error.problems
     problems += _empty(sensors, segments) if not problems else []
-    if problems:
-        raise SceneError(problems)
+    refuse_any(problems)
     unknown = {column for table in tables for column in table.columns if not _is_known(column, carriers)}
     other_columns = (unknown | derived) - {
         *(where or {}),
@@ -522,12 +515,9 @@ def _segments(table: DataTable, sensors: Sequence[Sensor], carriers: Carriers, p
     name, problems, number = table.name, list[str](), dict[str, Floats]()
     for column in table.columns:
         if column in TIMES or _is_sensor(column, carriers):
-            try:
+            with gathered(problems):
                 number[column] = table.numbers(column)
-            except SceneError as error:
-                problems += error.problems
-    if problems:
-        raise SceneError(problems)
+    refuse_any(problems)
     clock = next(column for column in table.columns if column in TIMES)
     times = TIMES[clock] * number[clock]
     values = np.full((len(times), len(sensors)), nan)
@@ -546,8 +536,7 @@ def _segments(table: DataTable, sensors: Sequence[Sensor], carriers: Carriers, p
     titles = [segment.name for segment in segments]
     duplicates = [title for title in dict.fromkeys(titles) if titles.count(title) > 1]
     problems += [f"{name}: segment {title}: its rows do not follow one another" for title in duplicates]
-    if problems:
-        raise SceneError(problems)
+    refuse_any(problems)
     return segments
 
 

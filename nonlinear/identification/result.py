@@ -88,16 +88,10 @@ class Fit(FittedNumbers):
         outliers do not.  Where residuals are nearly as large as the readings, all of them count.
         """
         misfits = []
-        for c, rho in enumerate(self.rho):
-            readings_about_mean = np.concatenate(
-                [segment.values[:, c] - np.nanmean(segment.values[:, c]) for segment in self.recording.segments]
-            )
-            miss = np.concatenate(
-                [
-                    reading[:, c] - segment.values[:, c]
-                    for reading, segment in zip(self.readings, self.recording.segments, strict=True)
-                ]
-            )
+        about_means = [segment.values - np.nanmean(segment.values, axis=0) for segment in self.recording.segments]
+        for rho, readings_about_mean, miss in zip(
+            self.rho, np.vstack(about_means).T, np.vstack(self.misses).T, strict=True
+        ):
             share = root_mean_square(miss) / (root_mean_square(readings_about_mean) or 1.0)
             count = int(np.count_nonzero(np.isfinite(miss)))
             correlation = float(np.abs(rho[1:3]).max()) if len(rho) > 1 else 0.0
@@ -222,6 +216,11 @@ class Fit(FittedNumbers):
         return self.problem.readings(self.unknowns)
 
     @cached_property
+    def misses(self) -> list[Floats]:
+        """These less what they have read."""
+        return self.problem.misses(self.unknowns)
+
+    @cached_property
     def rms(self) -> Floats:
         """Root mean square of residuals of every segment in `rms_unit`: of angles, or of sensors like the first."""
         return np.array([root_mean_square(self._misses([k])) for k in range(len(self.recording.segments))])
@@ -238,8 +237,7 @@ class Fit(FittedNumbers):
 
     def _misses(self, segments: Sequence[int]) -> Floats:
         chosen = [k for k, sensor in enumerate(self.recording.sensors) if sensor.unit == self.rms_unit]
-        misses = [(self.readings[s] - self.recording.segments[s].values)[:, chosen].ravel() for s in segments]
-        return np.concatenate(misses)
+        return np.concatenate([self.misses[s][:, chosen].ravel() for s in segments])
 
 
 def unit_of_residuals(recording: Recording) -> str:

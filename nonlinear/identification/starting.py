@@ -83,7 +83,7 @@ def _nearest(problem: FitProblem, attempts: Sequence[Floats]) -> Floats:
     many = replace(problem, recording=replace(problem.recording, segments=(segment,) * len(attempts)))
     u = np.concatenate((_unknowns(problem)[: problem.layout.delays.stop], *attempts))
     try:
-        misses = [(reading - segment.values) / problem.noise for reading in many.readings(u)]
+        misses = [miss / problem.noise for miss in many.misses(u)]
     except ComputationError:
         return attempts[0]
     has_offset = problem.free[problem.layout.offsets]

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from modal.errors import SceneError
+from modal.errors import SceneError, gathered, refuse_any
 from modal.scene import Scene, validate_scene
 from modal.types import Floats
 from nonlinear.integration.steppers import Pace
 from nonlinear.integration.timescales import estimate_timescales, sample_count
-from nonlinear.system import AppliedForces, Event, Load, State, System, system_of
+from nonlinear.system import AppliedForces, Event, Layout, Load, State, System, system_of
 
 LOOSEST = 1e-2
 """Limit: the largest tolerance."""
@@ -35,12 +35,9 @@ def validate(*actions: Callable[[], Any]) -> list[Any]:
     results: list[Any] = []
     problems: list[str] = []
     for action in actions:
-        try:
+        with gathered(problems):
             results.append(action())
-        except SceneError as error:
-            problems += error.problems
-    if problems:
-        raise SceneError(problems)
+    refuse_any(problems)
     return results
 
 
@@ -52,8 +49,7 @@ def validate_numbers(duration: float, tolerance: float, start_time: float) -> No
         and TIGHTEST <= tolerance <= LOOSEST,
         f"start_time {start_time!r}: must be a number of seconds": _real(start_time),
     }
-    if problems := [problem for problem, holds in checks.items() if not holds]:
-        raise SceneError(problems)
+    refuse_any(problem for problem, holds in checks.items() if not holds)
 
 
 def validate_whole(minimum: int, *, optional: bool = False, **values: object) -> None:
@@ -64,8 +60,7 @@ def validate_whole(minimum: int, *, optional: bool = False, **values: object) ->
         if not (optional and value is None)
         and (not isinstance(value, Integral) or isinstance(value, bool) or value < minimum)
     ]
-    if wrong:
-        raise SceneError(wrong)
+    refuse_any(wrong)
 
 
 def validate_accuracy(accuracy: float | None) -> None:
@@ -124,8 +119,7 @@ def pace_of(breaks: Sequence[float] | Floats | None, max_step: float | None) -> 
         problems.append("breaks: must be times in seconds")
     if max_step is not None and not (_real(max_step) and max_step > 0):
         problems.append(f"max_step {max_step!r}: must be a positive number of seconds")
-    if problems:
-        raise SceneError(problems)
+    refuse_any(problems)
     return Pace(longest=inf if max_step is None else float(max_step), breaks=tuple(sorted(set(times.tolist()))))
 
 
@@ -182,21 +176,21 @@ def validate_forces(load: Load | None, system: System, start: State, time: float
         problems.append(f"load: moments have shape {np.shape(push.moments)}, this scene needs {shape}")
     if push.cart is None or not all(np.all(np.isfinite(part)) for part in push if part is not None):
         problems.append("load: must be finite")
-    if problems:
-        raise SceneError(problems)
+    refuse_any(problems)
 
 
-def shaken(state: State, system: System, times: Floats) -> float:
-    """The size of a motion that time drives: of its start, or of its `drive_of`, at most 1."""
-    push = float(drive_of(system, np.linspace(times[0], times[-1], DRIVE_LOOKS)))
-    start_size = extent(state, system)
-    at_rest = start_size == 1.0 and push < 1 and _rests(state, system)
-    return min(1.0, push if at_rest else max(push, start_size)) or 1.0
+def shaken(system: System, rest: Floats, layout: Layout, y: Floats, scale: Floats, times: Floats) -> Floats:
+    """The sizes (S,) of motions that time drives: of their starts, or of their `drive_of`, at most 1."""
+    first, half = layout.first, layout.half
+    push, sizes = drive_of(system, times), extents(system, rest, layout, y, scale)
+    rests = (y[first:half] == rest).all(0) & ~y[half + first : 2 * half].any(0)
+    sizes = np.minimum(1.0, np.where((sizes == 1) & (push < 1) & rests, push, np.maximum(push, sizes)))
+    return np.asarray(np.where(sizes == 0, 1.0, sizes))
 
 
-def drive_of(system: System, times: Floats) -> Any:
-    """How strongly time drives a system, of times (T, ...): accelerations over gravity, forces over weights, (...)."""
-    gravity = np.atleast_1d(system.gravity) if times.ndim > 1 else system.gravity
+def drive_of(system: System, times: Floats) -> Floats:
+    """How strongly time drives a system within times (T,): accelerations over gravity, forces over weights, (S,)."""
+    gravity, times = np.atleast_1d(system.gravity), np.linspace(times[0], times[-1], DRIVE_LOOKS)[:, None]
     drive = system.support.largest(times) / gravity if system.support else 0.0
     lightest = np.min([group.block.mass.min((0, 1)) for group in system.groups], axis=0)
     reach = np.max([group.block.length.max((0, 1)) for group in system.groups], axis=0)
@@ -204,32 +198,33 @@ def drive_of(system: System, times: Floats) -> Any:
     for force in system.forces:
         size = np.abs(force.course.beside(times)).max(0)
         drive = drive + size / (weight * (reach if force.direction is None else 1.0))
-    return drive
+    return np.asarray(drive)
 
 
-def _rests(state: State, system: System) -> bool:
-    """Whether every link is exactly at equilibrium."""
-    sigma = system.by_link("sigma")
-    rest = np.outer(sigma, [0.0, 0.0, 1.0]) if system.spatial else system.rest
-    return bool(np.all(state.links == rest) and not np.any(state.link_rates))
+def extents(system: System, rest: Floats, layout: Layout, y: Floats, scale: Floats) -> Floats:
+    """How far each start y (size, S) is from equilibrium, in natural units: at most 1, and 1 for one exactly there.
 
-
-def extent(state: State, system: System) -> float:
-    """How far a start is from equilibrium, in natural units: at most 1, and 1 for a start exactly at equilibrium.
-
-    Whole turns, the position of a cart without a spring and its coasting without a damper do not count.
+    `rest` (…, 1) are links in equilibrium.  Whole turns, the position of a cart without a spring and its coasting
+    without a damper do not count.
     """
-    sigma, cart = system.by_link("sigma"), system.cart
-    if system.spatial:
-        aside = state.links - np.outer(sigma, [0.0, 0.0, 1.0])
-    else:
-        aside = (state.links - system.rest + pi) % (2 * pi) - pi
-    parts = [float(np.abs(aside).max()), float(np.abs(state.link_rates).max()) / system.rate]
-    if system.structure is not None:
-        units = system.first_units
-        parts += np.abs(state.supports / units).tolist() + np.abs(state.support_rates / (units * system.rate)).tolist()
-    if cart and cart.stiffness:
-        parts.append(abs(state.cart) / system.length)
-    if cart and (cart.stiffness or cart.damping or system.rail or system.has_drag):
-        parts.append(abs(state.cart_rate) / system.length / system.rate)
-    return min(max(parts), 1.0) or 1.0
+    half, cart, links = layout.half, system.cart, slice(layout.first, layout.half)
+    aside = y[: 2 * half].copy()
+    aside[links] -= rest
+    if not system.spatial:
+        aside[links] = (aside[links] + pi) % (2 * pi) - pi
+    parts = np.abs(aside / scale[: 2 * half])
+    if cart is not None:
+        is_held = np.asarray(cart.stiffness) > 0
+        parts[0] *= is_held
+        parts[half] *= is_held | (np.asarray(cart.damping) > 0) | bool(system.rail or system.has_drag)
+    largest = np.minimum(parts.max(0), 1.0)
+    return np.asarray(np.where(largest == 0, 1.0, largest))
+
+
+def extent(state: State, system: System, times: Floats | None = None) -> float:
+    """That of one start, or with `times` (T,) the size of its motion, which time drives."""
+    layout = Layout.of(system, works=False, width=3 if system.spatial else 1)
+    rest = np.outer(system.by_link("sigma"), [0.0, 0.0, 1.0]) if system.spatial else system.rest
+    y, scale = layout.begin(state)[:, None], layout.natural(system)[:, None]
+    start = system, rest.reshape(-1, 1), layout, y, scale
+    return float((extents(*start) if times is None else shaken(*start, times))[0])

@@ -11,7 +11,7 @@ from math import pi
 
 import numpy as np
 
-from modal.errors import SceneError, spelling_hint
+from modal.errors import SceneError, refuse_any, spelling_hint
 from modal.scene import CAPABILITIES, Scene, refusals, validate_scene
 from nonlinear.dynamics import (
     Arranged,
@@ -117,8 +117,7 @@ def validate_method(
         problems += refusals(scene, stepping, *additions)
     if form == "maximal" and method in SCIPY and method not in EXPLICIT:
         problems.append(f"method {method}: cannot keep the constraints of the {form} form; {', '.join(EXPLICIT)} can")
-    if problems:
-        raise SceneError(problems)
+    refuse_any(problems)
     return form
 
 

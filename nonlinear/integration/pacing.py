@@ -7,14 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from math import pi
 from typing import Any
 
 import numpy as np
 
 from modal.types import Floats
 from nonlinear.dynamics import Lanes
-from nonlinear.integration.arguments import DRIVE_LOOKS, drive_of
 from nonlinear.integration.lanes import LaneTask
 from nonlinear.integration.run import FIRST_STEP_MAX, NEAR_ZERO
 from nonlinear.integration.steppers import first_step_of, tolerance_factor
@@ -52,32 +50,6 @@ def units_of(numbers: Numbers, of: Callable[..., Any] = np.max) -> MemberUnits:
     structure = numbers.system.structure
     turning = () if structure is None else structure.turning
     return MemberUnits(np.asarray(length), np.sqrt(gravity / length), np.asarray(gravity * weight), turning)
-
-
-def extents(numbers: Numbers, layout: Layout, y: Floats, units: MemberUnits) -> Floats:
-    """How far each start y (size, S) is from rest, (S,), as in `nonlinear.integration.arguments.extent`."""
-    system, cart, first, half = numbers.arrays, numbers.arrays.cart, layout.first, layout.half
-    rest = numbers.system.rest[:, None]
-    aside = (y[first:half] - rest + pi) % (2 * pi) - pi
-    parts = [np.abs(aside).max(0), np.abs(y[half + first : 2 * half]).max(0) / units.rate]
-    if numbers.system.structure is not None:
-        scale = units.scale(layout)
-        parts += [np.abs(row / unit) for k in (0, half) for row, unit in zip(y[k : k + first], scale[k:], strict=False)]
-    if cart is not None:
-        has_spring, has_damper = (np.asarray(number) > 0 for number in (system.cart.stiffness, system.cart.damping))  # type: ignore[union-attr]
-        parts.append(np.abs(y[0]) / units.length * has_spring)
-        parts.append(np.abs(y[half]) / units.length / units.rate * (has_spring | has_damper))
-    largest = np.minimum(np.max(np.broadcast_arrays(*parts), axis=0), 1.0)
-    return np.asarray(np.where(largest == 0, 1.0, largest))
-
-
-def shaken(numbers: Numbers, layout: Layout, y: Floats, start_size: Floats, end: float) -> Floats:
-    """The sizes of motions that time drives, (S,), as in `nonlinear.integration.arguments.shaken`."""
-    system, first, half = numbers.arrays, layout.first, layout.half
-    push = drive_of(system, np.linspace(0.0, end, DRIVE_LOOKS)[:, None])
-    rests = (y[first:half] == numbers.system.rest[:, None]).all(0) & ~y[half + first : 2 * half].any(0)
-    sizes = np.minimum(1.0, np.where(rests & (push < 1), push, np.maximum(push, start_size)))
-    return np.asarray(np.where(sizes == 0, 1.0, sizes))
 
 
 def longest_first(rate: Floats, members: int) -> Floats:

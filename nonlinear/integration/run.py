@@ -23,7 +23,7 @@ from nonlinear.dynamics import (
     find_symmetries,
 )
 from nonlinear.dynamics.inputs import Inputs
-from nonlinear.integration.arguments import extent, shaken
+from nonlinear.integration.arguments import extent
 from nonlinear.integration.driver import Drive, RunRecord
 from nonlinear.integration.floats import FloatStepper
 from nonlinear.integration.kernels import integrator
@@ -214,7 +214,7 @@ class Request:
     def size(self) -> float:
         """The size of the motion, at most 1; 1 where a load drives it, on a moved support at least its push over g."""
         if self.system.prescribed_motions and not self.load:
-            return shaken(self.start, self.system, self.times)
+            return extent(self.start, self.system, self.times)
         return 1.0 if self.load else extent(self.start, self.system)
 
     @property

@@ -16,7 +16,7 @@ from functools import cached_property
 
 import numpy as np
 
-from modal.errors import SceneError
+from modal.errors import SceneError, refuse_any
 from modal.scene import Scene, require, validate_scene
 from modal.scene.doors import checked
 from modal.statespace import StateSpace
@@ -147,8 +147,7 @@ class _InMotion:
                     problems.append(f"{kind} {name}: springs between points have no model of their forces in motion")
         if "pivot_forces" in outputs and "quadratic_drag" in self.scene.features:
             problems.append("output pivot_forces: has no term for quadratic drag")
-        if problems:
-            raise SceneError(problems)
+        refuse_any(problems)
 
     @cached_property
     def equations(self) -> Variational:

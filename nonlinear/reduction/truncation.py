@@ -27,7 +27,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from modal.errors import SceneError
+from modal.errors import SceneError, refuse_any
 from modal.modes import Modes
 from modal.report import Displayed, silent
 from modal.scene import Scene, refusals
@@ -298,8 +298,7 @@ def _validate(scene: Scene, method: str) -> None:
     mistakes = refusals(scene, "motion in a few modes")
     if method not in SCIPY:
         mistakes.append(f"method {method}: must be one of {', '.join(SCIPY)}")
-    if mistakes:
-        raise SceneError(mistakes)
+    refuse_any(mistakes)
 
 
 @checked

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from modal.assembly import can_stack
 from modal.coupling import passes_energy
-from modal.errors import ComputationError, MultipendulaError, SceneError
+from modal.errors import ComputationError, MultipendulaError, SceneError, gathered, refuse_any
 from modal.extend.measures import LAST_TENTH, WHOLE_MOTION, Measure, parse_request
 from modal.modes import UNCERTAIN, Modes, natural_frequencies, natural_modes, number_labels
 from modal.report import counted
@@ -227,15 +227,12 @@ def parse_measures(texts: Sequence[str], verb: str = "sweep") -> tuple[Requested
     requests: dict[str, RequestedMeasure] = {}
     problems: list[str] = []
     for text in texts:
-        try:
+        with gathered(problems):
             measure, number = parse_request(verb, text)
             request = RequestedMeasure(measure, number)
             name = request.text if measure.whole else measure.name
             if name in requests:
                 raise SceneError([f"measure {text}: {name} is requested twice"])
             requests[name] = request
-        except SceneError as error:
-            problems += error.problems
-    if problems:
-        raise SceneError(problems)
+    refuse_any(problems)
     return tuple(requests.values())

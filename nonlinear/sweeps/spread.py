@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from modal.errors import ComputationError, SceneError
+from modal.errors import ComputationError, SceneError, gathered, refuse_any
 from modal.modes import natural_frequencies
 from modal.report import (
     NOTHING,
@@ -95,18 +95,15 @@ def parse_tolerances(scene: Scene, texts: str | Sequence[str]) -> tuple[Toleranc
     parsed: list[Tolerance] = []
     problems: list[str] = []
     for text in texts_of(texts):
-        try:
+        with gathered(problems):
             parsed.append(_parsed(scene, text))
-        except SceneError as error:
-            problems += error.problems
     paths = [tolerance.path for tolerance in parsed]
     problems += [f"uncertain {path}: has two tolerances" for path in dict.fromkeys(paths) if paths.count(path) > 1]
     names = [with_numbers(place) for path in dict.fromkeys(paths) for place in _places(scene, path)]
     problems += [f"uncertain {name}: has two tolerances" for name in dict.fromkeys(names) if names.count(name) > 1]
     if not texts:
         problems.append("uncertain: spread needs a tolerance: gravity=0.01, for example")
-    if problems:
-        raise SceneError(problems)
+    refuse_any(problems)
     return tuple(parsed)
 
 

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from modal.errors import MultipendulaError, SceneError
+from modal.errors import MultipendulaError, SceneError, gathered, refuse_any
 from modal.extend.measures import SCENE_ITSELF, columns_of
 from modal.report import Displayed
 from modal.scene import Scene, describe, require, scene_from
@@ -92,12 +92,9 @@ class Study(Displayed):
             if self.members:
                 problems.append(f"members {self.members}: starts are drawn where {ENERGY} is varied")
         for check in checks:
-            try:
+            with gathered(problems):
                 check()
-            except SceneError as error:
-                problems += error.problems
-        if problems:
-            raise SceneError(problems)
+        refuse_any(problems)
 
     @property
     def by_energy(self) -> bool:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from modal.errors import SceneError
+from modal.errors import SceneError, refuse_any
 from modal.report import counted
 from modal.scene import Pendulum, Scene, doors, validate_scene
 from modal.scene.supports import Combined, start_keys
@@ -197,6 +197,5 @@ def validate_state(state: State, system: System) -> State:
         problems.append(f"start.cart: the support{'s' * (system.structure is not None)} {words}")
     if not problems and system.spatial and np.any(abs(np.sum(state.links**2, axis=1) - 1) > 1e-9):
         problems.append("start.links: must be unit vectors")
-    if problems:
-        raise SceneError(problems)
+    refuse_any(problems)
     return state

@@ -141,7 +141,7 @@ def test_angles_of_atan2_are_continued(tmp_path: Path) -> None:
     estimated = fitted(read)
     assert estimated.values == pytest.approx([0.5], abs=1e-3)
     assert "jumps by a turn" in estimated.verdict[0]
-    assert "unwrapped()" in fitted(wrapped).verdict[0]
+    assert "unwrap_angles()" in fitted(wrapped).verdict[0]
     assert whole.unwrap_angles() is whole
 
 
