@@ -28,7 +28,7 @@ from modal.types import Crew, map_by_crew
 from nonlinear.ensembles.endings import (
     LIMIT_PERIODS,
     UNDECIDED,
-    Group,
+    EndingGroup,
     distinct_states,
     drive_angle,
     groups_of,
@@ -66,13 +66,13 @@ def wilson(count: int, total: int) -> tuple[float, float]:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Event(Displayed):
+class RhythmEvent(Displayed):
     """Where a rhythm is born or dies along the number, as that grows: at an orbit's special point of a `kind`.
 
     The kind is "sampled" where nothing was computed: the `value` lies within the two values `between`.
     """
 
-    what, shows = "Event", "name: rhythm; kind: kind; value: value"
+    what, shows = "RhythmEvent", "name: rhythm; kind: kind; value: value"
 
     name: str
     is_birth: bool
@@ -171,7 +171,7 @@ class RhythmMap(Drawable, Result):
     scene: Scene
     variation: Variation
     values: tuple[ValueRhythms, ...]
-    births: tuple[Event, ...]
+    births: tuple[RhythmEvent, ...]
     members: int
     largest_deg: float
     limit: float
@@ -245,7 +245,7 @@ class RhythmMap(Drawable, Result):
         yield ReportTable(columns, rows)
         yield "\n".join([*map(self.event_words, self.births), *self._footnotes()])
 
-    def event_words(self, event: Event) -> str:
+    def event_words(self, event: RhythmEvent) -> str:
         """A sentence about one of the events."""
         what, unit = "is born" if event.is_birth else "dies", self.variation.unit
         if event.between:
@@ -274,13 +274,13 @@ class MapTask:
     limit: float
     engine: str
 
-    def __call__(self, value: float) -> tuple[tuple[Group, ...], tuple[Beginning | None, ...]]:
+    def __call__(self, value: float) -> tuple[tuple[EndingGroup, ...], tuple[Beginning | None, ...]]:
         """The groups at a value, and for each periodic one the orbit."""
         here = vary(self.scene, {self.variation.path: value})
         groups = groups_of(here, self.starts, self.limit, engine=self.engine, workers=1)
         return groups, tuple(self.beginning(value, group) for group in groups)
 
-    def beginning(self, value: float, group: Group) -> Beginning | None:
+    def beginning(self, value: float, group: EndingGroup) -> Beginning | None:
         """The stable orbit that a group ends in, None where there is none."""
         if group.name != PERIODIC:
             return None
@@ -337,7 +337,7 @@ def find_rhythms(
 
 def _at_value(
     task: MapTask, store: ChunkFolder | None, number: int
-) -> tuple[tuple[Group, ...], tuple[Beginning | None, ...]]:
+) -> tuple[tuple[EndingGroup, ...], tuple[Beginning | None, ...]]:
     """The groups at a value from the folder where it is kept there, else computed and kept."""
     value = task.variation.values[number]
     if store is None:
@@ -363,7 +363,7 @@ def _store(folder: str, task: MapTask, seed: int) -> ChunkFolder:
     return ChunkFolder(folder, "map", sha256(repr(header).encode()).hexdigest(), header)
 
 
-def _kept(groups: Sequence[Group]) -> tuple[dict[str, Any], dict[str, Any]]:
+def _kept(groups: Sequence[EndingGroup]) -> tuple[dict[str, Any], dict[str, Any]]:
     """Groups as a header and arrays."""
     header = {
         "groups": [
@@ -391,7 +391,7 @@ def _kept(groups: Sequence[Group]) -> tuple[dict[str, Any], dict[str, Any]]:
     return header, columns
 
 
-def _groups_from(header: Mapping[str, Any], columns: Mapping[str, Any]) -> tuple[Group, ...]:
+def _groups_from(header: Mapping[str, Any], columns: Mapping[str, Any]) -> tuple[EndingGroup, ...]:
     """The same groups again; their records are not kept."""
     groups = []
     for number, entry in enumerate(header["groups"]):
@@ -404,7 +404,7 @@ def _groups_from(header: Mapping[str, Any], columns: Mapping[str, Any]) -> tuple
         ending = Ending(entry["kind"], period, np.zeros((0, 0)), state, *shape)
         exponent = entry["exponent"] and (float(entry["exponent"][0]), float(entry["exponent"][1]))
         members = tuple(columns[f"members_{number}"].astype(int).tolist())
-        groups.append(Group(entry["name"], members, ending, entry["copies"], exponent))
+        groups.append(EndingGroup(entry["name"], members, ending, entry["copies"], exponent))
     return tuple(groups)
 
 
@@ -587,7 +587,7 @@ def _ended(
 
 def _value_of(
     value: float,
-    groups: Sequence[Group],
+    groups: Sequence[EndingGroup],
     orbits: Sequence[Beginning | None],
     branches: Sequence[StableOrbits],
     members: int,
@@ -596,7 +596,7 @@ def _value_of(
     ends = np.full(members, -1)
     rhythms: list[Rhythm] = []
     here = [(number, orbit) for number, branch in enumerate(branches) if (orbit := branch.at(value))]
-    endings: dict[int, list[Group]] = {number: [] for number, _ in here}
+    endings: dict[int, list[EndingGroup]] = {number: [] for number, _ in here}
     for group, beginning in zip(groups, orbits, strict=True):
         if group.name == UNDECIDED:
             continue
@@ -623,7 +623,7 @@ def _value_of(
     return ValueRhythms(value, tuple(_distinguished(rhythms)), undecided, tuple(ends.tolist()))
 
 
-def _name_of_state(group: Group) -> str:
+def _name_of_state(group: EndingGroup) -> str:
     """The pattern of a periodic motion without an orbit, from its angles and rates at one moment."""
     state, omega = group.ending.state, 2 * np.pi * group.ending.returns / group.ending.period
     return rhythm_name(np.asarray(state.links - 1j * state.link_rates / omega))
@@ -644,19 +644,19 @@ def _distinguished(rhythms: Sequence[Rhythm]) -> Iterator[Rhythm]:
 
 def _orbit_events(
     variation: Variation, values: Sequence[ValueRhythms], branches: Sequence[StableOrbits]
-) -> Iterator[Event]:
+) -> Iterator[RhythmEvent]:
     """Births and deaths of orbits."""
     for branch in branches:
         for is_birth, event in ((True, branch.birth), (False, branch.death)):
             if event:
                 kind, value = event
                 orbit = branch.orbits[0 if is_birth else -1]
-                yield Event(rhythm_name(orbit_amplitudes(orbit)), is_birth, kind, value)
+                yield RhythmEvent(rhythm_name(orbit_amplitudes(orbit)), is_birth, kind, value)
 
 
 def _sampled_events(
     variation: Variation, values: Sequence[ValueRhythms], branches: Sequence[StableOrbits]
-) -> Iterator[Event]:
+) -> Iterator[RhythmEvent]:
     """Where rhythms without orbits appear and disappear: at a Neimark–Sacker point between two values, or sampled."""
     points = [end for branch in branches for end in (branch.birth, branch.death) if end and end[0] == KINDS["torus"]]
     for first, second in pairwise(values):
@@ -666,4 +666,4 @@ def _sampled_events(
             kind = KINDS["torus"] if near and name == "beat" else "sampled"
             value = near[0] if kind != "sampled" else (first.value + second.value) / 2
             between = (first.value, second.value) if kind == "sampled" else None
-            yield Event(name, name in after, kind, value, between)
+            yield RhythmEvent(name, name in after, kind, value, between)
