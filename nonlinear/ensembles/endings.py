@@ -31,13 +31,13 @@ UNDECIDED, CHAOTIC = "undecided", "chaotic"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Group(Displayed):
+class EndingGroup(Displayed):
     """Starts of `size` that end in one motion, or in one of `copies` that equal pendula exchange; an `ending` of them.
 
     `members` are their numbers; the `exponent` is that of chaos, with half its 95 % interval (1/s).
     """
 
-    what, shows = "Group", "name: name; members: numbers of starts; copies: copies"
+    what, shows = "EndingGroup", "name: name; members: numbers of starts; copies: copies"
 
     name: str
     members: tuple[int, ...]
@@ -81,7 +81,7 @@ def rhythm_starts(scene: Scene, count: int, largest_deg: float, seed: int = 7) -
     return Motion(links, rates, np.zeros(count), np.zeros(count), np.zeros(count), still, still)
 
 
-def groups_of(scene: Scene, starts: Motion, limit: float, **options: Any) -> tuple[Group, ...]:
+def groups_of(scene: Scene, starts: Motion, limit: float, **options: Any) -> tuple[EndingGroup, ...]:
     """What these starts end in, the most frequent first, within `limit` (s); `options` are those of `ensemble`."""
     count = len(starts.links)
     endings: dict[int, Ending] = {}
@@ -137,11 +137,11 @@ def _distance_from_rest(scene: Scene, state: State) -> float:
     return float(np.abs(natural_units(system, parts)).max())
 
 
-def _groups(scene: Scene, endings: dict[int, Ending]) -> Iterator[Group]:
+def _groups(scene: Scene, endings: dict[int, Ending]) -> Iterator[EndingGroup]:
     """Those at rest, periodic ones by their returns, tori by name and slow period."""
     named = [k for k in endings if endings[k].kind == AT_REST]
     if named:
-        yield Group(AT_REST, tuple(named), endings[named[0]])
+        yield EndingGroup(AT_REST, tuple(named), endings[named[0]])
     periodic = [k for k in endings if endings[k].kind == PERIODIC]
     if periodic:
         records = np.array([endings[k].record for k in periodic])
@@ -152,7 +152,7 @@ def _groups(scene: Scene, endings: dict[int, Ending]) -> Iterator[Group]:
             if members:
                 first = endings[members[0]]
                 copies = -(-distinct_states([endings[k].state for k in members]) // first.returns)
-                yield Group(PERIODIC, tuple(members), first, copies)
+                yield EndingGroup(PERIODIC, tuple(members), first, copies)
     tori = [k for k in endings if endings[k].kind == TORUS]
     while tori:
         first = endings[tori[0]]
@@ -160,7 +160,7 @@ def _groups(scene: Scene, endings: dict[int, Ending]) -> Iterator[Group]:
             k for k in tori if endings[k].name == first.name and _near(endings[k].slow_period, first.slow_period)
         ]
         tori = [k for k in tori if k not in members]
-        yield Group(first.name, tuple(members), first)
+        yield EndingGroup(first.name, tuple(members), first)
 
 
 def _near(period: float | None, other: float | None) -> bool:
@@ -178,7 +178,7 @@ def distinct_states(states: Iterable[State]) -> int:
     return len(seen)
 
 
-def _unsettled(scene: Scene, endings: dict[int, Ending]) -> Iterator[Group]:
+def _unsettled(scene: Scene, endings: dict[int, Ending]) -> Iterator[EndingGroup]:
     """The starts that have not settled: chaotic ones, and undecided ones."""
     chaotic: Ints = np.zeros(0, dtype=int)
     numbers, exponent = np.array(sorted(endings), dtype=int), None
@@ -195,7 +195,7 @@ def _unsettled(scene: Scene, endings: dict[int, Ending]) -> Iterator[Group]:
     for name in ("chimera", CHAOTIC):
         members = [k for k in chaotic.tolist() if endings[k].chimera is (name == "chimera")]
         if members and exponent:
-            yield Group(name, tuple(members), endings[members[0]], 1, (exponent.value, exponent.half_width))
+            yield EndingGroup(name, tuple(members), endings[members[0]], 1, (exponent.value, exponent.half_width))
     rest = [k for k in numbers.tolist() if k not in chaotic]
     if rest:
-        yield Group(UNDECIDED, tuple(rest), endings[rest[0]])
+        yield EndingGroup(UNDECIDED, tuple(rest), endings[rest[0]])

@@ -28,9 +28,8 @@ from modal.scene.parameters import Variation, parse_variations, vary
 from modal.types import Crew, map_by_crew
 from nonlinear.ensembles.endings import (
     LIMIT_PERIODS,
-    PERIODIC,
     UNDECIDED,
-    Group,
+    EndingGroup,
     distinct_states,
     drive_angle,
     groups_of,
@@ -44,7 +43,7 @@ from nonlinear.orbits.cycles import Beginning, beginnings, is_same_orbit, requir
 from nonlinear.orbits.flow import ORBIT_TOLERANCE
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.orbits.special import along_cycles, bisect
-from nonlinear.synchronization.attractors import Ending, orbit_amplitudes
+from nonlinear.synchronization.attractors import PERIODIC, Ending, orbit_amplitudes
 from nonlinear.synchronization.patterns import rhythm_name
 from nonlinear.synchronization.report import AveragedThreshold, averaged_thresholds
 from nonlinear.system import Motion, State
@@ -69,13 +68,13 @@ def wilson(count: int, total: int) -> tuple[float, float]:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Event(Displayed):
+class RhythmEvent(Displayed):
     """Where a rhythm is born or dies along the number, as that grows: at an orbit's special point of a `kind`.
 
     The kind is "sampled" where nothing was computed: the `value` lies within the two values `between`.
     """
 
-    what, shows = "Event", "name: rhythm; kind: kind; value: value"
+    what, shows = "RhythmEvent", "name: rhythm; kind: kind; value: value"
 
     name: str
     is_birth: bool
@@ -174,7 +173,7 @@ class RhythmMap(Drawable, Result):
     scene: Scene
     variation: Variation
     values: tuple[ValueRhythms, ...]
-    births: tuple[Event, ...]
+    births: tuple[RhythmEvent, ...]
     members: int
     largest_deg: float
     limit: float
@@ -271,7 +270,7 @@ class RhythmMap(Drawable, Result):
         further = "" if distance is None else f"; the nearest birth or death is {distance:+.2g} {unit} from there"
         return f"Averaged, at {threshold.value:.6g} {unit}: {threshold.words}{further}."
 
-    def event_words(self, event: Event) -> str:
+    def event_words(self, event: RhythmEvent) -> str:
         """A sentence about one of the events."""
         what, unit = "is born" if event.is_birth else "dies", self.variation.unit
         if event.between:
@@ -300,13 +299,13 @@ class MapTask:
     limit: float
     engine: str
 
-    def __call__(self, value: float) -> tuple[tuple[Group, ...], tuple[Beginning | None, ...]]:
+    def __call__(self, value: float) -> tuple[tuple[EndingGroup, ...], tuple[Beginning | None, ...]]:
         """The groups at a value, and for each periodic one the orbit."""
         here = vary(self.scene, {self.variation.path: value})
         groups = groups_of(here, self.starts, self.limit, engine=self.engine, workers=1)
         return groups, tuple(self.beginning(value, group) for group in groups)
 
-    def beginning(self, value: float, group: Group) -> Beginning | None:
+    def beginning(self, value: float, group: EndingGroup) -> Beginning | None:
         """The stable orbit that a group ends in, None where there is none."""
         if group.name != PERIODIC:
             return None
@@ -363,7 +362,7 @@ def find_rhythms(
 
 def _at_value(
     task: MapTask, store: ChunkFolder | None, number: int
-) -> tuple[tuple[Group, ...], tuple[Beginning | None, ...]]:
+) -> tuple[tuple[EndingGroup, ...], tuple[Beginning | None, ...]]:
     """The groups at a value from the folder where it is kept there, else computed and kept."""
     value = task.variation.values[number]
     if store is None:
@@ -389,7 +388,7 @@ def _store(folder: str, task: MapTask, seed: int) -> ChunkFolder:
     return ChunkFolder(folder, "map", sha256(repr(header).encode()).hexdigest(), header)
 
 
-def _kept(groups: Sequence[Group]) -> tuple[dict[str, Any], dict[str, Any]]:
+def _kept(groups: Sequence[EndingGroup]) -> tuple[dict[str, Any], dict[str, Any]]:
     """Groups as a header and arrays."""
     header = {
         "groups": [
@@ -417,20 +416,20 @@ def _kept(groups: Sequence[Group]) -> tuple[dict[str, Any], dict[str, Any]]:
     return header, columns
 
 
-def _groups_from(header: Mapping[str, Any], columns: Mapping[str, Any]) -> tuple[Group, ...]:
+def _groups_from(header: Mapping[str, Any], columns: Mapping[str, Any]) -> tuple[EndingGroup, ...]:
     """The same groups again; their records are not kept."""
     groups = []
     for number, entry in enumerate(header["groups"]):
         links, rates, supports, support_rates = (
             columns[f"{name}_{number}"] for name in ("links", "link_rates", "supports", "support_rates")
         )
-        state = State(links, rates, *entry["cart"], supports, support_rates)
+        state = State(links, rates, float(entry["cart"][0]), float(entry["cart"][1]), supports, support_rates)
         period = nan if entry["period_s"] is None else float(entry["period_s"])
         shape = entry["returns"], entry["slow_period_s"], entry["drifting"], entry["chimera"]
         ending = Ending(entry["kind"], period, np.zeros((0, 0)), state, *shape)
         exponent = entry["exponent"] and (float(entry["exponent"][0]), float(entry["exponent"][1]))
         members = tuple(columns[f"members_{number}"].astype(int).tolist())
-        groups.append(Group(entry["name"], members, ending, entry["copies"], exponent))
+        groups.append(EndingGroup(entry["name"], members, ending, entry["copies"], exponent))
     return tuple(groups)
 
 
@@ -467,7 +466,7 @@ class RhythmGrid(Drawable, Result):
                     continue
                 chains = lines.setdefault((event.name, event.kind, event.is_birth), [])
                 open_chains = [chain for chain in chains if chain[-1][1] == previous]
-                near = min(open_chains, key=lambda chain, at=event.value: abs(chain[-1][0] - at), default=None)
+                near = min(open_chains, key=partial(_distance, event.value), default=None)
                 if near and abs(near[-1][0] - event.value) < (high - low) / 4:
                     near.append((event.value, value))
                 else:
@@ -513,6 +512,11 @@ class RhythmGrid(Drawable, Result):
             if row.births:
                 words = " ".join(map(row.event_words, row.births))
                 yield f"{second.path} = {value:g} {second.unit}: {words}"
+
+
+def _distance(value: float, chain: list[tuple[float, float]]) -> float:
+    """Of the last point of a border from a value."""
+    return abs(chain[-1][0] - value)
 
 
 def find_rhythm_grid(
@@ -608,7 +612,7 @@ def _ended(
 
 def _value_of(
     value: float,
-    groups: Sequence[Group],
+    groups: Sequence[EndingGroup],
     orbits: Sequence[Beginning | None],
     branches: Sequence[StableOrbits],
     members: int,
@@ -617,7 +621,7 @@ def _value_of(
     ends = np.full(members, -1)
     rhythms: list[Rhythm] = []
     here = [(number, orbit) for number, branch in enumerate(branches) if (orbit := branch.at(value))]
-    endings: dict[int, list[Group]] = {number: [] for number, _ in here}
+    endings: dict[int, list[EndingGroup]] = {number: [] for number, _ in here}
     for group, beginning in zip(groups, orbits, strict=True):
         if group.name == UNDECIDED:
             continue
@@ -644,7 +648,7 @@ def _value_of(
     return ValueRhythms(value, tuple(_distinguished(rhythms)), undecided, tuple(ends.tolist()))
 
 
-def _name_of_state(group: Group) -> str:
+def _name_of_state(group: EndingGroup) -> str:
     """The pattern of a periodic motion without an orbit, from its angles and rates at one moment."""
     state, omega = group.ending.state, 2 * np.pi * group.ending.returns / group.ending.period
     return rhythm_name(np.asarray(state.links - 1j * state.link_rates / omega))
@@ -665,19 +669,19 @@ def _distinguished(rhythms: Sequence[Rhythm]) -> Iterator[Rhythm]:
 
 def _orbit_events(
     variation: Variation, values: Sequence[ValueRhythms], branches: Sequence[StableOrbits]
-) -> Iterator[Event]:
+) -> Iterator[RhythmEvent]:
     """Births and deaths of orbits."""
     for branch in branches:
         for is_birth, event in ((True, branch.birth), (False, branch.death)):
             if event:
                 kind, value = event
                 orbit = branch.orbits[0 if is_birth else -1]
-                yield Event(rhythm_name(orbit_amplitudes(orbit)), is_birth, kind, value)
+                yield RhythmEvent(rhythm_name(orbit_amplitudes(orbit)), is_birth, kind, value)
 
 
 def _sampled_events(
     variation: Variation, values: Sequence[ValueRhythms], branches: Sequence[StableOrbits]
-) -> Iterator[Event]:
+) -> Iterator[RhythmEvent]:
     """Where rhythms without orbits appear and disappear: at a Neimark–Sacker point between two values, or sampled."""
     points = [end for branch in branches for end in (branch.birth, branch.death) if end and end[0] == KINDS["torus"]]
     for first, second in pairwise(values):
@@ -687,4 +691,4 @@ def _sampled_events(
             kind = KINDS["torus"] if near and name == "beat" else "sampled"
             value = near[0] if kind != "sampled" else (first.value + second.value) / 2
             between = (first.value, second.value) if kind == "sampled" else None
-            yield Event(name, name in after, kind, value, between)
+            yield RhythmEvent(name, name in after, kind, value, between)
