@@ -151,7 +151,7 @@ def _groups(scene: Scene, endings: dict[int, Ending]) -> Iterator[Group]:
             members = [periodic[k] for k in np.flatnonzero(labels == label)]
             if members:
                 first = endings[members[0]]
-                copies = -(-_distinct([endings[k].state for k in members]) // first.returns)
+                copies = -(-distinct_states([endings[k].state for k in members]) // first.returns)
                 yield Group(PERIODIC, tuple(members), first, copies)
     tori = [k for k in endings if endings[k].kind == TORUS]
     while tori:
@@ -168,12 +168,12 @@ def _near(period: float | None, other: float | None) -> bool:
     return bool(np.isclose(period or 0.0, other or 0.0, rtol=1e-2))
 
 
-def _distinct(states: Iterable[State]) -> int:
-    """How many of these states, each on the section, differ."""
+def distinct_states(states: Iterable[State]) -> int:
+    """How many of these states, each on the section, differ by more than 0.01 rad in an angle."""
     seen: list[Floats] = []
     for state in states:
         turned = np.concatenate((np.sin(state.links), np.cos(state.links)))
-        if not any(np.abs(turned - other).max() < 1e-3 for other in seen):
+        if not any(np.abs(turned - other).max() < 1e-2 for other in seen):
             seen.append(turned)
     return len(seen)
 

@@ -1,7 +1,7 @@
 """The map of rhythms: along a number, what a scene with drives can end in, how often, and where each is born and dies.
 
-At every value the same starts are run until they tell what they end in (`endings`).  The orbit of each periodic motion
-is followed along the number, to both sides of the value where it was found, while it is stable; where that ends, at a
+At every value the same starts are run until they tell what they end in (`endings`).  The orbit of a periodic motion is
+followed along the number, to both sides of the value where it was found, while it is stable.  Where that ends, at a
 fold, a branch point, a Neimark–Sacker point or a doubling, it is born or dies.  The share of starts that end in a
 rhythm has Wilson's interval [Wilson1927]:
 
@@ -31,11 +31,13 @@ from nonlinear.ensembles.endings import (
     PERIODIC,
     UNDECIDED,
     Group,
+    distinct_states,
     drive_angle,
     groups_of,
     rhythm_starts,
     slowest_period,
 )
+from nonlinear.ensembles.sections import MEMBERS_MAX
 from nonlinear.ensembles.store import ChunkFolder
 from nonlinear.orbits.continuation import STEP_MAX, OrbitPoint, at_edge, follow, tangent_of, with_values
 from nonlinear.orbits.cycles import Beginning, beginnings, is_same_orbit, require_cycles
@@ -50,8 +52,6 @@ from nonlinear.system import Motion, State
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-MEMBERS_MAX = 100_000
-"""Limit: "members …: must be at most 100000"."""
 KINDS = {"torus": "Neimark–Sacker", "period doubling": "doubling"}
 """What events of orbits are called here."""
 
@@ -619,14 +619,13 @@ def _value_of(
     ends = np.full(members, -1)
     rhythms: list[Rhythm] = []
     here = [(number, orbit) for number, branch in enumerate(branches) if (orbit := branch.at(value))]
-    counts = {number: (0, 0) for number, _ in here}
+    endings: dict[int, list[Group]] = {number: [] for number, _ in here}
     for group, beginning in zip(groups, orbits, strict=True):
         if group.name == UNDECIDED:
             continue
         matches = [number for number, orbit in here if beginning and is_same_orbit(beginning.orbit, orbit)]
         if matches:
-            starts, copies = counts[matches[0]]
-            counts[matches[0]] = starts + len(group.members), copies + group.copies
+            endings[matches[0]].append(group)
             ends[list(group.members)] = matches[0]
             continue
         ends[list(group.members)] = len(branches) + len(rhythms)
@@ -635,9 +634,13 @@ def _value_of(
         periods = ending.period, ending.slow_period, group.exponent
         rhythms.append(Rhythm(name, len(group.members), members, group.copies, None, None, *periods))
     for number, orbit in here:
-        starts, copies = counts[number]
+        starts = sum(len(group.members) for group in endings[number])
+        states = [group.ending.state for group in endings[number]]
+        copies = max([1, *(group.copies for group in endings[number])])
+        if states:
+            copies = max(copies, distinct_states(states) // endings[number][0].ending.returns)
         name = rhythm_name(orbit_amplitudes(orbit))
-        rhythms.append(Rhythm(name, starts, members, max(copies, 1), orbit, number, orbit.period))
+        rhythms.append(Rhythm(name, starts, members, copies, orbit, number, orbit.period))
     rhythms.sort(key=lambda rhythm: -rhythm.count)
     undecided = sum(len(group.members) for group in groups if group.name == UNDECIDED)
     return ValueRhythms(value, tuple(_distinguished(rhythms)), undecided, tuple(ends.tolist()))

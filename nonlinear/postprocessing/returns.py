@@ -195,7 +195,7 @@ def slow_rotation(record: Floats, residual: float = 1e-2) -> float | None:
                     lambda trial, most=most: _left_of(x, times, trial, most),
                     bounds=bounds,
                     method="bounded",
-                    options={"xatol": 1e-10},
+                    options={"xatol": 1e-10, "maxiter": 25},
                 )
                 nu = float(fit.x)
             if fit.fun < residual * size:
@@ -207,4 +207,5 @@ def _left_of(x: Floats, times: Ints, nu: float, harmonics: int) -> float:
     """The norm of what the multiples of a frequency leave of a record (K, D)."""
     phases = 2 * np.pi * nu * np.outer(times, np.arange(harmonics + 1))
     waves = np.hstack((np.cos(phases), np.sin(phases[:, 1:])))
-    return float(np.linalg.norm(x - waves @ np.linalg.lstsq(waves, x, rcond=None)[0]))
+    gram = waves.T @ waves + np.finfo(float).eps * len(x) * np.eye(waves.shape[1])  # multiples may nearly coincide
+    return float(np.linalg.norm(x - waves @ np.linalg.solve(gram, waves.T @ x)))

@@ -1,0 +1,173 @@
+"""The map of rhythms: against equations written here, branches of orbits, and SciPy's intervals."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy
+
+from modal.scene import load
+from modal.scene.parameters import parse_variations, vary
+from modal.types import Floats
+from multipendula.cli import main
+from nonlinear import simulate
+from nonlinear.ensembles import RhythmMap, ensemble, find_rhythm_grid, find_rhythms
+from nonlinear.ensembles.endings import rhythm_starts
+from nonlinear.ensembles.rhythms import MapTask, stable_orbits, wilson
+from nonlinear.orbits import follow_cycles
+from nonlinear.orbits.cycles import beginnings
+from nonlinear.postprocessing.returns import returns_of
+from nonlinear.synchronization import ending_of, ending_orbit, orbit_amplitudes, rhythm_name
+from nonlinear.synchronization.attractors import Ending, _is_chimera
+from nonlinear.system import State
+
+METRONOMES = load("metronomes")
+LIGHT, HEAVY = 0.05, 0.1
+
+
+@cache
+def two_values() -> RhythmMap:
+    """The map of two metronomes at two masses of the base."""
+    return find_rhythms(METRONOMES, f"support.mass={LIGHT}:{HEAVY}:2", members=4, limit=400.0)
+
+
+def _rates(t: float, y: Floats, base: float) -> Floats:
+    """Two metronomes on a base, from Newton's laws: x, θ₁, θ₂ and their rates."""
+    m, c, inertia, g, strength, gamma = 0.025, 0.02, 1e-5, 9.81, 2e-5, np.radians(26.0)
+    theta, v, omega = y[1:3], y[3], y[4:]
+    torque = strength * (1 - (theta / gamma) ** 2) * omega - 1e-6 * omega
+    moment = inertia + m * c**2
+    M = np.array(
+        [
+            [base + 2 * m, *(m * c * np.cos(theta))],
+            [m * c * np.cos(theta[0]), moment, 0],
+            [m * c * np.cos(theta[1]), 0, moment],
+        ]
+    )
+    force = np.array([m * c * np.sum(np.sin(theta) * omega**2) - 0.01 * v, *(torque - m * g * c * np.sin(theta))])
+    return np.concatenate(([v], omega, np.linalg.solve(M, force)))
+
+
+def test_starts_end_where_equations_written_here_end() -> None:
+    """In phase both angles agree for ever, in the beat they never do for long."""
+    starts = rhythm_starts(METRONOMES, 4, 52.0)
+    at = two_values().values[0]
+    names = {r.branch: r.name for r in at.rhythms if r.branch is not None}
+    times = np.linspace(140.0, 150.0, 200)
+    for member, end in enumerate(at.of_start):
+        y = np.concatenate(([0.0], starts.links[member], [0.0], starts.link_rates[member]))
+        run = scipy.integrate.solve_ivp(_rates, (0, 150.0), y, "DOP853", times, args=(LIGHT,), rtol=1e-7, atol=1e-8)
+        apart = np.abs(run.y[1] - run.y[2]).max()
+        assert (apart < 1e-3) == (names.get(end) == "in phase"), (member, apart)
+    assert {rhythm.name for rhythm in at.rhythms} == {"in phase", "beat"}
+
+
+def test_shares_add_up_and_hold_their_orbits() -> None:
+    """Every start is counted once; the orbit's period is that of the frequency that `orbits` finds."""
+    branch = follow_cycles(METRONOMES, f"support.mass={LIGHT}:{HEAVY}:2")
+    for value in two_values().values:
+        assert sum(rhythm.count for rhythm in value.rhythms) + value.undecided == 4
+        orbit = next(rhythm.orbit for rhythm in value.rhythms if rhythm.name == "in phase")
+        assert orbit
+        assert orbit.is_stable
+        assert orbit.residual < 1e-9
+        periods = [each.period for way in branch for each in way.orbits if np.isclose(each.value or 0, value.value)]
+        assert np.abs(np.array(periods) / orbit.period - 1).min() < 1e-9
+
+
+def test_births_are_those_of_the_branches_of_orbits() -> None:
+    """Huygens' clocks in phase: born at a Neimark–Sacker point, dead at a branch point of the followed limit cycles."""
+    scene, variation = load("huygens"), parse_variations(["support.mass=4:30:2log"])[0]
+    branches = follow_cycles(scene, variation)
+    values = {special.kind: special.orbit.value for branch in branches for special in branch.special}
+    point = next(
+        orbit for branch in branches for orbit in branch.orbits if orbit.is_stable and 8 < (orbit.value or 0) < 20
+    )
+    begun = next(beginnings(scene, variation, point.value or 0.0, (point.state, point.period), 1e-11))
+    segment = stable_orbits(begun)
+    assert segment.birth
+    assert segment.death
+    assert (segment.birth[0], segment.death[0]) == ("Neimark–Sacker", "branch point")
+    assert segment.birth[1] == pytest.approx(values["torus"], rel=1e-6)
+    higher = max(s.orbit.value or 0 for branch in branches for s in branch.special if s.kind == "branch point")
+    assert segment.death[1] == pytest.approx(higher, rel=1e-6)
+
+
+def test_wilson_is_that_of_scipy() -> None:
+    """At the ends and between them."""
+    for count, total in ((0, 7), (3, 7), (300, 300), (17, 300)):
+        interval = scipy.stats.binomtest(count, total).proportion_ci(0.95, "wilson")
+        assert wilson(count, total) == pytest.approx((interval.low, interval.high), abs=1e-12)
+
+
+def test_returns_of_a_run_are_the_crossings_of_an_ensemble() -> None:
+    """Between samples as the integrator finds them."""
+    start = State(np.array([0.6, 0.2]), np.zeros(2))
+    returns = returns_of(simulate(METRONOMES, 10.0, start=start))
+    crossed = ensemble(METRONOMES, 10.0, starts=[start], measures=["section:theta[1,1]>0"], check=0, workers=1)
+    assert returns.times == pytest.approx(crossed.column("crossing_time_s"), abs=1e-6)
+    assert np.abs(returns.states[1] - crossed.states("crossing_")[1]).max() < 1e-4
+
+
+def test_a_settled_run_has_its_orbit_and_a_short_one_is_open() -> None:
+    """The verdict of one run."""
+    scene = vary(METRONOMES, {"support.mass": 0.1})
+    run = simulate(scene, 150.0)
+    ending = ending_of(returns_of(run), scene)
+    orbit = ending_orbit(scene, ending)
+    assert ending.kind == "periodic"
+    assert orbit
+    assert rhythm_name(orbit_amplitudes(orbit)) == "in phase"
+    assert ending_of(returns_of(simulate(scene, 10.0)), scene).name == "open"
+
+
+def test_some_equal_pendula_as_one_and_others_not_are_a_chimera() -> None:
+    """Of four, two and two; not of two pairs."""
+    pendulum = METRONOMES.pendulum[0]
+    scene = METRONOMES.replace(pendulum=(pendulum.replace(count=4),))
+    record = np.random.default_rng(2).normal(size=(50, 9))
+    record[:, [1, 5]] = record[:, [0, 4]]
+    assert _is_chimera(record, scene)
+    record[:, [3, 7]] = record[:, [2, 6]]
+    assert not _is_chimera(record, scene)
+    assert Ending("open", 1.0, record, State(np.zeros(4), np.zeros(4)), chimera=True).name == "chimera"
+
+
+def test_a_folder_goes_on_where_a_call_was_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is kept is not computed again, and another question is refused."""
+    folder = str(tmp_path / "kept")
+    first = find_rhythms(METRONOMES, "support.mass=0.1:0.12:2", members=2, limit=120.0, folder=folder)
+    monkeypatch.setattr(MapTask, "__call__", lambda self, value: pytest.fail("computed again"))
+    again = find_rhythms(METRONOMES, "support.mass=0.1:0.12:2", members=2, limit=120.0, folder=folder)
+    assert again.report("json") == first.report("json")
+    with pytest.raises(ValueError, match="holds another map"):
+        find_rhythms(METRONOMES, "support.mass=0.1:0.12:2", members=3, limit=120.0, folder=folder)
+
+
+def test_the_command_maps_and_refuses(capsys: pytest.CaptureFixture[str]) -> None:
+    """JSON has the keys that its readers know; what does not fit is named."""
+    call = ["sync", "metronomes", "--vary", "support.mass=0.1:0.12:2", "--map", "--members", "2", "--duration", "120"]
+    assert main([*call, "--format", "json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert {"values", "births", "members"} <= told.keys()
+    assert {"name", "share", "interval", "orbit"} <= told["values"][0]["rhythms"][0].keys()
+    assert told["values"][0]["undecided"] == 0
+    assert main(["sync", "metronomes", "--map"]) == 2
+    assert "--map: needs --vary" in capsys.readouterr().err
+    assert main(["sync", "metronomes", "--members", "3"]) == 2
+    assert "--members: needs --map" in capsys.readouterr().err
+
+
+def test_two_numbers_are_a_grid_of_verdicts() -> None:
+    """A row for each value of the second number."""
+    axes = parse_variations(["support.mass=0.1:0.12:2", "support.damping=0.01:0.02:2"])
+    grid = find_rhythm_grid(METRONOMES, axes, members=2, limit=120.0)
+    whole = grid.whole()
+    assert [row["value"] for row in whole["rows"]] == [0.01, 0.02]
+    assert {at.rhythms[0].name for row in grid.maps for at in row.values} == {"in phase"}
+    assert "in phase 100" in grid.report()
+    assert grid.plot().axes
