@@ -277,7 +277,7 @@ def joined(first: Trajectory, later: Trajectory) -> Trajectory:
     parts = [(getattr(first.motion, part.name), getattr(later.motion, part.name)[1:]) for part in fields(Motion)]
     motion = Motion(*map(np.concatenate, parts))
     motion.work[len(first.times) :] += first.motion.work[-1]
-    kicks = Kicks(*map(np.concatenate, zip(first.kicks, later.kicks, strict=True)))
+    kicks = Kicks._make(np.concatenate(pair) for pair in zip(first.kicks, later.kicks, strict=True))
     times = np.concatenate((first.times, later.times[1:]))
     return replace(later, times=times, motion=motion, kicks=kicks)
 
