@@ -138,7 +138,8 @@ class SynchronizationStudy(TextResult):
         if self.survival.beat:
             return self.leads and not prediction.is_won
         alike = self.leads and abs(prediction.share - self.survival.survivor_share) <= SHARE_DIFFERENCE_MAX
-        has_ended = self.orbit is not None or (self.survival.is_settled and not self.too_short)
+        goes_on = self.survival.is_settled or bool(self.survival.beating)
+        has_ended = self.orbit is not None or (goes_on and not self.too_short)
         return alike if alike or has_ended else None
 
     @property
