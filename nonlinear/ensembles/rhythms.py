@@ -266,9 +266,11 @@ class RhythmMap(Drawable, Result):
 
     def _averaged_words(self, threshold: AveragedThreshold) -> str:
         """A sentence about a threshold of averaged equations, and how far the exact one is."""
-        distance, unit = self.distance(threshold), self.variation.unit
-        further = "" if distance is None else f"; the nearest birth or death is {distance:+.2g} {unit} from there"
-        return f"Averaged, at {threshold.value:.6g} {unit}: {threshold.words}{further}."
+        distance, unit = self.distance(threshold), f" {self.variation.unit}" * bool(self.variation.unit)
+        clauses = [f"Averaged, at {threshold.value:.6g}{unit}: {threshold.words}", threshold.reason]
+        if distance is not None:
+            clauses.append(f"the nearest birth or death is {distance:+.2g}{unit} from there")
+        return "; ".join(filter(None, clauses)) + "."
 
     def event_words(self, event: RhythmEvent) -> str:
         """A sentence about one of the events."""

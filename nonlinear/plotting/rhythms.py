@@ -51,7 +51,8 @@ def rhythm_figure(rhythms: RhythmMap, thresholds: Thresholds = ()) -> Figure:
         for e in rhythms.births
         if not e.between
     ]
-    _mark(axis, [*marks, *((value, words, "--") for value, words in thresholds or rhythms.averaged)])
+    dashed = thresholds or [(each.value, f"averaged: {each.words}") for each in rhythms.averaged]
+    _mark(axis, [*marks, *((value, words, "--") for value, words in dashed)])
     headline(figure, title_of(rhythms.scene), f"rhythms of {rhythms.members} starts at each value")
     key(figure, handles, columns=min(3, len(handles)))
     return figure

@@ -171,8 +171,8 @@ def _orbit_at_the_end(study: SynchronizationStudy) -> Iterator[str]:
     if study.orbit:
         size = float(np.abs(study.orbit.floquet.others).max())
         yield (
-            f"The run settles on a periodic motion of {study.orbit.period:.6g} s ({_rhythm(study.orbit)}), stable in the "
-            f"full equations: no multiplier exceeds {size:.6g}."
+            f"The run settles on a periodic motion of {study.orbit.period:.6g} s ({_rhythm(study.orbit)}), stable in "
+            f"the full equations: no multiplier exceeds {size:.6g}."
         )
 
 
@@ -586,46 +586,44 @@ def change_words(change: Change) -> str:
     return change.kind + (f" (neighbours beat at {change.beat:.3g} rad/s)" if change.beat else "")
 
 
+class AveragedThreshold(NamedTuple):
+    """A critical value of the averaged equations, in words what happens there as the number grows, and why."""
+
+    value: float
+    words: str
+    reason: str = ""
+
+
+DRAINS = {"loses stability": "begins to drain it", "becomes stable": "no longer drains it"}
+
+
 def averaged_thresholds(
     scene: Scene, vary: str | Variation, *, crew: Crew | None = None
 ) -> tuple[AveragedThreshold, ...]:
     """Where averaged equations let a steady motion begin, end or change its stability along a number, ascending.
 
-    Their words name the motion, the event, and which mode drains it or how far it is drained.  Raises what
+    Their words name the motion and the event, the reason which mode drains it or how far it is drained.  Raises what
     `follow_branches` and, for populations on a structure, `follow_populations` raise.
 
     >>> from modal import load
     >>> from nonlinear.synchronization import averaged_thresholds
     >>> for threshold in averaged_thresholds(load("huygens"), "support.mass=20:30:2"):
-    ...     print(f"{threshold.value:.3f} kg: {threshold.words}")
+    ...     print(f"{threshold.value:.3f} kg: {threshold.words}: {threshold.reason}")
     26.673 kg: in phase loses stability: mode 3 (cart still: antiphase) begins to drain it
     """
     if has_patterns(scene):
         thresholds = follow_populations(scene, vary, crew=crew).thresholds
         return tuple(
-            AveragedThreshold(
-                threshold.averaged,
-                f"{threshold.pattern} {threshold_words(threshold)}" + f": {threshold.reason}" * bool(threshold.reason),
-            )
-            for threshold in thresholds
-            if threshold.averaged is not None
+            AveragedThreshold(each.averaged, f"{each.pattern}: {threshold_words(each)}", each.reason)
+            for each in thresholds
+            if each.averaged is not None
         )
     diagram = follow_branches(scene, vary)
     return tuple(
         AveragedThreshold(
             change.value,
-            f"{diagram.branches[number].words} {change_words(change)}"
-            + (f": {change.rival} {DRAINS[change.kind]}" if change.rival else ""),
+            f"{diagram.branches[number].words} {change.kind}",
+            f"{change.rival} {DRAINS[change.kind]}" if change.rival else "",
         )
         for change, number in diagram.changes
     )
-
-
-class AveragedThreshold(NamedTuple):
-    """A critical value of the averaged equations, and in words what happens there as the number grows."""
-
-    value: float
-    words: str
-
-
-DRAINS = {"loses stability": "begins to drain it", "becomes stable": "no longer drains it"}

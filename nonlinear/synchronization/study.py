@@ -138,7 +138,8 @@ class SynchronizationStudy(TextResult):
         if self.survival.beat:
             return self.leads and not prediction.is_won
         alike = self.leads and abs(prediction.share - self.survival.survivor_share) <= SHARE_DIFFERENCE_MAX
-        has_ended = self.orbit is not None or (self.survival.is_settled and not self.too_short)
+        goes_on = self.survival.is_settled or bool(self.survival.beating)
+        has_ended = self.orbit is not None or (goes_on and not self.too_short)
         return alike if alike or has_ended else None
 
     @property
@@ -277,7 +278,7 @@ def joined(first: Trajectory, later: Trajectory) -> Trajectory:
     parts = [(getattr(first.motion, part.name), getattr(later.motion, part.name)[1:]) for part in fields(Motion)]
     motion = Motion(*map(np.concatenate, parts))
     motion.work[len(first.times) :] += first.motion.work[-1]
-    kicks = Kicks(*map(np.concatenate, zip(first.kicks, later.kicks, strict=True)))
+    kicks = Kicks._make(np.concatenate(pair) for pair in zip(first.kicks, later.kicks, strict=True))
     times = np.concatenate((first.times, later.times[1:]))
     return replace(later, times=times, motion=motion, kicks=kicks)
 
