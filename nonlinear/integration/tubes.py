@@ -117,9 +117,9 @@ class Tube(Result):
         columns = [ReportColumn("time", "time_s", "time (s)", ".9g")]
         for k, name in enumerate(self.names):
             heading = f"{self.system.labels[k]} ({'rad' if name.endswith('_rad') else 'm'})" if k < half else None
-            columns.append(ReportColumn(lambda row, k=k: row.balls[k].words, None, heading, str))
-            columns.append(ReportColumn(lambda row, k=k: str(row.balls[k].mid), name))
-            columns.append(ReportColumn(lambda row, k=k: str(row.balls[k].radius), f"{name}_radius"))
+            columns.append(ReportColumn(_part_of(k, "words"), None, heading, str))
+            columns.append(ReportColumn(_part_of(k, "mid"), name))
+            columns.append(ReportColumn(_part_of(k, "radius"), f"{name}_radius"))
         return (*columns, ReportColumn("radius", None, "radius", ".1e"))
 
     def facts(self) -> dict[str, Any]:
@@ -145,6 +145,11 @@ class Tube(Result):
             "these times, in rad, m and their rates; digits that are not certain are left out."
         )
         yield f"{self.steps} Taylor steps with {self.digits} digits, in ball arithmetic."
+
+
+def _part_of(component: int, part: str) -> Callable[[TubeRow], str]:
+    """A column's value: a part of the ball around this component, as a decimal number."""
+    return lambda row: str(getattr(row.balls[component], part))
 
 
 @checked
