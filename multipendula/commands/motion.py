@@ -264,10 +264,6 @@ COMMANDS = (
         examples=(
             ("simulate paper-cart-3 --duration 20 -o run.npz", "from the scene's own start: level links at rest"),
             (
-                "simulate crane-hook --start mode:2:10 --duration 20",
-                "in the shape of mode 2, its largest angle 10 degrees",
-            ),
-            (
                 "simulate chain-2 --start angles:60,0 --duration 10 --accuracy 1e-6",
                 "every angle accurate to a microradian, and what was tried for it",
             ),
