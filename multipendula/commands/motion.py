@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from modal.identification import Estimate
+    from modal.report import Form
     from nonlinear.ensembles import Compilation
     from nonlinear.integration import Trajectory, Tube
 
@@ -182,11 +183,11 @@ def _take_only(options: argparse.Namespace, flag: str, *names: str) -> None:
     refuse(options, f"cannot be combined with {flag}", *(name for name in others if name not in names))
 
 
-def _form_of_report(options: argparse.Namespace, kinds: Sequence[str]) -> str:
+def _form_of_report(options: argparse.Namespace, kinds: Sequence[str]) -> Form:
     """The format of a report, by the name of its file unless one is asked for; SceneError for other kinds of files."""
     from modal.scene import STANDARD, kind_of
 
-    form: str = options.format
+    form: Form = options.format
     if not options.output or options.output == STANDARD:
         return form
     kind = kind_of(options.output, kinds, "-o ")
@@ -254,18 +255,13 @@ COMMANDS = (
             "continued. With --accuracy, the cheapest method that meets it is found: modes in closed form for small "
             "motions, a few modes for long chains, otherwise integration; every attempt is listed, the last with "
             "evidence that its error is below that. With --proved every number has a radius within which the motion "
-            "provably is; a file of a run has the midpoints. "
-            "numba (extra `fast`) and heyoka (extra `taylor`) run many times as "
-            "fast as Python once they have compiled, which takes seconds to a minute for each form of scene: commands "
-            "compile where that pays, --compile does it ahead. The scene's numbers may change afterwards, as long as "
-            "none becomes or ceases to be zero; heyoka's code is for one tolerance."
+            "provably is; a file of a run has the midpoints. numba (extra `fast`) and heyoka (extra `taylor`) run many "
+            "times as fast as Python once they have compiled, which takes seconds to a minute for each form of scene: "
+            "commands compile where that pays, --compile does it ahead. The scene's numbers may change afterwards, as "
+            "long as none becomes or ceases to be zero; heyoka's code is for one tolerance."
         ),
         examples=(
             ("simulate paper-cart-3 --duration 20 -o run.npz", "from the scene's own start: level links at rest"),
-            (
-                "simulate crane-hook --start mode:2:10 --duration 20",
-                "in the shape of mode 2, its largest angle 10 degrees",
-            ),
             (
                 "simulate chain-2 --start angles:60,0 --duration 10 --accuracy 1e-6",
                 "every angle accurate to a microradian, and what was tried for it",

@@ -218,8 +218,9 @@ COMMANDS = (
         ),
         details=(
             "Linear modes, modes with corrected frequencies, and every integrator at several tolerances, plain and "
-            "compiled: the cost and the error of each, and the time up to which errors can be measured, or with --proved true errors. With --linear "
-            "the frequencies instead: by dense matrices, to a relative error, and with every digit."
+            "compiled: the cost and the error of each, and the time up to which errors can be measured, or true errors "
+            "with --proved. With --linear the frequencies instead: by dense matrices, to a relative error, and with "
+            "every digit."
         ),
         examples=(
             ("tradeoff chain-1 --start mode:1:10 --duration 2", "every method for two seconds of a small swing"),

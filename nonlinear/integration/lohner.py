@@ -1,4 +1,4 @@
-"""Sets that provably contain a motion, step by step: Taylor series in balls (python-flint), carried on by Lohner's method.
+"""Sets that provably contain a motion, step by step: Taylor series in balls (python-flint), carried on.
 
 At a time t the set is m + C r with m in many digits, C orthogonal and r a vector of balls [Lohner1988].  Within a step
 
@@ -11,7 +11,7 @@ from m_i by at most R_i, then by Cauchy's inequality, in τ and in the start, wi
 
     R_i (q^{N+1}/(1 − q) + s q^{K+1}/(1 − q) + s²/(1 − s))
 
-after N terms c_k and K terms V_k.  The disc is found ring by ring: with p the polynomial of the first c_k and |e_i| ≤ E_i
+after N terms c_k and K terms V_k.  The disc is found ring by ring: with p a polynomial of some c_k and |e_i| ≤ E_i
 at the inner edge of a ring of width w, e' = f(p + e) − p' gives E_i + w sup |f_i(p + e) − p_i'| at the outer edge, if
 the supremum over sectors of the ring, for |e| within this bound, shows it [Tucker2011].
 """
@@ -249,7 +249,7 @@ def _value(coefficients: Sequence[Ball], at: Ball) -> Ball:
 
 
 @dataclass(frozen=True)
-class Step:
+class LohnerStep:
     """What encloses the motion from the set m + C r at an exact time up to `length` (s) later."""
 
     time: Fraction
@@ -311,7 +311,7 @@ class LohnerSet:
         self.C = arb_mat(np.eye(n).tolist())
         self._rho = 0.1 / equations.system.rate
 
-    def advance(self) -> Step:
+    def advance(self) -> LohnerStep:
         """Carry the set on by a step; ComputationError where nothing encloses the motion any more."""
         cap = flint().ctx.cap
         try:
@@ -324,7 +324,7 @@ class LohnerSet:
             flint().ctx.cap = cap
         return step
 
-    def _step(self) -> Step:
+    def _step(self) -> LohnerStep:
         with flint().ctx.workprec(self.bits):
             time = _ball_of(self.time)
             c = self.balls.motion_series(self.m, time, self.order)
@@ -335,7 +335,7 @@ class LohnerSet:
         terms = ceil(9 * log(10) / self.decay) + 3
         V = self.balls.derivative_series(c, time, min(terms, self.order))
         length = Fraction(self._rho * exp(-self.decay))
-        return Step(self.time, length, c, V, disc, spread, self.bits)
+        return LohnerStep(self.time, length, c, V, disc, spread, self.bits)
 
     def _disc(self, c: Sequence[Sequence[Ball]], time: Ball, deviations: Sequence[float]) -> Disc:
         for attempt in range(8):
@@ -345,7 +345,7 @@ class LohnerSet:
                 continue
         raise UndecidedError
 
-    def _carry(self, step: Step) -> None:
+    def _carry(self, step: LohnerStep) -> None:
         """The image of the set as another of the form m + C r, with the orthogonal factor of V C [Lohner1988]."""
         arb_mat = flint().arb_mat
         centres, V = step.image(_ball_of(step.length))

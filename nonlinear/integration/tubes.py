@@ -15,10 +15,11 @@ import numpy as np
 from modal.errors import ComputationError, SceneError
 from modal.exact import flint
 from modal.report import ReportColumn, Result, silent
-from modal.scene import Scene, require
+from modal.scene import CAPABILITIES, Scene, require
 from modal.scene.doors import checked, checked_number
 from modal.types import Floats
 from nonlinear.dynamics import Generated
+from nonlinear.dynamics.generated import WRITTEN_LINKS_MAX
 from nonlinear.integration.arguments import TIGHTEST, sample_times
 from nonlinear.integration.lohner import LohnerSet
 from nonlinear.integration.trajectory import SolverInfo, Trajectory
@@ -117,9 +118,9 @@ class Tube(Result):
         columns = [ReportColumn("time", "time_s", "time (s)", ".9g")]
         for k, name in enumerate(self.names):
             heading = f"{self.system.labels[k]} ({'rad' if name.endswith('_rad') else 'm'})" if k < half else None
-            columns.append(ReportColumn(lambda row, k=k: row.balls[k].words, None, heading, str))
-            columns.append(ReportColumn(lambda row, k=k: str(row.balls[k].mid), name))
-            columns.append(ReportColumn(lambda row, k=k: str(row.balls[k].radius), f"{name}_radius"))
+            columns.append(ReportColumn(_part_of(k, "words"), None, heading, str))
+            columns.append(ReportColumn(_part_of(k, "mid"), name))
+            columns.append(ReportColumn(_part_of(k, "radius"), f"{name}_radius"))
         return (*columns, ReportColumn("radius", None, "radius", ".1e"))
 
     def facts(self) -> dict[str, Any]:
@@ -145,6 +146,11 @@ class Tube(Result):
             "these times, in rad, m and their rates; digits that are not certain are left out."
         )
         yield f"{self.steps} Taylor steps with {self.digits} digits, in ball arithmetic."
+
+
+def _part_of(component: int, part: str) -> Callable[[TubeRow], str]:
+    """A column's value: a part of the ball around this component, as a decimal number."""
+    return lambda row: str(getattr(row.balls[component], part))
 
 
 @checked
@@ -209,16 +215,21 @@ def enclose_motion(
     flint()
     checked_number("radius", radius, 1e-200, 1e-6)
     system = system_of(scene)
+    if system.n_links > WRITTEN_LINKS_MAX:
+        raise SceneError([f"the scene has {system.n_links} links: a proved motion takes at most {WRITTEN_LINKS_MAX}"])
     equations = Generated(system)
     if equations.inputs.count and not equations.is_time_only:
-        raise SceneError(["a proved motion follows sines and constants in time alone, not records or other functions"])
+        raise SceneError(["a proved motion follows sines in time alone, not records, sweeps or other functions"])
     times = sample_times(scene, duration, start_time, output)
     state = validate_state(start if start is not None else initial_state(scene), system)
     y = [flint().arb(number) for number in equations.layout.begin(state).tolist()]
     digits = ceil(-log10(radius)) + 6
     while digits <= digits_max:
         carried = LohnerSet(equations, y, Fraction(start_time), digits)
-        rows = tuple(_rows(carried, times, radius, report))
+        try:
+            rows = tuple(_rows(carried, times, radius, report))
+        except ComputationError as error:
+            raise ComputationError("; ".join([str(error), *_kinks(scene)])) from None
         if len(rows) == len(times):
             return Tube(scene, system, rows, state, digits, carried.steps)
         lost = digits + log10(carried.radius)
@@ -227,6 +238,12 @@ def enclose_motion(
     raise ComputationError(
         f"a radius of {radius:g} until {times[-1]:g} s takes more than {digits_max} digits: ask for a shorter duration"
     )
+
+
+def _kinks(scene: Scene) -> list[str]:
+    """What may have ended a tube."""
+    sentences = CAPABILITIES["a proved motion"].unless
+    return [sentences[feature] for feature in ("quadratic_drag", "massless_cart") if feature in scene.features]
 
 
 def _rows(carried: LohnerSet, times: Floats, radius: float, report: Callable[[float], object]) -> Iterator[TubeRow]:

@@ -220,7 +220,7 @@ def test_what_a_command_did_by_itself_is_told_with_its_new_words(capsys: pytest.
         ("vibration tower --psd p.csv --baseline velocity", ["--baseline: needs --record CSV"]),
         ("simulate --compile --duration 3", ["--duration: cannot be combined with --compile"]),
         ("simulate chain-2 --compile -o run.npz", ["-o run.npz: the name must end in .txt or .json"]),
-        ("simulate chain-2 --format json", ["--format: needs --accuracy RAD of a scene, or --compile"]),
+        ("simulate chain-2 --format json", ["--format: needs --accuracy RAD of a scene, --proved or --compile"]),
         ("simulate", ["SCENE: is required"]),
         ("scenes chain-2 --schema", ["chain-2: the schema is that of every scene"]),
         ("poles modes.csv", ["modes.csv: has modes"]),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -34,6 +35,32 @@ def test_simulate_says_what_it_did_and_keeps_it(tmp_path: Path, capsys: pytest.C
     ):
         assert words in printed
     assert recordings.load(kept).times[-1] == 5
+
+
+def test_a_proved_motion_is_printed_saved_and_judges_others(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("flint")
+    monkeypatch.chdir(tmp_path)
+    words = ("simulate", "chain-2", "--proved", "--duration", "0.5", "--samples", "3")
+    assert run(*words, "--accuracy", "1e-30", "--format", "json") == 0
+    last = json.loads(capsys.readouterr().out)["rows"][-1]
+    assert float(last["theta_1_1_rad"]["radius"]) < 1e-30
+    assert run(*words, "-o", "run.csv") == 0
+    assert "proved: " in capsys.readouterr().out
+    saved = recordings.load("run.csv")
+    assert saved.motion.links[-1, 0] == pytest.approx(float(last["theta_1_1_rad"]["mid"]), abs=1e-15)
+    assert run("simulate", "run.csv", "--duration", "0.5", "-o", "more.npz") == 0
+    assert run("simulate", "run.csv", "--proved") == 2
+    assert run("simulate", "huygens", "--proved") == 2
+    assert run(*words, "--tolerance", "1e-6", "--keep-modes", "1") == 2
+    told = capsys.readouterr().err
+    for problem in ("is a saved run", "a proved motion", "--tolerance: cannot be", "--keep-modes: cannot be"):
+        assert problem in told
+    assert run("check", "chain-2", "--general", "--proved", "--duration", "5", "--tolerance", "1e-6") == 0
+    told = capsys.readouterr().err.rpartition("is off by more than ")[2]
+    assert 1e-8 < float(told.split()[0]) < 1e-3
+    assert run("check", "chain-2", "--proved") == 2
 
 
 def test_a_saved_run_goes_on(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -16,6 +16,7 @@ from modal import Bob, Fixed, Pendulum, Scene, load
 from modal.errors import ComputationError, SceneError
 from modal.scene import refusals
 from nonlinear import files, initial_state, simulate, state_at_rest, system_of
+from nonlinear.accuracy import Candidate, measure_work_precision
 from nonlinear.dynamics import Generated
 from nonlinear.dynamics.text import function_in
 from nonlinear.integration import enclose_motion, lohner
@@ -233,3 +234,17 @@ def test_a_tube_in_every_form(tmp_path):
     files.save(tube.trajectory, tmp_path / "run.npz")
     assert np.array_equal(files.load(tmp_path / "run.npz").motion.links, tube.trajectory.motion.links)
     assert tube.trajectory.run.error == pytest.approx(2e-16, rel=1.0)
+
+
+def test_the_errors_of_methods_are_measured_by_a_tube():
+    start, candidates = state_at_rest(BALANCED, [100.0]), (Candidate("minimal", "DOP853", 1e-6),)
+    comparison = measure_work_precision(BALANCED, 1.0, start=start, candidates=candidates, proved=True)
+    assert comparison.reference.is_proved
+    assert comparison.reference.floor < 1e-12
+    (row,) = comparison.rows
+    times = comparison.reference.trajectory.times
+    run = simulate(BALANCED, 1.0, start=start, form="minimal", method="DOP853", tolerance=1e-6, output=times)
+    with mp.workdps(20):
+        exact = [float(swing(mp.mpf(time), radians(100.0), 0.7)[0]) for time in times]
+    assert row.error == pytest.approx(np.abs(run.motion.links[:, 0] - exact).max(), rel=1e-6)
+    assert "a proved tube" in comparison.text()

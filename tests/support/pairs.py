@@ -310,7 +310,7 @@ UNDAMPED = (
 DRIVEN = {"section": ("a stroboscopic section",), "orbits vary": ("a forced periodic orbit",)}
 """What stands there instead for a scene that is driven in time."""
 BEYOND = {
-    ("count_100", "fit"): "at most",
+    **dict.fromkeys((("count_100", "fit"), ("count_100", "proved")), "at most"),
     ("count_100", "play"): "cannot show more than",
     ("structure", "tune"): "nothing damps mode 2",
     **dict.fromkeys((("count_100", "derive"), ("count_100", "tune")), "at most"),
