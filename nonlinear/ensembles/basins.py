@@ -28,7 +28,7 @@ from nonlinear.ensembles.attractors import Attractor, find_attractors
 from nonlinear.ensembles.measures import configurations
 from nonlinear.ensembles.running import Ensemble, EnsembleResult, ensemble
 from nonlinear.ensembles.runs import form_of
-from nonlinear.ensembles.strobes import REPEAT_PERIODS_MAX
+from nonlinear.postprocessing.returns import REPEAT_PERIODS_MAX
 from nonlinear.reduction import usual_start
 from nonlinear.synchronization import agreement
 from nonlinear.synchronization.study import theory_of_scene

@@ -28,7 +28,6 @@ from modal.scene.parameters import Variation, parse_variations, vary
 from modal.types import Crew, map_by_crew
 from nonlinear.ensembles.endings import (
     LIMIT_PERIODS,
-    PERIODIC,
     UNDECIDED,
     Group,
     distinct_states,
@@ -44,7 +43,7 @@ from nonlinear.orbits.cycles import Beginning, beginnings, is_same_orbit, requir
 from nonlinear.orbits.flow import ORBIT_TOLERANCE
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.orbits.special import along_cycles, bisect
-from nonlinear.synchronization.attractors import Ending, orbit_amplitudes
+from nonlinear.synchronization.attractors import PERIODIC, Ending, orbit_amplitudes
 from nonlinear.synchronization.patterns import rhythm_name
 from nonlinear.synchronization.report import AveragedThreshold, averaged_thresholds
 from nonlinear.system import Motion, State
@@ -426,7 +425,7 @@ def _groups_from(header: Mapping[str, Any], columns: Mapping[str, Any]) -> tuple
         links, rates, supports, support_rates = (
             columns[f"{name}_{number}"] for name in ("links", "link_rates", "supports", "support_rates")
         )
-        state = State(links, rates, *entry["cart"], supports, support_rates)
+        state = State(links, rates, float(entry["cart"][0]), float(entry["cart"][1]), supports, support_rates)
         period = nan if entry["period_s"] is None else float(entry["period_s"])
         shape = entry["returns"], entry["slow_period_s"], entry["drifting"], entry["chimera"]
         ending = Ending(entry["kind"], period, np.zeros((0, 0)), state, *shape)
@@ -469,7 +468,7 @@ class RhythmGrid(Drawable, Result):
                     continue
                 chains = lines.setdefault((event.name, event.kind, event.is_birth), [])
                 open_chains = [chain for chain in chains if chain[-1][1] == previous]
-                near = min(open_chains, key=lambda chain, at=event.value: abs(chain[-1][0] - at), default=None)
+                near = min(open_chains, key=partial(_distance, event.value), default=None)
                 if near and abs(near[-1][0] - event.value) < (high - low) / 4:
                     near.append((event.value, value))
                 else:
@@ -515,6 +514,11 @@ class RhythmGrid(Drawable, Result):
             if row.births:
                 words = " ".join(map(row.event_words, row.births))
                 yield f"{second.path} = {value:g} {second.unit}: {words}"
+
+
+def _distance(value: float, chain: list[tuple[float, float]]) -> float:
+    """Of the last point of a border from a value."""
+    return abs(chain[-1][0] - value)
 
 
 def find_rhythm_grid(

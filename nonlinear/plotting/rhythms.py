@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import IO, TYPE_CHECKING
+from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -23,11 +23,10 @@ if TYPE_CHECKING:
 Thresholds = Sequence[tuple[float, str]]
 
 
-def draw_rhythms(
-    rhythms: RhythmMap | RhythmGrid, stream: IO[bytes], form: str = "png", *, thresholds: Thresholds = ()
-) -> None:
-    """Write the picture of `rhythm_figure`, or `grid_figure` over two numbers, as png, svg or pdf."""
-    save(grid_figure(rhythms) if hasattr(rhythms, "maps") else rhythm_figure(rhythms, thresholds), stream, form)
+def draw_rhythms(rhythms: Any, stream: IO[bytes], form: str = "png", *, thresholds: Thresholds = ()) -> None:
+    """Write the picture of a `RhythmMap`, or of a `RhythmGrid` over two numbers, as png, svg or pdf."""
+    along_one = hasattr(rhythms, "variation")
+    save(rhythm_figure(rhythms, thresholds) if along_one else grid_figure(rhythms), stream, form)
 
 
 def rhythm_figure(rhythms: RhythmMap, thresholds: Thresholds = ()) -> Figure:

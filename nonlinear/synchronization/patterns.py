@@ -27,7 +27,7 @@ def own_amplitudes(state: RelativeEquilibrium) -> Complexes:
     """η (N,) in rad of every pendulum, in the strongest fixed-base mode of the strongest band."""
     amplitudes = state.averaged
     return amplitudes_of(
-        amplitudes.link_shapes @ np.where(amplitudes.band == state.band, state.z, 0.0), amplitudes.system
+        amplitudes.link_shapes @ np.where(amplitudes.band == state.band, state.z, 0j), amplitudes.system
     )
 
 

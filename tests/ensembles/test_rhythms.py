@@ -26,13 +26,13 @@ from nonlinear.synchronization.attractors import Ending, _is_chimera
 from nonlinear.system import State
 
 METRONOMES = load("metronomes")
-LIGHT, HEAVY = 0.05, 0.1
+LIGHT, HEAVY = 0.065, 0.1
 
 
 @cache
 def two_values() -> RhythmMap:
     """The map of two metronomes at two masses of the base."""
-    return find_rhythms(METRONOMES, f"support.mass={LIGHT}:{HEAVY}:2", members=4, limit=400.0)
+    return find_rhythms(METRONOMES, f"support.mass={LIGHT}:{HEAVY}:2", members=3, limit=206.0, seed=1)
 
 
 def _rates(t: float, y: Floats, base: float) -> Floats:
@@ -54,13 +54,13 @@ def _rates(t: float, y: Floats, base: float) -> Floats:
 
 def test_starts_end_where_equations_written_here_end() -> None:
     """In phase both angles agree for ever, in the beat they never do for long."""
-    starts = rhythm_starts(METRONOMES, 4, 52.0)
+    starts = rhythm_starts(METRONOMES, 3, 52.0, 1)
     at = two_values().values[0]
     names = {r.branch: r.name for r in at.rhythms if r.branch is not None}
-    times = np.linspace(140.0, 150.0, 200)
+    times = np.linspace(50.0, 60.0, 200)
     for member, end in enumerate(at.of_start):
         y = np.concatenate(([0.0], starts.links[member], [0.0], starts.link_rates[member]))
-        run = scipy.integrate.solve_ivp(_rates, (0, 150.0), y, "DOP853", times, args=(LIGHT,), rtol=1e-7, atol=1e-8)
+        run = scipy.integrate.solve_ivp(_rates, (0, 60.0), y, "DOP853", times, args=(LIGHT,), rtol=1e-7, atol=1e-8)
         apart = np.abs(run.y[1] - run.y[2]).max()
         assert (apart < 1e-3) == (names.get(end) == "in phase"), (member, apart)
     assert {rhythm.name for rhythm in at.rhythms} == {"in phase", "beat"}
@@ -70,7 +70,7 @@ def test_shares_add_up_and_hold_their_orbits() -> None:
     """Every start is counted once; the orbit's period is that of the frequency that `orbits` finds."""
     branch = follow_cycles(METRONOMES, f"support.mass={LIGHT}:{HEAVY}:2")
     for value in two_values().values:
-        assert sum(rhythm.count for rhythm in value.rhythms) + value.undecided == 4
+        assert sum(rhythm.count for rhythm in value.rhythms) + value.undecided == 3
         orbit = next(rhythm.orbit for rhythm in value.rhythms if rhythm.name == "in phase")
         assert orbit
         assert orbit.is_stable
@@ -84,9 +84,8 @@ def test_births_are_those_of_the_branches_of_orbits() -> None:
     scene, variation = load("huygens"), parse_variations(["support.mass=4:30:2log"])[0]
     branches = follow_cycles(scene, variation)
     values = {special.kind: special.orbit.value for branch in branches for special in branch.special}
-    point = next(
-        orbit for branch in branches for orbit in branch.orbits if orbit.is_stable and 8 < (orbit.value or 0) < 20
-    )
+    bounded = next(branch for branch in branches if "torus" in {special.kind for special in branch.special})
+    point = next(orbit for orbit in bounded.orbits if orbit.is_stable)
     begun = next(beginnings(scene, variation, point.value or 0.0, (point.state, point.period), 1e-11))
     segment = stable_orbits(begun)
     assert segment.birth
