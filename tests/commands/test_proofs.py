@@ -377,9 +377,9 @@ def test_the_1_percent_angle_of_one_link_is_enclosed(capsys: pytest.CaptureFixtu
 
 def test_rounded_counts_enclose_exact_ones() -> None:
     """With few bits, in scenes of many magnitudes: no count at a lower end is too small, none at an upper too large."""
-    for seed in range(20):
+    for seed in range(6):
         blocks = check_proof.blocks_of(tomllib.loads(dumps(structured_scene(seed, 1.0))))
-        for exponent in range(-4, 8):
+        for exponent in range(-4, 8, 2):
             x = check_proof.Q(10) ** exponent / 3
             exact = check_proof.count(blocks, x)[0]
             assert check_proof.count(blocks, x, 12, 1)[0] <= exact <= check_proof.count(blocks, x, 12, -1)[0]
