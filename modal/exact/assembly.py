@@ -210,7 +210,8 @@ class Assembly:
                 self._hang(self.moving, links, self.point(pivot), 1, first)
             else:
                 chain = tuple(each.replace(count=1) for each in pendulum.links for _ in range(each.count))
-                place = pivot if body.turning is not None else pivot.carrier if body.size else None
+                moves_as_one = body.turning is None and body.M is None
+                place = (pivot.carrier if body.size else None) if moves_as_one else pivot
                 equal.setdefault((chain, tuple(pendulum.ways), place), []).append(p)
             first += len(links)
         stills = [block for members in equal.values() for block in self._hang_equal(members, pendula[members[0]])]
