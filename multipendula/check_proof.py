@@ -46,7 +46,7 @@ class NotProvedError(Exception):
     """Why a row is not proved."""
 
 
-class Block:
+class Sums:
     """M, K and D, row by row, of what moves together; so many `times` over."""
 
     def __init__(self, times: int) -> None:
@@ -111,7 +111,7 @@ WAYS |= {"platform": "sway heave roll"}
 class Carrier:
     """A support with its coordinates: sway, heave (upwards) and roll."""
 
-    def __init__(self, block: Block, data: Data, where: str, gravity: Q) -> None:
+    def __init__(self, block: Sums, data: Data, where: str, gravity: Q) -> None:
         kind = data["kind"]
         if kind not in WAYS:
             raise UnreadableError(f"{where}.kind = {kind}: this checker does not know it")
@@ -170,7 +170,7 @@ def links_of(pendulum: Data, where: str) -> list[Data]:
     return [{**link, "sign": sign} for link, sign in zip(links, signs, strict=True)]
 
 
-def hang(block: Block, links: list[Data], pivot: Point, gravity: Q, times: int) -> list[Any]:
+def hang(block: Sums, links: list[Data], pivot: Point, gravity: Q, times: int) -> list[Any]:
     """Adds a chain, `times` as heavy; each link's coordinate is how far its lower end moves along.
 
     Its angle is then that of the line between both ends, and its centre of mass is on this line.
@@ -216,7 +216,7 @@ def ends_of(text: str, carriers: list[Carrier], joints: dict[str, Any]) -> list[
     return points
 
 
-def stretch(block: Block, spring: Data, a: Point | None, b: Point | None) -> None:
+def stretch(block: Sums, spring: Data, a: Point | None, b: Point | None) -> None:
     """Adds a spring and its damper between two points."""
     if a is None or b is None:  # the ground
         there = a or b or NOWHERE
@@ -238,7 +238,7 @@ PENDULUM = {"links": None, "count": 1, "equilibrium": [], "on": "", "position": 
 SPRING = {"between": None, "kind": "linear", "stiffness": 0, "damping": 0}
 
 
-def blocks_of(data: Data) -> list[Block]:
+def blocks_of(data: Data) -> list[Sums]:
     """What moves with the supports, and every pendulum that moves while its support is still.
 
     Of N equal pendula that hang together, the sum moves with the support, like one N times as
@@ -248,7 +248,7 @@ def blocks_of(data: Data) -> list[Block]:
     for k, force in enumerate(scene["force"]):
         if force["kind"] == "constant":
             raise NotProvedError(f"force[{k}]: links lean, at no fractions: enclosed at best")
-    gravity, moving, supports = scene["gravity"], Block(1), scene["support"]
+    gravity, moving, supports = scene["gravity"], Sums(1), scene["support"]
     supports = supports if isinstance(supports, list) else [supports]
     carriers = [Carrier(moving, each, f"support[{k}]", gravity) for k, each in enumerate(supports)]
     springs = [part(each, f"spring[{k}]", SPRING, "loss") for k, each in enumerate(scene["spring"])]
@@ -276,7 +276,7 @@ def blocks_of(data: Data) -> list[Block]:
             hang(moving, links, pivot, gravity, count)
             still -= 1
         if still:
-            blocks.append(Block(still))
+            blocks.append(Sums(still))
             hang(blocks[-1], links, NOWHERE, gravity, 1)
     for spring in springs:
         ends = [ends_of(text, carriers, joints) for text in spring["between"]]
@@ -312,11 +312,12 @@ def eliminate(A: list[Row], gain: int = 0) -> tuple[int, int, Q]:
     return minus, 0, product
 
 
-def count(blocks: list[Block], x: Q, bits: int = 0, gain: int = 0) -> tuple[int, int]:
+def count(blocks: list[Sums], x: Q, bits: int = 0, gain: int = 0) -> tuple[int, int]:
     """How many w^2 are below x, and how many are x; a gain of -1 finds no fewer, of 1 no more."""
     below, equal = 0, 0
     for block in blocks:
-        A = [combine((1, K), (-x, M)) for K, M in zip(block.K, block.M, strict=True)]
+        rows = zip(block.K, block.M, strict=True)
+        A: list[Row] = [{j: K.get(j, 0) - x * M.get(j, 0) for j in {**K, **M}} for K, M in rows]
         for i, row in enumerate(A if gain else ()):
             A[i] = {j: value * 2**bits // 1 for j, value in row.items()}
             A[i][i] = A[i].get(i, 0) + gain * len(row)
@@ -325,7 +326,7 @@ def count(blocks: list[Block], x: Q, bits: int = 0, gain: int = 0) -> tuple[int,
     return below, equal
 
 
-def polynomial(block: Block) -> list[Q]:
+def polynomial(block: Sums) -> list[Q]:
     """det(z^2 M + z D + K), lowest power first, by Newton from its values at z = 0, 1, 2, ..."""
     values, p, rows = list[Q](), list[Q](), list(zip(block.M, block.D, block.K, strict=True))
     for z in range(2 * len(rows) + 1):
@@ -356,7 +357,7 @@ def roots_near(p: list[Q], re: Q, im: Q, radius: Q) -> int:
     raise NotProvedError("no term is larger than the sum of the others")
 
 
-def count_roots(blocks: list[Block], re: Q, im: Q, radius: Q) -> int:
+def count_roots(blocks: list[Sums], re: Q, im: Q, radius: Q) -> int:
     """How many roots all polynomials have within a radius of re + i im."""
     for block in blocks:
         block.p = block.p or polynomial(block)
@@ -371,7 +372,7 @@ class Verdict(NamedTuple):
     words: str
 
 
-def judge(row: Data, claim: Data, blocks: list[Block], bits: int) -> Verdict:
+def judge(row: Data, claim: Data, blocks: list[Sums], bits: int) -> Verdict:
     """Whether what the proof claims for a row of the table proves it."""
     try:
         if not {"counts", "roots"} & claim.keys():
@@ -393,7 +394,7 @@ def judge(row: Data, claim: Data, blocks: list[Block], bits: int) -> Verdict:
         return Verdict(row["mode"], False, str(error))
 
 
-def judge_counts(row: Data, claim: Data, blocks: list[Block], w: Q, e: Q, bits: int) -> str:
+def judge_counts(row: Data, claim: Data, blocks: list[Sums], w: Q, e: Q, bits: int) -> str:
     """Counts at both ends of an interval within the bound; a growing mode has w^2 = -(growth)^2."""
     grows = row["growth_rate_per_s"] is not None
     least, most = (w * (1 - e)) ** 2, (w * (1 + e)) ** 2
@@ -413,7 +414,7 @@ def judge_counts(row: Data, claim: Data, blocks: list[Block], w: Q, e: Q, bits: 
     return f"{'growth rate ' * grows}number {first} to {last}; {upto - before} so near"
 
 
-def judge_roots(row: Data, claim: Data, blocks: list[Block], w: Q, e: Q) -> str:
+def judge_roots(row: Data, claim: Data, blocks: list[Sums], w: Q, e: Q) -> str:
     """Roots z in a disc within the bound of w = |z|, about the root of the table."""
     (re, im), zeta, radius = (
         map(Q, claim["centre"]),

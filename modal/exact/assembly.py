@@ -49,7 +49,7 @@ def combine(*terms: tuple[Ball, Row]) -> Row:
 
 
 @dataclass(frozen=True, eq=False)
-class Block:
+class BlockInBalls:
     """M and K of coordinates that move together, their lower halves row by row; `multiplicity` equal ones."""
 
     label: str
@@ -84,7 +84,7 @@ class Block:
         return pivots
 
 
-class Point(NamedTuple):
+class PointInBalls(NamedTuple):
     """A point as its displacements along and down and the turn of what it is on; its place as drawn (m)."""
 
     along: Row
@@ -190,13 +190,13 @@ class Assembly:
         carriers = tuple(map(in_balls, self.structure.carriers))
         self.structure = Structure(carriers, self.structure.pivots, self.structure.springs)
         moves = "cart moves" if scene.cart else "structure moves" if self.structure.size else "moves together"
-        self.moving, self.joints = Block(moves, 1), dict[int, tuple[Point, Row, LinkInBalls]]()
+        self.moving, self.joints = BlockInBalls(moves, 1), dict[int, tuple[PointInBalls, Row, LinkInBalls]]()
         for _ in range(self.structure.size):
             self.moving.coordinate()
         for carrier, body in enumerate(carriers):
             self._carry(carrier, body)
 
-    def blocks(self) -> Iterator[Block]:
+    def blocks(self) -> Iterator[BlockInBalls]:
         """Every block, that of the supports first."""
         leaning = leaning_links(self.scene) if "constant_force" in self.scene.features else []
         pendula = [pendulum for pendulum in self.scene.pendulum for _ in range(pendulum.count)]
@@ -210,7 +210,8 @@ class Assembly:
                 self._hang(self.moving, links, self.point(pivot), 1, first)
             else:
                 chain = tuple(each.replace(count=1) for each in pendulum.links for _ in range(each.count))
-                place = pivot if body.turning is not None else pivot.carrier if body.size else None
+                moves_as_one = body.turning is None and body.M is None
+                place = (pivot.carrier if body.size else None) if moves_as_one else pivot
                 equal.setdefault((chain, tuple(pendulum.ways), place), []).append(p)
             first += len(links)
         stills = [block for members in equal.values() for block in self._hang_equal(members, pendula[members[0]])]
@@ -219,7 +220,7 @@ class Assembly:
                 self.moving.add(self.moving.K, flint().arb(spring.stiffness) * size, row)
         yield from (block for block in (self.moving, *stills) if block.M)
 
-    def _hang_equal(self, members: list[int], pendulum: Pendulum) -> Iterator[Block]:
+    def _hang_equal(self, members: list[int], pendulum: Pendulum) -> Iterator[BlockInBalls]:
         """Add equal pendula that move alike: their sum moves with the support, their differences leave it still."""
         pivot, links = self.structure.pivots[members[0]], links_of(pendulum, self.gravity)
         is_carried = self.structure.carriers[pivot.carrier].size > 0
@@ -227,8 +228,8 @@ class Assembly:
             self._hang(self.moving, links, self.point(pivot), len(members))
         if still := len(members) * (1 + (self.scene.space == "space")) - is_carried:
             where = ("cart still" if self.scene.cart else "structure still") if is_carried else "fixed support"
-            block = Block(f"{where}: pendulum {members[0] + 1}", still)
-            self._hang(block, links, Point({}, {}, {}, (0, 0)), 1)
+            block = BlockInBalls(f"{where}: pendulum {members[0] + 1}", still)
+            self._hang(block, links, PointInBalls({}, {}, {}, (0, 0)), 1)
             yield block
 
     def _carry(self, carrier: int, body: CarrierNumbers) -> None:
@@ -256,7 +257,7 @@ class Assembly:
             bend = -body.moving(in_arb(end.where), [arb(0)] * body.size, rates).bias[1]
             self.moving.add(self.moving.K, self.gravity * mass * bend, {first + k: arb(1)})
 
-    def point(self, end: CarrierEnd) -> Point:
+    def point(self, end: CarrierEnd) -> PointInBalls:
         """A point of a support."""
         body, first, arb = self.structure.carriers[end.carrier], self.structure.offsets[end.carrier], flint().arb
         zeros = [arb(0)] * body.size
@@ -264,33 +265,38 @@ class Assembly:
         along, down = (
             {first + k: arb(row[way]) for k, row in enumerate(moving.slopes) if row[way] != 0} for way in (0, 1)
         )
-        return Point(along, down, {} if body.turning is None else {first + body.turning: arb(1)}, moving.place)
+        return PointInBalls(along, down, {} if body.turning is None else {first + body.turning: arb(1)}, moving.place)
 
-    def _hang(self, block: Block, links: list[LinkInBalls], pivot: Point, times: int, first: int | None = None) -> None:
+    def _hang(
+        self, block: BlockInBalls, links: list[LinkInBalls], pivot: PointInBalls, times: int, first: int | None = None
+    ) -> None:
         """Add a chain, `times` as heavy; springs may end on its links, which are numbered from `first`."""
-        M, K, upper, one = block.M, block.K, pivot, flint().arb(1)
+        M, K, upper, unit = block.M, block.K, pivot, flint().arb(1)
         for k, link in enumerate(links):
-            l, share, new = link.length, link.centre / link.length, {block.coordinate(): one}
+            l, share, new = link.length, link.centre / link.length, {block.coordinate(): unit}
             lower, angle = new, combine((link.cosine / l, new), (-link.cosine / l, upper.along))
             if link.sine != 0:
-                lower, angle = combine((one, upper.along), (l * link.cosine, new)), new
-            centre, bend = combine((share, lower), (1 - share, upper.along)), combine((one, angle), (-one, upper.turn))
-            block.add(M, times * link.mass, centre, combine((one, upper.down), (-link.centre * link.sine, angle)))
+                lower, angle = combine((unit, upper.along), (l * link.cosine, new)), new
+            centre, bend = (
+                combine((share, lower), (1 - share, upper.along)),
+                combine((unit, angle), (-unit, upper.turn)),
+            )
+            block.add(M, times * link.mass, centre, combine((unit, upper.down), (-link.centre * link.sine, angle)))
             block.add(M, times * link.inertia, angle)
             block.add(M, times * link.rotor, bend)
             block.add(K, times * link.hold, angle)
             block.add(K, times * link.spring, bend)
             if first is not None:
                 self.joints[first + k] = upper._replace(turn=angle), lower, link
-            down = combine((one, upper.down), (-l * link.sine, angle)) if link.sine != 0 else upper.down
-            upper = Point(lower, down, angle, (upper.place[0], upper.place[1] + l * link.cosine))
+            down = combine((unit, upper.down), (-l * link.sine, angle)) if link.sine != 0 else upper.down
+            upper = PointInBalls(lower, down, angle, (upper.place[0], upper.place[1] + l * link.cosine))
 
-    def _end(self, end: End) -> Point | None:
+    def _end(self, end: End) -> PointInBalls | None:
         """What an end of a spring moves like; None for the ground, wherever the other end is."""
         if isinstance(end, CarrierEnd):
             return self.point(end)
         if isinstance(end, GroundEnd):
-            return end.place and Point({}, {}, {}, in_arb(end.place))
+            return end.place and PointInBalls({}, {}, {}, in_arb(end.place))
         upper, lower, link = self.joints[end.link]
         below = link.centre if end.below is None else flint().arb(end.below)
         share, place = below / link.length, (upper.place[0], upper.place[1] + below * link.cosine)
@@ -298,16 +304,16 @@ class Assembly:
 
     def _ways(self, ends: tuple[End, End], *, is_torsion: bool) -> list[tuple[Ball, Row]]:
         """The extension of a spring in each of the ways in which it acts, and what its square is multiplied by."""
-        points, one = [self._end(end) for end in ends], flint().arb(1)
+        points, unit = [self._end(end) for end in ends], flint().arb(1)
         other = points[0] or points[1]
         assert other is not None, "one end at least has a place"
-        a, b = (point or Point({}, {}, {}, other.place) for point in points)
-        along, down = combine((one, b.along), (-one, a.along)), combine((one, b.down), (-one, a.down))
+        a, b = (point or PointInBalls({}, {}, {}, other.place) for point in points)
+        along, down = combine((unit, b.along), (-unit, a.along)), combine((unit, b.down), (-unit, a.down))
         if is_torsion:
-            return [(one, combine((one, b.turn), (-one, a.turn)))]
+            return [(unit, combine((unit, b.turn), (-unit, a.turn)))]
         first, second = ((float(point.place[0]), float(point.place[1])) for point in (a, b))
         if drawn_together(first, second):
-            return [(one, along), (one, down)]
+            return [(unit, along), (unit, down)]
         x, z = b.place[0] - a.place[0], b.place[1] - a.place[1]
         return [(1 / (x * x + z * z), combine((x, along), (z, down)))]
 

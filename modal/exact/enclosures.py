@@ -17,7 +17,7 @@ from fractions import Fraction
 from math import floor, log
 
 from modal.errors import ComputationError
-from modal.exact.assembly import Assembly, Ball, Block, flint
+from modal.exact.assembly import Assembly, Ball, BlockInBalls, flint
 from modal.report import deferred, silent
 from modal.scene import Scene, require
 from modal.scene.doors import checked, checked_index
@@ -41,9 +41,9 @@ class SceneInBalls:
     """The blocks of an undamped scene, at whatever precision a count takes."""
 
     def __init__(self, scene: Scene) -> None:
-        self.scene, self._blocks_by_bits = scene, dict[int, list[Block]]()
+        self.scene, self._blocks_by_bits = scene, dict[int, list[BlockInBalls]]()
 
-    def blocks(self, bits: int = GUARD_BITS) -> list[Block]:
+    def blocks(self, bits: int = GUARD_BITS) -> list[BlockInBalls]:
         """All blocks as balls of this precision."""
         if bits not in self._blocks_by_bits:
             with flint().ctx.workprec(bits):

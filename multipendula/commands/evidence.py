@@ -27,7 +27,7 @@ from modal.scene import Fixed, Scene, dumps, example_names, require
 from modal.scene.contents import text_of
 from modal.scene.files import example_text
 from multipendula import check_proof
-from multipendula.check_proof import Block, NotProvedError, UnreadableError
+from multipendula.check_proof import NotProvedError, Sums, UnreadableError
 from multipendula.commands.shared import bar, estimate_of, in_a_folder, output, remark
 
 if TYPE_CHECKING:
@@ -175,7 +175,7 @@ class _Prover:
 
     def __init__(
         self,
-        blocks: list[Block],
+        blocks: list[Sums],
         why: str,
         numbers: dict[int, int],
         in_fractions: int = 40,

@@ -11,6 +11,7 @@ import sys
 import tomllib
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -376,11 +377,28 @@ def test_the_1_percent_angle_of_one_link_is_enclosed(capsys: pytest.CaptureFixtu
 
 
 def test_rounded_counts_enclose_exact_ones() -> None:
-    """With few bits, in scenes of many magnitudes: no count at a lower end is too small, none at an upper too large."""
-    for seed in range(20):
-        blocks = check_proof.blocks_of(tomllib.loads(dumps(structured_scene(seed, 1.0))))
-        for exponent in range(-4, 8):
-            x = check_proof.Q(10) ** exponent / 3
-            exact = check_proof.count(blocks, x)[0]
-            assert check_proof.count(blocks, x, 12, 1)[0] <= exact <= check_proof.count(blocks, x, 12, -1)[0]
-            assert check_proof.count(blocks, x, 200, 1)[0] == exact == check_proof.count(blocks, x, 200, -1)[0]
+    """Near frequencies, with so few bits that rounding matters: none is too small at -1, none too large at 1."""
+    scene, different = mixed(), 0
+    blocks = check_proof.blocks_of(tomllib.loads(dumps(scene)))
+    for omega, exponent, bits in product(natural_modes(scene).omega, range(2, 24, 3), (2, 6, 10, 14)):
+        for way in (-1, 1):
+            x = check_proof.Q(omega) ** 2 * (1 + way * check_proof.Q(2) ** -exponent)
+            (fewest, exact, most) = (check_proof.count(blocks, x, bits, gain)[0] for gain in (1, 0, -1))
+            assert fewest <= exact <= most
+            different += fewest < most
+    assert different > 20
+
+
+def test_rounded_eliminations_of_small_integers_enclose_exact_ones() -> None:
+    """Where every division is rounded, and by as much as the entries themselves."""
+    rng, n = random.Random(1), 5
+    for _ in range(300):
+        entries = {(i, j): rng.randint(-6, 6) for i in range(n) for j in range(i + 1)}
+        whole = [{j: entries[max(i, j), min(i, j)] for j in range(n)} for i in range(n)]
+        fractions = [{j: check_proof.Q(value) for j, value in row.items()} for row in whole]
+        try:
+            exact = check_proof.eliminate(fractions)[0]
+            fewest, most = (check_proof.eliminate([dict(row) for row in whole], gain)[0] for gain in (1, -1))
+        except check_proof.NotProvedError:
+            continue
+        assert fewest <= exact <= most

@@ -14,10 +14,11 @@ import pytest
 from scenes import extreme_scene, geared, spatial_scene, sprung_scene, structured_scene
 
 from modal import Bob, Body, Cart, ComputationError, Fixed, Pendulum, Rod, Scene, SceneError, load, natural_modes
+from modal.assembly import matrices
 from modal.errors import MissingExtraError
 from modal.exact import enclose
 from modal.exact.enclosures import Enclosure, SceneInBalls, _decimal, flint
-from modal.scene import ConstantForce, dumps
+from modal.scene import ConstantForce, ModalSupport, dumps
 from multipendula import check_proof
 
 pytest.importorskip("flint")
@@ -114,6 +115,23 @@ def test_shipped_structures_and_standing_links(name: str) -> None:
     enclosures = enclose(scene)
     assert_counted(scene, enclosures)
     assert [e.is_growth for e in enclosures] == sorted((e.is_growth for e in enclosures), reverse=True)
+
+
+def test_points_of_a_modal_support_move_by_their_rows() -> None:
+    """Equal pendula on two of them, against the matrices of the program in 40 digits."""
+    frame = ModalSupport(
+        M=[[3.0, 0.125], [0.125, 2.0]],
+        K=[[16.0, 1.0], [1.0, 9.0]],
+        points=[[[0.25, 1.0], [1.0, 0.5]], [[1.0, 0.0], [0.0, 0.5]]],
+    )
+    bob = Pendulum(links=(Bob(mass=1.0, length=1.0),))
+    scene = Scene(gravity=9.0, support=frame, pendulum=(bob.replace(on="modal[0]"), bob.replace(on="modal[1]")))
+    dense = matrices(scene)
+    with mp.workdps(40):
+        M, K = (mp.matrix(S.tolist()) for S in (dense.M, dense.K))
+        expected = sorted(mp.sqrt(value.real) for value in mp.eig(M**-1 * K, left=False, right=False))
+        for e, omega in zip(enclose(scene, 25), expected, strict=True):
+            assert mp.mpf(e.low) < omega < mp.mpf(e.high)
 
 
 def leaning(*, springs: bool, standing: bool, cart: bool) -> Scene:
