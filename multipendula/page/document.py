@@ -31,7 +31,19 @@ MODAL = (
 )
 PHYSICS = (*MODAL, "equations", "kicks", "motion", "scene_file", "recording")
 """The modules that touch no document; `steps`, `structure`, `tableau`, `whole` and `prescribed` are written."""
-MODULES = (*PHYSICS, "numbers", "view", "picture", "sound", "player", "stage", "table", "controls", "challenges", "main")
+MODULES = (
+    *PHYSICS,
+    "numbers",
+    "view",
+    "picture",
+    "sound",
+    "player",
+    "stage",
+    "table",
+    "controls",
+    "challenges",
+    "main",
+)
 LARGEST = 350_000
 """Limit: bytes of a page, which mail and forums take as an attachment."""
 LARGEST_OF_STRUCTURES = 800_000

@@ -166,7 +166,9 @@ def test_on_a_phone_the_scene_stays_in_sight_when_a_mode_is_tapped(
     browser: Chromium, tmp_path: Path, width: int, height: int
 ) -> None:
     browser.size(width, height, still=True)
-    browser.open(written(Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=0.2, count=9)])]), tmp_path))
+    browser.open(
+        written(Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=0.2, count=9)])]), tmp_path)
+    )
     browser.run("document.querySelectorAll('#rows tr')[6].scrollIntoView({ block: 'end' })")
     browser.run("document.querySelectorAll('#rows tr')[6].click()")
     browser.frames(4)
@@ -424,7 +426,9 @@ def test_notes_are_of_what_is_there(browser: Chromium, tmp_path: Path) -> None:
         browser.frames(1)
         hidden = browser.run("['note-beat', 'note-angle', 'note-star'].map((id) => document.getElementById(id).hidden)")
         seen.append((hidden, browser.run("document.querySelectorAll('td.beat')[0].offsetParent === null")))
-        assert browser.run("[...document.querySelectorAll('label')].some((one) => /drag/i.test(one.innerText))") is False
+        assert (
+            browser.run("[...document.querySelectorAll('label')].some((one) => /drag/i.test(one.innerText))") is False
+        )
     assert seen == [([False, False, False], False), ([True, False, True], True), ([True, False, True], True)]
 
 
