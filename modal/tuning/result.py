@@ -1,4 +1,4 @@
-"""The result of an optimization: parameters with sensitivities, minima, closed forms, dampers, curves before and after."""
+"""The result of an optimization: parameters, sensitivities, minima, closed forms, dampers, curves before and after."""
 
 from __future__ import annotations
 

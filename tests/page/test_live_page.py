@@ -359,7 +359,8 @@ def test_it_starts_slowly_from_the_scene_s_start_unless_less_motion_is_asked_for
 
 
 SLIDING = """[...document.querySelectorAll('button, select, input')].filter((one) => one.offsetParent)
-  .filter((one) => !one.closest('.scroll') && one.getBoundingClientRect().bottom > innerHeight).map((one) => one.outerHTML)"""
+  .filter((one) => !one.closest('.scroll') && one.getBoundingClientRect().bottom > innerHeight)
+  .map((one) => one.outerHTML)"""
 
 
 @pytest.mark.parametrize("name", ["paper-cart-2", "beam", "tower", "two-bobs", "huygens"])
