@@ -103,7 +103,7 @@ class MissingExtraError(MultipendulaError, ImportError):
 
 
 class ExtensionError(MultipendulaError):
-    """An extension that raises, returns another shape than it must, or is none: its name and package are told.
+    """An extension that raises, returns another shape than it must, or is none; the message has its name and package.
 
     >>> from modal import Bob
     >>> from modal.errors import ExtensionError

@@ -57,7 +57,7 @@ from modal.types import NOISE_OF_TERMS, Floats, Ints
 
 
 class Elements(NamedTuple):
-    """The elements of M, K and D beside those of hanging chains along the rail.
+    """The elements of M, K and D other than those of hanging chains along the rail.
 
     `terms` (d,) are the sums of the absolute terms of which each coordinate's own stiffness is the sum.
     """

@@ -47,9 +47,9 @@ WEAK_COUPLING = 0.1
 CHANGE_OF_FIRST_ORDER = 0.2
 """Physics: relative difference from first order, or change of what resists, from which on others take part."""
 LEAST_SHARE_OF_BEATS = 0.01
-"""Physics: share of the energy of one pendulum that others must come to hold for a beat to be told."""
+"""Physics: share of the energy of one pendulum that others must receive for a beat to be reported."""
 UNEVEN_DECAY_MIN = 1e-3
-"""Tolerance: differences of decay rates within a family, over its splitting and the largest rate, that are told."""
+"""Tolerance: differences of decay rates within a family, over its splitting and the largest rate, that are reported."""
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ Values = Mapping[str, Any]
 PROBE = 0.25
 """Physics: an angle (rad) and a rate (rad/s) at which a law is compared with what it says of itself."""
 SMALL = 1e-5
-"""Tolerance: an angle (rad) whose square and whose rounding error, divided by it, are both nothing beside 1e-9."""
+"""Tolerance: an angle (rad) whose square, and whose rounding error divided by it, are negligible against 1e-9."""
 AGREEMENT = 1e-9
 """Tolerance: of that comparison, far above rounding."""
 

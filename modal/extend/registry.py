@@ -177,7 +177,7 @@ def package_of(cls: type) -> str:
 
 
 def mistake_of(extension: Any, words: str) -> ExtensionError:
-    """The error that tells a mistake of an extension, a class or one of its objects, as the extension's own."""
+    """The error that attributes a mistake to an extension: its class, or one of its objects."""
     cls = extension if isinstance(extension, type) else type(extension)
     return ExtensionError(f"extension {getattr(cls, 'name', '') or cls.__name__} (package {package_of(cls)}): {words}")
 

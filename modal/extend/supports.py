@@ -99,7 +99,7 @@ class Support(Extension):
         raise NotImplementedError
 
     def potential(self, eta: Sequence[Any], parameters: Mapping[str, Any]) -> Any:
-        """Energy (J) beside that of springs and weight; its derivatives vanish where all η are 0."""
+        """Energy (J) in addition to that of springs and weight; its derivatives vanish where all η are 0."""
         return 0.0
 
     def motion(

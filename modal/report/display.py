@@ -154,7 +154,7 @@ class Displayed:
     what: ClassVar[str] = ""
     """What it is, in words; its class by default."""
     shows: ClassVar[str] = ""
-    """What is told of it, as in "omega: ω, rad/s; fold: copies"; its fields by default."""
+    """What it shows of itself, as in "omega: ω, rad/s; fold: copies"; its fields by default."""
     __signature__ = _ResultSignature()
     internal: ClassVar[frozenset[str]] = frozenset({"internal"})
 

@@ -91,20 +91,20 @@ ABOUT: Sentences = {
 }
 HOISTED = "Lengths change with the hoist: these are the modes at the lengths before it; hoist lists them along it."
 OMITTED: Sentences = {"hoist": HOISTED, **ABOUT}
-"""What the linear model of a scene leaves out; `ABOUT` where lengths are constant."""
+"""What the linear model of a scene omits; `ABOUT` where lengths are constant."""
 
 HELD: Sentences = {
     **OMITTED,
     "hoist": "Lengths change with the hoist: these are the equations at the lengths before it.",
 }
-"""What equations in symbols leave out."""
+"""What equations in symbols omit."""
 
 IN_LOOPS: Sentences = {
     "limited_feedback": "Limits of feedback are omitted: small motions do not reach them.",
     "sampled_feedback": "Samples and delays of feedback are omitted: these are the poles of continuous loops.",
     "reference": "References of feedback are omitted: these are the poles about the rest.",
 }
-"""What linear models leave out of loops that they close."""
+"""What linear models omit of loops that they close."""
 
 CONSTANT: Sentences = {"hoist": "needs constant lengths"}
 SHIFTED: Sentences = {"constant_force": "is computed about links that hang or stand straight, which it tilts"}
@@ -648,7 +648,7 @@ def require(scene: Scene, capability: str, *further_features: str) -> None:
 
 
 def left_out(scene: Scene, capability: str = "the table of modes") -> tuple[str, ...]:
-    """What a capability leaves out of a scene, a sentence each."""
+    """What a capability omits of a scene, a sentence each."""
     require_type("scene", scene, "Scene")
     idle = [f"spring[{k}] does nothing: its stiffness and damping are 0." for k in scene.idle_springs]
     return tuple(

@@ -30,7 +30,7 @@ MARKS = {
 """Byte-order marks of encodings, the longer before the shorter that begin alike."""
 SHIPPED = os.path.join(os.path.dirname(__file__), "shipped")
 BEGINNING_BYTES = 20_000
-"""Format: bytes of a text by which its kind is told."""
+"""Format: bytes of a text by which its kind is recognized."""
 SIGNATURES = (
     (b"\x89PNG", "picture", "a PNG picture"),
     (b"GIF8", "picture", "a GIF picture"),
@@ -110,7 +110,7 @@ class FileKind(NamedTuple):
 
 
 def recognize(content: bytes) -> FileKind | None:
-    r"""The kind of a file with this content, None where nothing tells.
+    r"""The kind of a file with this content, None where it cannot be recognized.
 
     >>> recognize(b"\x89PNG...").problem("scene")
     'is a PNG picture, not a scene: give the TOML file of the scene that it shows'

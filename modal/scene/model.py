@@ -300,7 +300,7 @@ class Scene(Displayed, Part):
 
     @property
     def linearizable(self) -> Scene:
-        """The same scene without what its linear equations leave out: drives, dry friction and quadratic drag."""
+        """The same scene without what its linear equations omit: drives, dry friction and quadratic drag."""
         scene = self.undriven.frictionless
         return scene._with(quadratic_drag=0.0) if "quadratic_drag" in scene.features else scene
 

@@ -266,7 +266,7 @@ class Part:
 
     @classmethod
     def model_json_schema(cls) -> dict[str, Any]:
-        """The JSON Schema of the mappings that `model_validate` accepts; descriptions leave out examples in Python."""
+        """The JSON Schema of the mappings that `model_validate` accepts; descriptions omit examples in Python."""
         from pydantic.json_schema import GenerateJsonSchema
 
         schema = _with_references(cls.schema())

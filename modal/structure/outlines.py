@@ -261,7 +261,7 @@ class Scaffold:
         return np.stack([self.place(k, point, eta) for point in points], axis=1)
 
     def _ground_points(self, k: int, points: Sequence[tuple[float, float]]) -> Floats:
-        """Points of the ground beside a carrier as drawn, (1, K, 2)."""
+        """Points of the ground next to a carrier as drawn, (1, K, 2)."""
         x, z = self.structure.carriers[k].position
         shift, rise = self.shifts[k].tolist()
         return np.array([[(float(x) + shift + s, rise - (float(z) + h)) for s, h in points]])
@@ -503,7 +503,7 @@ class Scaffold:
     def _ground_spring(
         self, end: End, ground: End, eta: Floats, joints: Mapping[int, Floats], *, is_damper: bool
     ) -> Iterator[Piece]:
-        """A spring from a point to the ground: to its place, or to a wall beside the point as drawn."""
+        """A spring from a point to the ground: to its place, or to a wall next to the point as drawn."""
         assert isinstance(ground, GroundEnd)
         moving_end = self._end(end, eta, joints, torsion=False)
         assert moving_end is not None

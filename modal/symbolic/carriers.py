@@ -197,7 +197,7 @@ class SymbolicCarrier:
 
     @property
     def stored(self) -> Any:
-        """The energy beside springs and weight."""
+        """The energy other than that of springs and weight."""
         return sp.sympify(self.path.potential([c.q for c in self.coordinates], self.values)) if self.path else sp.S.Zero
 
     @property

@@ -339,7 +339,7 @@ def _damped_roots(eigen: EigenPolynomial) -> Iterator[ComputedMode | Line]:
 
 
 def _in_digits(root: Any) -> Any:
-    """A root to 15 digits, beside its conjugate if it has one."""
+    """A root to 15 digits, with its conjugate if it has one."""
     real, imaginary = sp.N(sp.re(root), 15), sp.N(sp.im(root), 15)
     return Conjugates(real, imaginary) if imaginary else real
 

@@ -204,7 +204,7 @@ class SymbolicStructure(Displayed):
 
     @property
     def is_of_pair(self) -> bool:
-        """Whether the pair (A, b) tells everything: a support fixed or on a rail, and joints alone."""
+        """Whether the pair (A, b) describes the whole system: a support fixed or on a rail, and joints alone."""
         return not self.spring_entries and [carrier.kind for carrier in self.carriers] in (["fixed"], ["cart"])
 
     @property

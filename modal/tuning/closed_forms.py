@@ -54,7 +54,7 @@ def exact_optimum(mu: float) -> tuple[float, float]:
 
 @dataclass(frozen=True, repr=False)
 class Absorber(Displayed):
-    """A pendulum of one link, at `pendulum` of the scene, beside a mode of the rest.
+    """A pendulum of one link, at `pendulum` of the scene, next to a mode of the rest.
 
     `mu` is the ratio of masses, `omega` (rad/s) and `damping_ratio` are those of the mode, `f` and `zeta` the
     pendulum's own frequency over it and its own damping ratio; `alone` where the rest has one coordinate.
@@ -149,7 +149,7 @@ def single_links(scene: Scene, free: Sequence[FreeNumber]) -> list[int]:
 
 @checked
 def absorbers(scene: Scene, free: Sequence[FreeNumber]) -> tuple[Absorber, ...]:
-    """The tuned pendula of one link, each beside the mode of the rest that is nearest to its own frequency."""
+    """The tuned pendula of one link, each with the mode of the rest that is nearest to its own frequency."""
     pendula = single_links(scene, free)
     rest = rest_of_scene(scene, pendula) if pendula else None
     if rest is None:

@@ -20,7 +20,7 @@ GRID_REACH = 30.0
 WITHIN = np.concatenate(([0.0], np.geomspace(0.08, 40.0, 9)))
 """Distances of points of the grid from a pole, in its damping rates."""
 GRID_POINTS = 80
-"""Tolerance: points of the grid beside those of poles: zeros between them part peaks by far more."""
+"""Tolerance: points of the grid in addition to those of poles: zeros between them part peaks by far more."""
 FAR_FREQUENCY = 1e-4
 """Tolerance: a frequency, over that of the slowest pole, that stands for 0, its inverse for infinity, and a distance
 from an undamped pole at which an infinite peak shows: what is left out is of second order."""

@@ -1,4 +1,4 @@
-"""What tuning finds: numbers and what they are worth, valleys, rules beside them, dampers, curves before and after."""
+"""The result of an optimization: parameters, sensitivities, minima, closed forms, dampers, curves before and after."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from modal.tuning.quantities import Quantity
 from modal.types import Floats
 
 TUNED_CURVE_POINTS = 400
-"""Format: points of a curve, beside those near its peaks."""
+"""Format: points of a curve, in addition to those near its peaks."""
 
 
 @dataclass(frozen=True)
 class Valley(Displayed):
-    """A minimum that starts led into: its `numbers` and the objective there.
+    """A minimum to which starts converged: its `numbers` and the objective there.
 
     `kept` says whether all limits are, `certain` whether Newton's method settled it.
     """
@@ -36,7 +36,7 @@ class Valley(Displayed):
 
 
 class Rule(NamedTuple):
-    """Best values in closed form for a pendulum, beside those that were found, with the objective that they give."""
+    """Best values in closed form for a pendulum, next to the optimized ones, with the objective that they give."""
 
     absorber: Absorber
     values: dict[str, float]

@@ -279,7 +279,7 @@ def nodes(low: float, high: float, poles: list[complex]) -> Iterator[tuple[Float
 
 
 def _sum(a: Any, b: Any) -> tuple[Any, Any]:
-    """The float next to a + b and what it leaves out (Knuth, TAOCP 2, §4.2.2, theorem B)."""
+    """The float next to a + b and its rounding error (Knuth, TAOCP 2, §4.2.2, theorem B)."""
     total = a + b
     part = total - a
     return total, (a - (total - part)) + (b - part)

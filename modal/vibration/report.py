@@ -21,7 +21,7 @@ from modal.vibration.shock import ShockResponse
 from modal.vibration.thermal import ThermalNoise
 
 POINTS_OF_BAND = 400
-"""Format: frequencies of a PSD in a file or a figure, beside those around resonances."""
+"""Format: frequencies of a PSD in a file or a figure, in addition to those around resonances."""
 PER_RESONANCE = (-10.0, -3.0, -1.0, -0.3, 0.0, 0.3, 1.0, 3.0, 10.0)
 """Distances from a resonance, in half-widths, at which a PSD is printed besides its grid."""
 INFINITE = "∞"
@@ -254,7 +254,7 @@ def named_modes(modes: Modes) -> list[tuple[int, float]]:
 
 
 def thermal_frequencies(noise: ThermalNoise, beside: RandomResponse | None = None, at: Sequence[float] = ()) -> Floats:
-    """Frequencies (Hz) that show every resonance: those of a PSD beside it, or around the modes, and `at`."""
+    """Frequencies (Hz) that show every resonance: those of a given PSD, or around the modes, and `at`."""
     if beside is not None:
         return np.unique(np.concatenate([response_frequencies(beside), at]))
     poles = [pole for pole in poles_of(noise.form) if pole.imag > 0]

@@ -1,9 +1,9 @@
 """The page as one file: markup, style and modules in one document, which may load and send nothing.
 
-The modules are joined in the order of `MODULES`, each below those that it imports, in one script without
-their remarks.  `system.js` becomes
-a function whose result `$system` holds what the module exports; its names are its own, as in a module by itself.  The
-policy of the document admits this script and this style by their digests and nothing else; data are inert text.
+The modules are joined in the order of `MODULES`, each below those that it imports, in one script without remarks.
+`system.js` becomes a function whose result `$system` holds what the module exports; its names are its own, as in a
+module by itself.  The policy of the document admits this script and this style by their digests and nothing else; data
+are inert text.
 """
 
 from __future__ import annotations
@@ -31,7 +31,10 @@ MODAL = (
 )
 PHYSICS = (*MODAL, "equations", "kicks", "motion", "scene_file", "recording")
 """The modules that touch no document; `steps`, `structure`, `tableau`, `whole` and `prescribed` are written."""
-MODULES = (*PHYSICS, "numbers", "view", "picture", "sound", "player", "stage", "table", "controls", "challenges", "main")
+MODULES = (
+    *PHYSICS,
+    *("numbers", "view", "picture", "sound", "player", "stage", "table", "controls", "challenges", "main"),
+)
 LARGEST = 350_000
 """Limit: bytes of a page, which mail and forums take as an attachment."""
 LARGEST_OF_STRUCTURES = 800_000

@@ -166,7 +166,9 @@ def test_on_a_phone_the_scene_stays_in_sight_when_a_mode_is_tapped(
     browser: Chromium, tmp_path: Path, width: int, height: int
 ) -> None:
     browser.size(width, height, still=True)
-    browser.open(written(Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=0.2, count=9)])]), tmp_path))
+    browser.open(
+        written(Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=0.2, count=9)])]), tmp_path)
+    )
     browser.run("document.querySelectorAll('#rows tr')[6].scrollIntoView({ block: 'end' })")
     browser.run("document.querySelectorAll('#rows tr')[6].click()")
     browser.frames(4)
@@ -357,7 +359,8 @@ def test_it_starts_slowly_from_the_scene_s_start_unless_less_motion_is_asked_for
 
 
 SLIDING = """[...document.querySelectorAll('button, select, input')].filter((one) => one.offsetParent)
-  .filter((one) => !one.closest('.scroll') && one.getBoundingClientRect().bottom > innerHeight).map((one) => one.outerHTML)"""
+  .filter((one) => !one.closest('.scroll') && one.getBoundingClientRect().bottom > innerHeight)
+  .map((one) => one.outerHTML)"""
 
 
 @pytest.mark.parametrize("name", ["paper-cart-2", "beam", "tower", "two-bobs", "huygens"])
@@ -424,7 +427,9 @@ def test_notes_are_of_what_is_there(browser: Chromium, tmp_path: Path) -> None:
         browser.frames(1)
         hidden = browser.run("['note-beat', 'note-angle', 'note-star'].map((id) => document.getElementById(id).hidden)")
         seen.append((hidden, browser.run("document.querySelectorAll('td.beat')[0].offsetParent === null")))
-        assert browser.run("[...document.querySelectorAll('label')].some((one) => /drag/i.test(one.innerText))") is False
+        assert (
+            browser.run("[...document.querySelectorAll('label')].some((one) => /drag/i.test(one.innerText))") is False
+        )
     assert seen == [([False, False, False], False), ([True, False, True], True), ([True, False, True], True)]
 
 

@@ -104,6 +104,36 @@ def test_a_page_of_the_manual_can_be_used_by_everyone(
     assert len(result["passes"]) > 15
 
 
+CUT = """[...document.querySelectorAll('article .highlight pre')].filter((one) => one.scrollWidth > one.clientWidth)
+  .map((one) => one.innerText.slice(0, 200))"""
+
+
+@pytest.mark.parametrize("page", [*PART])
+def test_no_line_of_code_is_wider_than_its_column(offline: Chromium, built: Path, page: str) -> None:
+    show(offline, built / f"{page}.html", 1280)
+    assert offline.run(CUT) == []
+
+
+def test_a_line_that_is_cut_off_would_be_seen(offline: Chromium, built: Path) -> None:
+    show(offline, built / f"{LESSON}.html", 1280)
+    offline.run("document.querySelectorAll('article .highlight pre').forEach((one) => (one.style.whiteSpace = 'pre'))")
+    offline.run("document.querySelector('article .highlight pre').textContent = 'x'.repeat(200)")
+    assert offline.run(CUT) != []
+
+
+LONGEST = 15_000  # pixels of a page of the reference of names
+
+
+def test_pages_of_names_are_short_enough_to_scroll(offline: Chromium, built: Path) -> None:
+    if not (pages := sorted((built / "reference" / "api").glob("*.html"))):
+        pytest.skip("only a part of the manual is built: MANUAL names a whole one")
+    heights = {}
+    for page in pages:
+        show(offline, page, 1280)
+        heights[page.stem] = offline.run("document.documentElement.scrollHeight")
+    assert {name: height for name, height in heights.items() if height > LONGEST} == {}
+
+
 @pytest.mark.parametrize("page", ["index", LESSON])
 def test_keys_reach_a_page_of_the_manual(offline: Chromium, built: Path, page: str) -> None:
     """Tab goes to what can be pressed or scrolled, in order, and each place is seen."""

@@ -384,4 +384,11 @@ def test_a_link_is_checked_before_it_is_believed(browser: Chromium) -> None:
     scene = scene | {"title": "Ω <b>"}
     right = {"scene": scene | {"gravity": 1.62}, "y": [0, 1, 2, 0, 0, 0], "selected": 1}
     assert asked(browser, question, [scene, [right]]) == [right]
-    assert asked(browser, "([own, all]) => all.map((one) => $scene_file.unpacked(one, own))", [scene, ["", "%%%", "e30", "bnVsbA"]]) == [None] * 4
+    assert (
+        asked(
+            browser,
+            "([own, all]) => all.map((one) => $scene_file.unpacked(one, own))",
+            [scene, ["", "%%%", "e30", "bnVsbA"]],
+        )
+        == [None] * 4
+    )
