@@ -33,9 +33,9 @@ DOUBLE = Scene(
 def swing(t, start, length, g=9.81):
     """θ and θ' of a pendulum released at rest: sin(θ/2) = k cd(ω t, k)."""
     omega, k = mp.sqrt(mp.mpf(g) / mp.mpf(length)), mp.sin(mp.mpf(start) / 2)
-    functions = {name: mp.ellipfun(name, omega * t, k=k) for name in ("cd", "sd", "nd")}
+    functions = {name: mp.ellipfun(name, omega * t, k=k) for name in ("cd", "sd", "dn")}
     sine = k * functions["cd"]
-    rate = -2 * k * omega * (1 - k**2) * functions["sd"] * functions["nd"] / mp.sqrt(1 - sine**2)
+    rate = -2 * k * omega * (1 - k**2) * functions["sd"] / functions["dn"] / mp.sqrt(1 - sine**2)
     return 2 * mp.asin(sine), rate
 
 
