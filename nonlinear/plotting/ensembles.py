@@ -132,12 +132,12 @@ def _order_along(places: Floats, *, fewest: int = 16, largest_step: float = 0.3)
     Neighbours are nearer than the largest step, over the diagonal of all; of places without an order some are not.
     """
     count = len(places)
-    if count < fewest:
+    if count < fewest or not np.ptp(places, axis=0).any():
         return None
     offsets = places - places.mean(0)
     size = np.abs(np.fft.fft(np.hanning(count) * (offsets[:, 0] + 1j * offsets[:, 1]), 8 * count))
     peaks = np.flatnonzero((size > np.roll(size, 1)) & (size >= np.roll(size, -1)))
-    strongest = peaks[np.argsort(-size[peaks])[:4]]
+    strongest = peaks[np.argsort(-size[peaks])[:4]] if len(peaks) else np.zeros(1, dtype=np.int64)
     rotations = (strongest[:, None] + np.linspace(-1.0, 1.0, 2 * count + 1)).ravel() / (8 * count)
     orders = np.argsort(np.arange(count) * rotations[:, None] % 1.0, axis=1)
     along = places[orders]

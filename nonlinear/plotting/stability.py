@@ -75,7 +75,7 @@ def _smooth(x: Floats, y: Floats, count: int) -> tuple[Floats, Floats]:
     steps = np.nan_to_num(
         np.hypot(*(np.diff(part) / (extent or 1.0) for part, extent in zip((x, y), extents, strict=True)))
     )
-    way = np.append(0.0, np.cumsum(np.maximum(steps, EPS)))
+    way = np.append(0.0, np.cumsum(np.maximum(steps, EPS**0.5)))
     between = np.arange(count * (len(x) - 1) + 1) / count
     fine = np.interp(between, np.arange(len(x)), way)
     if len(x) < 3 or not (np.isfinite(x).all() and np.isfinite(y).all()):

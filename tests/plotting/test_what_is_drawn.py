@@ -101,6 +101,7 @@ def test_islands_are_as_many_curves_and_no_order_is_none() -> None:
     assert len(closed_curves(islands)) == 3
     disorder = np.random.default_rng(1).uniform(size=(200, 2))
     assert closed_curves(disorder) == closed_curves(crossings(0.38, 10)) == []
+    assert closed_curves(np.ones((50, 2))) == []  # a periodic orbit
 
 
 def test_regular_motions_of_a_section_are_joined_and_chaotic_ones_are_not() -> None:
