@@ -151,14 +151,14 @@ def shorten(name: str, letters: int = NAME_LETTERS) -> str:
     return f"{readable_name[: letters - 1 - half]}…{readable_name[len(readable_name) - half :]}"
 
 
-def angle_symbol(*place: int | str) -> str:
-    """The angle of a link as pictures have it, by its pendulum and its number there.
+def angle_symbol(*place: int | str, between: str = "") -> str:
+    """The angle of a link as pictures have it, by its pendulum and its number there; a comma parts longer ones.
 
     >>> angle_symbol(1, 2), angle_symbol(12, 1)
     ('θ₁₂', 'θ₁₂,₁')
     """
-    between = "," if max(map(len, map(str, place))) > 1 else ""
-    return "θ" + between.join(map(str, place)).translate(SUBSCRIPTS)
+    comma = "," if max(map(len, map(str, place))) > 1 else between
+    return "θ" + comma.join(map(str, place)).translate(SUBSCRIPTS)
 
 
 def symbols_in(text: str) -> str:
@@ -179,7 +179,7 @@ def link_names(labels: Sequence[str]) -> list[str]:
     if len(pendula) == len(places):
         return [f"pendulum {pendulum}" for pendulum in pendula]
     between = "," if max(map(len, (number for place in places for number in place))) > 1 else ""
-    return ["θ" + between.join(place).translate(SUBSCRIPTS) for place in places]
+    return [angle_symbol(*place, between=between) for place in places]
 
 
 def signal_words(name: str) -> str:

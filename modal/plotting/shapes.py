@@ -148,8 +148,6 @@ USUAL_PANELS = 12
 """Format: modes that are drawn where none are chosen."""
 PENDULA_MAX = 12
 """Format: most pendula that are drawn as they hang."""
-EQUAL_PENDULA_MAX = 30
-"""Format: the same where some are equal, which hang closer."""
 MARKS_MAX = 40
 """Format: most links of a chain that have marks; of more they would touch."""
 FEW_LINKS = 6
@@ -297,13 +295,14 @@ def layout_of(modes: Modes, rows: Sequence[Mode] = (), amplitude: float = 0.0) -
     assert structure is not None
     copies = [pendulum for pendulum in scene.pendulum for _ in range(pendulum.count)]
     first = np.cumsum([0, *(pendulum.n_links for pendulum in copies)])
-    limit = PENDULA_MAX if len(copies) <= PENDULA_MAX else max(1, EQUAL_PENDULA_MAX // len(scene.pendulum))
+    most = 5 * PENDULA_MAX // 2  # of equal pendula on a structure, which hang closer
+    limit = PENDULA_MAX if len(copies) <= PENDULA_MAX else max(1, most // len(scene.pendulum))
     counts = [pendulum.count for pendulum in scene.pendulum]
     begins = np.cumsum([0, *counts[:-1]]).tolist()
     indices = np.concatenate(
         [begin + np.arange(min(count, limit)) for begin, count in zip(begins, counts, strict=True)]
     )
-    numbers = indices[even_choice(len(indices), EQUAL_PENDULA_MAX)]
+    numbers = indices[even_choice(len(indices), most)]
     chains = tuple(tuple(link for link in copies[k].links for _ in range(link.count)) for k in numbers)
     rests = tuple(modes.rig.rest_angles[first[k] : first[k + 1]] for k in numbers)
     depth = max(_extent(chain) for chain in chains)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
@@ -71,13 +71,8 @@ def random_figure(response: RandomResponse) -> Figure:
         set_frame(axis, "", f"PSD ({_per_hertz(unit)})", f"response: {QUANTITIES.get(unit, unit)}")
         _logarithmic(axis)
         legend(axis, 2, least_count=1)
-    panels[-1].set_xlabel("frequency (Hz)")
     _logarithmic(panels[0])
-    panels[0].set(xscale="log", xlim=(f[0], f[-1]))
-    log_ticks(panels[-1].xaxis, f[-1] / f[0])
-    inside = [(number, rate) for number, rate in named_modes(response.modes) if f[0] <= rate <= f[-1]]
-    for axis in panels[1:]:
-        mark_modes(axis, inside, has_numbers=False)
+    _over_frequency(panels, f, named_modes(response.modes), panels[1:])
     headline(figure, title_of(response.modes.scene), "random vibration")
     return figure
 
@@ -117,14 +112,19 @@ def thermal_figure(noise: ThermalNoise, beside: RandomResponse | None = None, at
         )
         _logarithmic(axis)
         legend(axis, 2, least_count=1)
+    _over_frequency(panels, f, named_modes(noise.modes), panels)
+    headline(figure, title_of(noise.scene), f"thermal noise at {noise.temperature:g}\N{NO-BREAK SPACE}K")
+    return figure
+
+
+def _over_frequency(panels: Any, f: Floats, modes: Iterable[tuple[int, float]], marked: Iterable[Axes]) -> None:
+    """The axis of frequencies (Hz) that all panels share, with the modes dotted in those that are `marked`."""
     panels[-1].set_xlabel("frequency (Hz)")
     panels[0].set(xscale="log", xlim=(f[0], f[-1]))
     log_ticks(panels[-1].xaxis, f[-1] / f[0])
-    inside = [(number, rate) for number, rate in named_modes(noise.modes) if f[0] <= rate <= f[-1]]
-    for axis in panels:
+    inside = [(number, rate) for number, rate in modes if f[0] <= rate <= f[-1]]
+    for axis in marked:
         mark_modes(axis, inside, has_numbers=False)
-    headline(figure, title_of(noise.scene), f"thermal noise at {noise.temperature:g}\N{NO-BREAK SPACE}K")
-    return figure
 
 
 def _place_words(scene: Scene, place: str) -> str:

@@ -4,8 +4,7 @@ A `Scaffold` is made once for a scene; `Scaffold.pieces(eta, joints)` are lines 
 right and up, for F instants or F extremes of a mode.  Carts on one place that springs join into a line from the ground
 are the storeys of a tower.  Where other things would be drawn upon each other they are set apart along the rail:
 carriers whose bodies overlap, and pendula that hang from one point; long gaps between carriers are shortened.  All is
-plain arithmetic of η and
-the joints, which may be recorded symbols.
+plain arithmetic of η and the joints, which may be recorded symbols.
 """
 
 from __future__ import annotations

@@ -85,7 +85,7 @@ def _shades(figure: Figure, axis: Axes, basins: Basins) -> None:
 def section_figure(section: PoincareSection) -> Figure:
     """Every crossing as a dot, a shade for each motion, the darker the faster its first crossing; closed curves joined.
 
-    A regular motion crosses on one closed curve, or on a ring of up to ISLANDS_MAX.
+    A regular motion crosses on one closed curve, or on a ring of them.
     """
     figure = sheet_of_rows(2)
     axis = figure.subplots()
@@ -108,23 +108,16 @@ def section_figure(section: PoincareSection) -> Figure:
     return figure
 
 
-ISLANDS_MAX = 12
-"""Format: islands of one motion up to which its closed curves are looked for."""
-CURVE_CROSSINGS = (16, 200)
-"""Format: crossings from which on a curve is seen, and with which at most it is drawn."""
-STEP_ALONG_CURVE = 0.3
-"""Format: largest distance of neighbours on a closed curve over its diagonal; without an order they are farther."""
-
-
-def closed_curves(crossings: Floats) -> list[Floats]:
+def closed_curves(crossings: Floats, *, islands: int = 12, longest: int = 200) -> list[Floats]:
     """The closed curves (K + 1, 2) on which successive crossings (C, 2) lie in turn; none of an irregular motion.
 
-    On one curve crossing n is at the phase nρ, by which they are in order; on two every other one, and so on.
+    Up to so many `islands` are looked for, and at most the `longest` part of each is drawn.  On one curve crossing n is
+    at the phase nρ, by which they are in order; on two every other one, and so on.
     """
-    for count in range(1, ISLANDS_MAX + 1):
+    for count in range(1, islands + 1):
         curves = []
         for start in range(count):
-            order = _order_along(crossings[start::count][: CURVE_CROSSINGS[1]])
+            order = _order_along(crossings[start::count][:longest])
             if order is None:
                 break
             curves.append(crossings[start::count][[*order, order[0]]])
@@ -133,22 +126,25 @@ def closed_curves(crossings: Floats) -> list[Floats]:
     return []
 
 
-def _order_along(places: Floats) -> Ints | None:
-    """The order of places (K, 2) along the closed curve that they follow with one rotation number; None without one."""
+def _order_along(places: Floats, *, fewest: int = 16, largest_step: float = 0.3) -> Ints | None:
+    """The order of places (K, 2) along the closed curve that they follow with one rotation number; None without one.
+
+    Neighbours are nearer than the largest step, over the diagonal of all; of places without an order some are not.
+    """
     count = len(places)
-    if count < CURVE_CROSSINGS[0]:
+    if count < fewest or not np.ptp(places, axis=0).any():
         return None
     offsets = places - places.mean(0)
     size = np.abs(np.fft.fft(np.hanning(count) * (offsets[:, 0] + 1j * offsets[:, 1]), 8 * count))
     peaks = np.flatnonzero((size > np.roll(size, 1)) & (size >= np.roll(size, -1)))
-    strongest = peaks[np.argsort(-size[peaks])[:4]]
+    strongest = peaks[np.argsort(-size[peaks])[:4]] if len(peaks) else np.zeros(1, dtype=np.int64)
     rotations = (strongest[:, None] + np.linspace(-1.0, 1.0, 2 * count + 1)).ravel() / (8 * count)
     orders = np.argsort(np.arange(count) * rotations[:, None] % 1.0, axis=1)
     along = places[orders]
     steps = np.linalg.norm(along - np.roll(along, 1, axis=1), axis=2)
     best = int(steps.sum(1).argmin())
     diagonal = float(np.linalg.norm(np.ptp(places, axis=0)))
-    return orders[best] if steps[best].max() <= STEP_ALONG_CURVE * diagonal else None
+    return orders[best] if steps[best].max() <= largest_step * diagonal else None
 
 
 def _crossing(text: str) -> str:

@@ -22,8 +22,6 @@ LINES: dict[bool, Any] = {True: COMPUTED, False: UNSTABLE}
 """Of what is stable, and of what is not."""
 LABELS = ("largest angle (°)", "angular frequency ω (rad/s)", "growth rate (1/s)")
 """Of the panels of branches along a number."""
-POINTS_BETWEEN = 12
-"""Format: points of a smooth curve for each that was computed."""
 
 
 class DrawnBranch(NamedTuple):
@@ -56,26 +54,29 @@ def figure_along(scene: Scene, variation: Variation, labels: Sequence[str], bran
     return figure
 
 
-def draw_branch(axis: Axes, x: Floats, y: Floats, is_stable: Sequence[bool], number: int) -> None:
-    """One branch, in smooth pieces of equal stability that meet; unstable ones are half as wide, and above."""
+def draw_branch(axis: Axes, x: Floats, y: Floats, is_stable: Sequence[bool], number: int, *, steps: int = 12) -> None:
+    """One branch, in smooth pieces of equal stability that meet; unstable ones are half as wide, and above.
+
+    There are so many `steps` of a smooth curve for each that was computed.
+    """
     fates = np.array(is_stable)
     breaks = [0, *(np.flatnonzero(np.diff(fates)) + 1), len(fates)]
-    fine_x, fine_y = _smooth(x, y)
+    fine_x, fine_y = _smooth(x, y, steps)
     for start, stop in pairwise(breaks):
-        piece = slice(POINTS_BETWEEN * max(start - 1, 0), POINTS_BETWEEN * (stop - 1) + 1)
+        piece = slice(steps * max(start - 1, 0), steps * (stop - 1) + 1)
         fate = bool(fates[start])
         look = {"color": colour(number), "ls": LINES[fate], "lw": narrowing(number) * (1.0 if fate else 0.5)}
         axis.plot(fine_x[piece], fine_y[piece], **look, zorder=3 if fate else 3.5, label=f"_{number}")
 
 
-def _smooth(x: Floats, y: Floats) -> tuple[Floats, Floats]:
+def _smooth(x: Floats, y: Floats, count: int) -> tuple[Floats, Floats]:
     """Both with points between along the curve, by cubics that turn only where the curve does [Fritsch1984]."""
     extents = [float(np.ptp(part[np.isfinite(part)])) if np.isfinite(part).any() else 0.0 for part in (x, y)]
     steps = np.nan_to_num(
         np.hypot(*(np.diff(part) / (extent or 1.0) for part, extent in zip((x, y), extents, strict=True)))
     )
-    way = np.append(0.0, np.cumsum(np.maximum(steps, EPS)))
-    between = np.arange(POINTS_BETWEEN * (len(x) - 1) + 1) / POINTS_BETWEEN
+    way = np.append(0.0, np.cumsum(np.maximum(steps, EPS**0.5)))
+    between = np.arange(count * (len(x) - 1) + 1) / count
     fine = np.interp(between, np.arange(len(x)), way)
     if len(x) < 3 or not (np.isfinite(x).all() and np.isfinite(y).all()):
         return np.interp(fine, way, x), np.interp(fine, way, y)

@@ -91,3 +91,5 @@ def test_a_smooth_curve_goes_through_its_points_and_no_farther() -> None:
     assert np.hypot(x, y) == pytest.approx(np.ones(len(x)), abs=7e-3)
     assert np.abs(y).max() <= np.sin(1.6)
     assert np.abs(np.hypot(x[::12], y[::12]) - 1).max() < 1e-12
+    draw_branch(axis, np.array([0.0, 30.0, 30.0, 31.0]), np.array([0.0, 1.0, 1.0, 0.0]), [True] * 4, 1)  # a point twice
+    assert np.isfinite(axis.lines[1].get_ydata()).all()

@@ -101,17 +101,17 @@ def test_islands_are_as_many_curves_and_no_order_is_none() -> None:
     assert len(closed_curves(islands)) == 3
     disorder = np.random.default_rng(1).uniform(size=(200, 2))
     assert closed_curves(disorder) == closed_curves(crossings(0.38, 10)) == []
+    assert closed_curves(np.ones((50, 2))) == []  # a periodic orbit
 
 
 def test_regular_motions_of_a_section_are_joined_and_chaotic_ones_are_not() -> None:
-    """Of two bobs at 14 J some motions are regular, at 30 J hardly any; each has a shade of one hue."""
-    some, none = (find_section(load("chain-2"), 200.0, energy=energy, members=8) for energy in (14.0, 30.0))
+    """Of two bobs at 14 J some motions are regular, most are not; each has a shade of one hue."""
+    section = find_section(load("chain-2"), 200.0, energy=14.0, members=8)
     with theme("light"):
-        figures = [section_figure(section) for section in (some, none)]
-    curves = [[line for line in figure.axes[0].lines if line.get_linestyle() == "-"] for figure in figures]
-    assert len(curves[0]) >= 2
-    assert curves[1] == []
-    hues = {line.get_color() for line in figures[0].axes[0].lines}
+        lines = section_figure(section).axes[0].lines
+    regular = {line.get_color() for line in lines if line.get_linestyle() == "-"}
+    assert 2 <= len(regular) <= 4
+    hues = {line.get_color() for line in lines}
     assert len(hues) == 8
     assert all(blue > green > red for red, green, blue in map(to_rgb, hues))
 
