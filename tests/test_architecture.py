@@ -24,6 +24,7 @@ HEAVY = {
     "scipy": {
         "modal.eigen.product",
         "modal.scene.tables",
+        "modal.statespace.channels",
         "modal.statespace.hoisting",
         "modal.statespace.insensitive",
         "modal.statespace.regulator",

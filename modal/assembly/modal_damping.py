@@ -50,12 +50,7 @@ def frequencies(rig: Rig) -> Floats:
     rates = [_eigen(*system[:3])[0] for system in _systems(rig)]
     if rig.leading:
         rates.append(np.zeros(Hanging(rig).free.shape[1]))
-    return _different(np.concatenate(rates))
-
-
-def _different(rates: Floats) -> Floats:
-    """The finite ones of these rates by size, those that agree once."""
-    sizes = np.sort(np.abs(rates))
+    sizes = np.sort(np.abs(np.concatenate(rates)))
     sizes = sizes[np.isfinite(sizes)]
     return np.asarray(sizes[np.append(True, np.diff(sizes) > EPS**0.5 * sizes[1:])])
 

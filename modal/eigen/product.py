@@ -34,7 +34,7 @@ def product_modes(stiffness: SquareSum, inertia: SquareSum, free: int = 0) -> tu
     ComputationError where M is singular, or double precision does not suffice.
     """
     number_type: Any = np.longdouble if is_wide(inertia.rows.shape[1]) else np.float64
-    F1, F2 = (_root(factor, number_type) for factor in (stiffness, inertia))
+    F1, F2 = (np.sqrt(factor.size.astype(number_type))[:, None] * factor.rows for factor in (stiffness, inertia))
     n = F2.shape[1]
     if n == free:
         return np.zeros(0), np.zeros((n, 0))
@@ -53,11 +53,6 @@ def product_modes(stiffness: SquareSum, inertia: SquareSum, free: int = 0) -> tu
     for j in reversed(range(n)):  # quicker than LAPACK's threads where n is small
         shapes[order[j]] = u[j] = (u[j] - R[j, j + 1 :].astype(float) @ u[j + 1 :]) / float(R[j, j])
     return omega, shapes / size[:, None].astype(float)
-
-
-def _root(factor: SquareSum, number_type: Any) -> Any:
-    """F (E, n) with FᵀF the sum."""
-    return np.sqrt(factor.size.astype(number_type))[:, None] * factor.rows
 
 
 def _triangular(F: Any) -> tuple[Any, Ints]:

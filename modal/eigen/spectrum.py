@@ -229,7 +229,10 @@ def find_spectrum(rig: Rig, limits: Limits = EVERYTHING) -> ModalSpectrum:
         parts = list(batches(rig, limits))
         values = np.concatenate([batch.source.eigenvalue[batch.rows] for batch in parts])
         if rig.damping_ratio:
-            values = _add_damping(values, np.concatenate([_is_conservative(batch) for batch in parts]), _ratio_at(rig))
+            # modes iω to which no other dampers belong have the eigenvalues −ζω + iω√(1−ζ²)
+            swings = np.concatenate([_is_conservative(batch) for batch in parts]) & (values.imag > 0)
+            zeta = _ratio_at(rig)(values[swings].imag)
+            values[swings] *= np.sqrt((1 - zeta) * (1 + zeta)) + 1j * zeta
         errors = np.concatenate([batch.source.error[batch.rows] for batch in parts])
     except np.linalg.LinAlgError:
         raise ComputationError("the ratios in this scene are beyond double precision on its dense route") from None
@@ -265,12 +268,3 @@ def _compare_with_states(rig: Rig, parts: Sequence[Batch]) -> None:
 def _is_conservative(batch: Batch) -> Booleans:
     """Which rows (R,) of a batch are eigenvalues without any dampers."""
     return np.full(len(batch.rows), not batch.source.is_damped)
-
-
-def _add_damping(values: NDArray[np.complex128], is_conservative: Booleans, ratio: RatioAt) -> NDArray[np.complex128]:
-    """The eigenvalues −ζω + iω√(1−ζ²) of those modes iω to which no other dampers belong."""
-    swings = is_conservative & (values.imag > 0)
-    zeta = ratio(values[swings].imag)
-    eigenvalues = values.copy()
-    eigenvalues[swings] *= np.sqrt((1 - zeta) * (1 + zeta)) + 1j * zeta
-    return eigenvalues

@@ -30,7 +30,7 @@ from modal.scene.sealed import (
 from modal.statespace import Signal, StateSpace, to_modal_form
 from modal.statespace.sampling import VaryingModel
 from modal.statespace.transfer import transfer_functions
-from modal.types import Complexes, Floats
+from modal.types import Complexes
 
 KINDS = ("states", "inputs", "outputs")
 SHAPES = {"A": ("states", "states"), "B": ("states", "inputs"), "C": ("outputs", "states"), "D": ("outputs", "inputs")}
@@ -84,11 +84,7 @@ def _json_fields(model: StateSpace) -> Iterator[str]:
     for kind in KINDS:
         yield _json_list(kind, [json_text(signal._asdict(), None) for signal in getattr(model, kind)])
     for name, values in matrices(model):
-        yield _json_matrix(name, values)
-
-
-def _json_matrix(name: str, values: Floats) -> str:
-    return _json_list(name, [f"[{', '.join(row)}]" for row in digits(values)])
+        yield _json_list(name, [f"[{', '.join(row)}]" for row in digits(values)])
 
 
 def _json_list(name: str, items: list[str]) -> str:

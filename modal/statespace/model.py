@@ -375,7 +375,11 @@ def _partition(
         given[0, 2 * geometry.size] = 1.0
         K, D, F = (part[1:] for part in _split(geometry, K, D, np.hstack([pushed_by_support, F]), given))
     else:
-        translation = _translation(geometry)
+        # the motion (q,) in which everything translates along the rail by 1 m, where there is one
+        motion = np.zeros(geometry.size)
+        motion[: geometry.leading] = [coordinate.along for coordinate in geometry.coordinates]
+        carriers = all(_may_translate(carrier) for carrier in geometry.structure.carriers)
+        translation = motion if carriers and np.all(geometry.centres @ motion == 1.0) else None
         if translation is None:
             pushed_by_support = -geometry.momentum[:, None]
         K, D = np.hstack([0 * pushed_by_support, K]), np.hstack([geometry.windage[:, None], D])
@@ -392,14 +396,6 @@ def _split(
     solution = accelerations(geometry, np.hstack([K, D, F]), given)
     K, D, F = np.split(solution, np.cumsum([K.shape[1], D.shape[1]]), axis=1)
     return K, D, F
-
-
-def _translation(geometry: Geometry) -> Floats | None:
-    """The motion (q,) in which everything translates along the rail by 1 m; None where there is none."""
-    motion = np.zeros(geometry.size)
-    motion[: geometry.leading] = [coordinate.along for coordinate in geometry.coordinates]
-    carriers = all(_may_translate(carrier) for carrier in geometry.structure.carriers)
-    return motion if carriers and np.all(geometry.centres @ motion == 1.0) else None
 
 
 def _may_translate(carrier: CarrierNumbers) -> bool:

@@ -295,7 +295,7 @@ def balance(model: StateSpace, count: int) -> Balanced:
     _require_damping(values)
     reach, sight = (
         _root(_gramian(model.A, values, V, model.B)),
-        _root(_gramian(model.A.T, *_duals(values, V), model.C.T)),
+        _root(_gramian(model.A.T, values, np.asarray(np.linalg.inv(V).T, dtype=np.complex128), model.C.T)),
     )
     U, hankel, Wt = np.linalg.svd(sight.T @ reach)
     order = int(np.count_nonzero(hankel > np.sqrt(EPS) * hankel[0]))  # of square roots of rounded gramians
@@ -332,11 +332,6 @@ def _require_damping(values: Complexes) -> None:
             f"balanced reduction needs a stable, damped model: a mode {what} (λ = {value:.3g} 1/s); modal truncation "
             "does without, and where no input reaches this mode or no output sees it, make the model minimal first"
         )
-
-
-def _duals(values: Complexes, V: Complexes) -> tuple[Complexes, Complexes]:
-    """Eigenvalues and eigenvectors of Aᵀ."""
-    return values, np.asarray(np.linalg.inv(V).T, dtype=np.complex128)
 
 
 def _gramian(A: Floats, values: Complexes, V: Complexes, B: Floats) -> Floats:
