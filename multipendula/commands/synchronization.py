@@ -189,8 +189,8 @@ COMMANDS = (
             ("sync metronomes -o sync.png --film sync.gif", "two metronomes on a light base, with a figure and a film"),
             ("sync huygens --vary support.mass=3:30:3log -o branches.png", "the range of each steady oscillation"),
             (
-                "sync metronomes --vary support.mass=0.05:0.2:4 --map --members 12 -o map.png",
-                "what two metronomes end in on bases of 0.05 to 0.2 kg, and how often",
+                "sync metronomes --vary support.mass=0.1:0.2:2 --map --members 2 -o map.png",
+                "what two metronomes end in on bases of 0.1 and 0.2 kg, and how often",
             ),
             ("sync two-swings --duration 60", "two swings with 15 metronomes each, of which half agree"),
         ),

@@ -26,9 +26,8 @@ PATTERN_PHASE_MAX = np.pi / 6
 def own_amplitudes(state: RelativeEquilibrium) -> Complexes:
     """η (N,) in rad of every pendulum, in the strongest fixed-base mode of the strongest band."""
     amplitudes = state.averaged
-    return amplitudes_of(
-        amplitudes.link_shapes @ np.where(amplitudes.band == state.band, state.z, 0j), amplitudes.system
-    )
+    links = amplitudes.link_shapes @ np.where(amplitudes.band == state.band, state.z, 0j)
+    return amplitudes_of(np.asarray(links, dtype=np.complex128), amplitudes.system)
 
 
 def amplitudes_of(links: Complexes, system: System) -> Complexes:

@@ -20,7 +20,7 @@ from nonlinear import chaos, ensembles, identification, orbits, sweeps, synchron
 CREW = {"--workers", "--scheduler"}
 OF_COMMAND = {
     "orbits": {"--enter", "--depth", "--settled", "--duration", "--film"},
-    "sync": {"--film", "--words"},
+    "sync": {"--film", "--words", "--map"},
     "chaos": {"--quick"},
     "fit": {"--picture", "--report", "--where", "--every", "--angles", "--column", "--pixel", "--bootstrap"},
     "tune": {"--picture", "--report", "--largest-angle"},
@@ -34,7 +34,7 @@ FUNCTIONS: dict[str, tuple[Callable[..., Any], ...]] = {
     "section": (ensembles.find_section, ensembles.find_strobes, ensembles.ensemble),
     "spread": (sweeps.find_spread, ensembles.ensemble),
     "orbits": (orbits.nonlinear_mode, orbits.mode_along, orbits.follow_cycles, orbits.follow_forced_orbits),
-    "sync": (synchronization.study_synchronization, synchronization.follow_branches),
+    "sync": (synchronization.study_synchronization, synchronization.follow_branches, ensembles.find_rhythms),
     "chaos": (chaos.lyapunov_exponent, chaos.measure),
     "fit": (identification.fit, identification.compare),
     "tune": (tuning.tune,),
