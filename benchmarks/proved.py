@@ -3,7 +3,7 @@
     python benchmarks/proved.py [SECONDS [SCENE ...]]
 
 Each scene is simulated from its own start, or its first swinging mode at its usual angle, to an accuracy of 1e-6 rad
-and at the default tolerance.  What no tube follows, or takes longer than 20 s of processor time, is listed with the reason.
+and at two tolerances.  What no tube follows, or takes longer than 20 s of processor time, is listed with the reason.
 """
 
 import signal
