@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from modal.lazy import lazy_attributes
 
 if TYPE_CHECKING:
+    from modal.exact.assembly import flint
     from modal.exact.characteristic import (
         Polynomial,
         Variable,
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
         exact_links,
         of_scene,
     )
-    from modal.exact.enclosures import enclose, flint
+    from modal.exact.enclosures import enclose
     from modal.exact.polynomials import isolate, multiple, product, total
 
 __all__ = [
