@@ -32,8 +32,6 @@ Numbers = Floats | Complexes
 
 SAMPLES = 12
 """Cost: instants of a period, exact for five harmonics, and amplitudes on the circle; more would find nothing else."""
-RADIUS = 0.1
-"""Tolerance: of the circle, per radian and per length of a spring; order m + SAMPLES enters in that power of it."""
 
 
 class Expansion(NamedTuple):
@@ -204,7 +202,8 @@ class FiniteMotion:
         M, K, D = self.matrices
         inertia = float(phi @ M @ phi) * omega**2
         tau = 2 * np.pi * np.arange(SAMPLES) / SAMPLES
-        a = RADIUS / self.reach(phi) * np.exp(2j * np.pi * np.arange(SAMPLES) / SAMPLES)[:, None]
+        radius = EPS ** (1 / (highest + SAMPLES)) / self.reach(phi)  # where rounding is what higher orders leave
+        a = radius * np.exp(2j * np.pi * np.arange(SAMPLES) / SAMPLES)[:, None]
         parts, pushes = [phi[:, None] * np.cos(tau)], list[Floats]()
         for order in range(2, highest + 1):
             q = self.rest[:, None, None] + sum(a**m * part[:, None] for m, part in enumerate(parts, start=1))

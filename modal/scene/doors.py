@@ -53,7 +53,8 @@ def checked(function: Function) -> Function:
 
     @wraps(function)
     def checking(*arguments: Any, **keywords: Any) -> Any:
-        refuse_any(door.problems(arguments, keywords))
+        if problems := list(door.problems(arguments, keywords)):
+            raise SceneError(problems)
         return function(*arguments, **keywords)
 
     return checking  # type: ignore[return-value]

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from modal.errors import ComputationError
+from modal.errors import ComputationError, SceneError
 from modal.report import Displayed, Drawable, Form, ReportTable, Result, finite, silent
 from modal.scene import Scene, describe
 from modal.scene.doors import checked, checked_index, checked_number
@@ -59,7 +59,7 @@ def wilson(count: int, total: int) -> tuple[float, float]:
     """The 95 % interval of a share of which `count` of `total` were counted.
 
     >>> tuple(round(end, 4) for end in wilson(0, 300)), tuple(round(end, 4) for end in wilson(150, 300))
-    ((0.0, 0.0126), (0.4437, 0.5563))
+    ((0.0, 0.0126), (0.4438, 0.5562))
     """
     z, p = 1.959963984540054, count / total
     middle, width = p + z * z / (2 * total), z * sqrt(p * (1 - p) / total + z * z / (4 * total**2))
@@ -521,6 +521,7 @@ def _distance(value: float, chain: list[tuple[float, float]]) -> float:
     return abs(chain[-1][0] - value)
 
 
+@checked
 def find_rhythm_grid(
     scene: Scene,
     axes: Sequence[Variation],
@@ -531,6 +532,8 @@ def find_rhythm_grid(
     **options: Any,
 ) -> RhythmGrid:
     """The rhythms over two numbers, borders along the first; `options` are those of `find_rhythms`."""
+    if len(axes) != 2:
+        raise SceneError([f"axes: a grid has two numbers, not {len(axes)}"])
     first, second = axes
     count = len(first.values)
     maps = []

@@ -209,7 +209,7 @@ def enclose_motion(
     >>> from nonlinear.integration import enclose_motion
     >>> tube = enclose_motion(load("chain-1"), 1.0, radius=1e-20, output=3)
     >>> tube.rows[-1].balls[0].words, tube.radius < 1e-20
-    ('-0.17440839374149443', True)
+    ('-0.17451208681762761', True)
     """
     require(scene, "a proved motion")
     flint()

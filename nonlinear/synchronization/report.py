@@ -31,7 +31,7 @@ from modal.report import (
     with_unit,
 )
 from modal.scene import Scene, describe, title_of
-from modal.scene.doors import require_type
+from modal.scene.doors import checked, require_type
 from modal.scene.parameters import Variation
 from modal.types import Crew
 from nonlinear.averaging import ASIDE, RelativeEquilibrium
@@ -597,6 +597,7 @@ class AveragedThreshold(NamedTuple):
 DRAINS = {"loses stability": "begins to drain it", "becomes stable": "no longer drains it"}
 
 
+@checked
 def averaged_thresholds(
     scene: Scene, vary: str | Variation, *, crew: Crew | None = None
 ) -> tuple[AveragedThreshold, ...]:
