@@ -19,6 +19,7 @@ import numpy as np
 from modal.errors import ComputationError
 from modal.report import Displayed, Summary
 from modal.scene import Scene
+from modal.scene.doors import checked
 from modal.types import Complexes, Floats, Ints
 from nonlinear.orbits import Orbit, periodic_orbit
 from nonlinear.postprocessing.returns import JUDGED_STROBES, Returns, natural_units, repetition, slow_rotation
@@ -145,6 +146,7 @@ def _is_chimera(last: Floats, scene: Scene) -> bool:
     return False
 
 
+@checked
 def ending_orbit(scene: Scene, ending: Ending) -> Orbit | None:
     """The orbit of a periodic ending, None where Newton's method finds none."""
     if ending.kind != PERIODIC:

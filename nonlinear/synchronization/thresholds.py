@@ -18,7 +18,7 @@ import scipy
 from modal.errors import ComputationError
 from modal.report import Displayed, Summary, TextResult, counted, silent
 from modal.scene import Scene, require
-from modal.scene.doors import formerly
+from modal.scene.doors import checked, formerly
 from modal.scene.parameters import Variation, variation_of, vary
 from modal.types import Crew, Floats, map_by_crew
 from nonlinear.averaging import averaged_pattern, patterns_of, rest_growth
@@ -141,6 +141,7 @@ class PopulationDiagram(TextResult):
             yield begin, high
 
 
+@checked
 def has_patterns(scene: Scene) -> bool:
     """Whether the populations of a scene have symmetric motions."""
     return scene.is_structured and len(populations_of(scene)) <= 2 and not any(representation_obstacles(scene))
