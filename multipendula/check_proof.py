@@ -400,6 +400,10 @@ def judge_counts(row: Data, claim: Data, blocks: list[Sums], w: Q, e: Q, bits: i
     least, most = (w * (1 - e)) ** 2, (w * (1 + e)) ** 2
     least, most = (-most, -least) if grows else (least, most)
     (low, high), (first, last) = map(Q, claim["omega_squared"]), claim["numbers"]
+    if not (type(first) is type(last) is int):
+        raise NotProvedError("its numbers are no whole numbers")
+    if grows and abs(Q(row["growth_rate_per_s"]) - w) > e * w:
+        raise NotProvedError("its growth rate is another than its omega")
     if not least <= low <= high <= most:
         raise NotProvedError("it is counted elsewhere than within the bound of the table")
     gain = 1 if bits and low < high else 0
@@ -423,7 +427,7 @@ def judge_roots(row: Data, claim: Data, blocks: list[Sums], w: Q, e: Q) -> str:
     )
     near, far = w * (1 - e) + radius, w * (1 + e) - radius
     is_near = min(radius, far) >= 0 and near**2 <= re * re + im * im <= far**2
-    if not is_near or abs(re + zeta * w) > e * w:
+    if im < 0 or not is_near or abs(re + zeta * w) > e * w:
         raise NotProvedError("its root is sought elsewhere than within the bound of the table")
     roots = count_roots(blocks, re, im, radius)
     if claim["roots"] != roots or (w and roots != row["multiplicity"]) or not roots:

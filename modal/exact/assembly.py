@@ -31,6 +31,11 @@ Row = dict[int, Ball]
 """The entries of a row by the numbers of their coordinates."""
 
 
+def is_zero(ball: Ball) -> bool:
+    """Whether a ball is 0 and nothing else: `!=` also says no where it only contains 0."""
+    return bool(ball == 0)
+
+
 def flint() -> Any:
     """The python-flint module; MissingExtraError where it is not installed."""
     try:
@@ -65,7 +70,7 @@ class BlockInBalls:
 
     def add(self, S: list[Row], size: Ball, *rows: Row) -> None:
         """A size times the squares of rows, to M or K."""
-        for row in rows if size != 0 else ():
+        for row in () if is_zero(size) else rows:
             for i, a in row.items():
                 for j in (j for j in row if j <= i):
                     S[i][j] = S[i].get(j, 0) + size * a * row[j]
@@ -263,7 +268,7 @@ class Assembly:
         zeros = [arb(0)] * body.size
         moving = body.moving(in_arb(end.where), zeros, zeros)
         along, down = (
-            {first + k: arb(row[way]) for k, row in enumerate(moving.slopes) if row[way] != 0} for way in (0, 1)
+            {first + k: arb(row[way]) for k, row in enumerate(moving.slopes) if not is_zero(row[way])} for way in (0, 1)
         )
         return PointInBalls(along, down, {} if body.turning is None else {first + body.turning: arb(1)}, moving.place)
 
@@ -275,7 +280,7 @@ class Assembly:
         for k, link in enumerate(links):
             l, share, new = link.length, link.centre / link.length, {block.coordinate(): unit}
             lower, angle = new, combine((link.cosine / l, new), (-link.cosine / l, upper.along))
-            if link.sine != 0:
+            if not is_zero(link.sine):
                 lower, angle = combine((unit, upper.along), (l * link.cosine, new)), new
             centre, bend = (
                 combine((share, lower), (1 - share, upper.along)),
@@ -288,7 +293,7 @@ class Assembly:
             block.add(K, times * link.spring, bend)
             if first is not None:
                 self.joints[first + k] = upper._replace(turn=angle), lower, link
-            down = combine((unit, upper.down), (-l * link.sine, angle)) if link.sine != 0 else upper.down
+            down = combine((unit, upper.down), (-l * link.sine, angle)) if not is_zero(link.sine) else upper.down
             upper = PointInBalls(lower, down, angle, (upper.place[0], upper.place[1] + l * link.cosine))
 
     def _end(self, end: End) -> PointInBalls | None:

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from modal.eigen.amplitude import ONE_PERCENT
-from modal.errors import ComputationError, MultipendulaError
+from modal.errors import ComputationError, MultipendulaError, SceneError
 from modal.modes import Mode, Modes, tables
 from modal.report import as_json
 from modal.scene import Fixed, Scene, dumps, example_names, require
@@ -58,6 +58,8 @@ def evidence(options: argparse.Namespace, modes: Modes, rows: list[Mode], starre
         rows, starred = angles_by_orbits(modes, rows)
     if options.prove:
         in_a_folder(options.prove, option="--prove")
+        if not options.prove.endswith(".json") or options.prove in (options.scene, options.output):
+            raise SceneError([f"--prove {options.prove}: a proof is a .json file of its own"])
         with bar(float(len(rows)), "row", "proof") as report, output(options.prove) as write:
             text, proofs = prove(modes, rows, options.scene, report)
             write(text)

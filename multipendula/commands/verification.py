@@ -76,13 +76,14 @@ def _general(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, str]:
 def _judge(trajectory: Trajectory) -> None:
     """A note on the true error of a run, by a tube that provably contains the motion."""
     from nonlinear.integration import enclose_motion
+    from nonlinear.integration.tubes import at_most
 
     times = trajectory.times - trajectory.times[0]
     with bar(float(times[-1]), "s", "proof") as report:
         tube = enclose_motion(
             trajectory.scene, float(times[-1]), output=times, start=trajectory.motion[0], report=report
         )
-    remark(f"proved: no angle of the run is off by more than {tube.distance(trajectory).max():.1e} rad")
+    remark(f"proved: no angle of the run is off by more than {at_most(tube.distance(trajectory).max())} rad")
 
 
 def _place(options: argparse.Namespace) -> None:

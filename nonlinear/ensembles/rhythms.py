@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from modal.errors import ComputationError, SceneError
+from modal.errors import MultipendulaError, SceneError
 from modal.report import Displayed, Drawable, Form, ReportTable, Result, finite, silent
 from modal.scene import Scene, describe
 from modal.scene.doors import checked, checked_index, checked_number
@@ -189,7 +189,7 @@ class RhythmMap(Drawable, Result):
         values = (*few[:-1], self.variation.values[-1])
         try:
             return averaged_thresholds(self.scene, replace(self.variation, values=values))
-        except ComputationError:
+        except MultipendulaError:
             return ()
 
     def distance(self, threshold: AveragedThreshold) -> float | None:
@@ -205,6 +205,10 @@ class RhythmMap(Drawable, Result):
     def shares(self, name: str) -> list[float]:
         """The share of starts that end in rhythms of a name, at every value."""
         return [sum(rhythm.share for rhythm in value.rhythms if rhythm.name == name) for value in self.values]
+
+    def intervals(self, name: str) -> list[tuple[float, float]]:
+        """The 95 % intervals of these shares."""
+        return [wilson(round(share * self.members), self.members) for share in self.shares(name)]
 
     def records(self) -> Iterator[dict[str, Any]]:
         """A row for each rhythm at each value, and for what is undecided."""
@@ -339,12 +343,14 @@ def find_rhythms(
     variation = parse_variations([vary])[0] if isinstance(vary, str) else vary
     require_cycles(scene, variation)
     checked_index("members", members, 1, MEMBERS_MAX)
+    period = slowest_period(scene)
     box = (
         checked_number("largest_deg", largest_deg, 0.0)
         if largest_deg is not None
         else min(2 * drive_angle(scene), 180.0)
     )
-    longest = checked_number("limit", limit, 0.0) if limit is not None else LIMIT_PERIODS * slowest_period(scene)
+    checked_index("seed", seed, 0, 2**63)
+    longest = checked_number("limit", limit, period) if limit is not None else LIMIT_PERIODS * period
     task = MapTask(scene, variation, rhythm_starts(scene, members, box, seed), longest, engine)
     store = folder and _store(folder, task, seed)
     parts = []
@@ -485,7 +491,7 @@ class RhythmGrid(Drawable, Result):
     def whole(self) -> dict[str, Any]:
         """The contents of JSON."""
         rows = [row.whole() for row in self.maps]
-        own = ("values", "births")
+        own = ("values", "births", "averaged", "limit_s", "largest_start_deg")
         shared = {name: entry for name, entry in rows[0].items() if name not in own}
         second = {"path": self.axes[1].path, "unit": self.axes[1].unit}
         rows = [
@@ -541,10 +547,10 @@ def find_rhythm_grid(
         place = f"{folder}/row-{number:03d}" if folder else None
         row = vary(scene, {second.path: value})
 
-        def told(done: float, before: int = number * count) -> None:
+        def progress(done: float, before: int = number * count) -> None:
             report(before + done)
 
-        maps.append(find_rhythms(row, first, members=members, folder=place, report=told, **options))
+        maps.append(find_rhythms(row, first, members=members, folder=place, report=progress, **options))
     return RhythmGrid(scene, (first, second), tuple(maps))
 
 
@@ -569,7 +575,7 @@ def _branches(
 
 
 def stable_orbits(beginning: Beginning) -> StableOrbits:
-    """The orbit of a beginning, followed to both sides along its number while it is stable."""
+    """The orbit of a beginning, followed to both sides along its number while it is stable and found."""
     problem = beginning.problem
     down, birth = _followed(beginning, -1.0)
     up, death = _followed(beginning, 1.0)
@@ -595,7 +601,7 @@ def _followed(beginning: Beginning, direction: float) -> tuple[list[OrbitPoint],
         points.append(following)
         if not is_inside:
             return points, None
-    return points, ("lost", float(points[-1].orbit.value or nan))
+    return points, None  # Newton's method lost it: no event is known
 
 
 def _ended(
@@ -612,7 +618,7 @@ def _ended(
         largest = others[np.abs(others).argmax()]
         kind = "torus" if abs(largest.imag) > abs(largest.real) * 1e-6 else "branch point"
         kind = "period doubling" if kind == "branch point" and largest.real < 0 else kind
-    return [*points, point], (KINDS.get(kind, kind), float(point.orbit.value or nan))
+    return [*points, point], (KINDS.get(kind, kind), nan if point.orbit.value is None else float(point.orbit.value))
 
 
 def _value_of(

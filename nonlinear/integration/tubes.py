@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from decimal import Decimal
+from decimal import ROUND_CEILING, Context, Decimal
 from fractions import Fraction
 from functools import cached_property
 from math import ceil, log10
@@ -28,6 +28,15 @@ from nonlinear.system import State, System, apart, initial_state, system_of, val
 PROVED = "proved"  # the method of a trajectory of midpoints
 
 
+def at_most(value: Decimal | float, digits: int = 2) -> str:
+    """A number in so many digits, rounded up.
+
+    >>> at_most(1.01e-7), at_most(Decimal(3))
+    ('1.1e-07', '3.0e+00')
+    """
+    return f"{Context(prec=digits, rounding=ROUND_CEILING).create_decimal(Decimal(value)):.{digits - 1}e}"
+
+
 class DecimalBall(NamedTuple):
     """All numbers within `radius` of `mid`, both exact."""
 
@@ -39,7 +48,7 @@ class DecimalBall(NamedTuple):
         """The digits of the midpoint that are certain, at most 17."""
         size = abs(self.mid)
         certain = 17 if not self.radius else int((size / self.radius).log10()) if size > self.radius else 0
-        return f"{self.mid:.{min(certain, 17)}g}" if certain > 0 else f"0 ± {self.radius:.1g}"
+        return f"{self.mid:.{min(certain, 17)}g}" if certain > 0 else f"0 ± {at_most(size + self.radius, 1)}"
 
 
 class TubeRow(NamedTuple):
@@ -96,7 +105,8 @@ class Tube(Result):
 
     def distance(self, trajectory: Trajectory) -> Floats:
         """Bounds (T,) on the error of any angle (rad) of a run of the same motion, sampled at the same times."""
-        return np.asarray(apart(trajectory.motion, self.trajectory.motion) + self.radii)
+        rounding = float(self.trajectory.run.error) - self.radius
+        return np.asarray(apart(trajectory.motion, self.trajectory.motion) + self.radii + rounding)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -121,7 +131,7 @@ class Tube(Result):
             columns.append(ReportColumn(_part_of(k, "words"), None, heading, str))
             columns.append(ReportColumn(_part_of(k, "mid"), name))
             columns.append(ReportColumn(_part_of(k, "radius"), f"{name}_radius"))
-        return (*columns, ReportColumn("radius", None, "radius", ".1e"))
+        return (*columns, ReportColumn("radius", None, "radius", at_most))
 
     def facts(self) -> dict[str, Any]:
         """The largest radius, and how it was found."""
@@ -142,8 +152,8 @@ class Tube(Result):
     def footnotes(self) -> Iterator[str]:
         """What is proved."""
         yield (
-            f"proved: the motion that begins with the stored numbers stays within {self.radius:.1e} of these values at "
-            "these times, in rad, m and their rates; digits that are not certain are left out."
+            f"proved: the motion that begins with the stored numbers stays within {at_most(self.radius)} of these "
+            "values at these times, in rad, m and their rates; digits that are not certain are left out."
         )
         yield f"{self.steps} Taylor steps with {self.digits} digits, in ball arithmetic."
 

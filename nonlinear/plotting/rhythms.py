@@ -33,8 +33,8 @@ def rhythm_figure(rhythms: RhythmMap, thresholds: Thresholds = ()) -> Figure:
     values, names = np.array(rhythms.variation.values), rhythms.names
     for number, name in enumerate(names):
         shares = 100 * np.array(rhythms.shares(name))
-        ends = [next((r.interval for r in v.rhythms if r.name == name), (np.nan, np.nan)) for v in rhythms.values]
-        is_there = ~np.isnan(np.array(ends)[:, 0])
+        is_there = np.array([any(r.name == name for r in value.rhythms) for value in rhythms.values])
+        ends = rhythms.intervals(name)
         axis.plot(values, np.where(is_there, shares, np.nan), "o-", ms=3, color=colour(number % HUES))
         low, high = 100 * np.array(ends).T
         axis.fill_between(values, low, high, where=is_there, color=colour(number % HUES), alpha=0.2, lw=0)

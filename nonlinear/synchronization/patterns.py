@@ -76,14 +76,18 @@ def phase_pattern(phases: Floats) -> str:
 
     >>> phase_pattern(np.radians([0, 2, 181])), phase_pattern(np.radians([0, 122, 239]))
     ('antiphase, 2 against 1', 'splay')
+    >>> phase_pattern(2 * np.pi * np.arange(15) / 15), phase_pattern(2 * np.pi * np.arange(12) / 12)
+    ('splay', 'splay')
     >>> phase_pattern(np.radians([0, 3, 70])), phase_pattern(np.radians([0, 70]))
     ('clusters of 2 and 1', '70° apart')
     """
     ascending = np.sort(np.asarray(phases) % (2 * np.pi))
     gaps = np.diff(ascending, append=ascending[0] + 2 * np.pi)
-    breaks = np.flatnonzero(gaps > PATTERN_PHASE_MAX)
-    if len(breaks) < 2:
-        return "in phase" if not len(breaks) or gaps.max() >= np.pi else "phases spread"
+    breaks = np.flatnonzero(gaps > PATTERN_PHASE_MAX * (1 + 1e-9))
+    if not len(breaks):
+        return "splay" if gaps.max() < 1.5 * gaps.mean() else "phases spread"
+    if len(breaks) == 1:
+        return "in phase" if gaps.max() >= np.pi else "phases spread"
     first = breaks[0] + 1
     unrolled = np.concatenate((ascending[first:], ascending[:first] + 2 * np.pi))
     clusters = np.split(unrolled, np.cumsum(np.diff(breaks)))

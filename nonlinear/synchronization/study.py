@@ -257,7 +257,7 @@ def study_synchronization(
         has_ended = survival is None or survival.is_at_rest or survival.beat or (survival.is_steady and is_enough)
         if not longer or orbit or has_ended:
             break
-        more, seconds = float(trajectory.times[-1]), partial(_forward, report, longer * length)
+        more, seconds = float(np.ptp(trajectory.times)), partial(_forward, report, longer * length)
         samples = len(trajectory.times)
         trajectory = joined(trajectory, _completed(resume(trajectory, more, output=samples, report=seconds)))
     phases = phases_of(trajectory)
