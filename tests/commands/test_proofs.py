@@ -305,6 +305,29 @@ def test_one_frequency_is_not_proved_for_two_rows() -> None:
     assert [verdict.proved for verdict in verdicts(files)] == [True, False]
 
 
+def test_a_row_is_not_counted_twice_by_numbers_between_or_a_conjugate_root() -> None:
+    files = documents(load("two-bobs"))
+    rows, claims = files["table"]["modes"], files["proof"]["modes"]
+    rows.append({**rows[0], "mode": 3})
+    claims.append({**claims[0], "mode": 3, "numbers": [0.75, 0.75]})
+    claims[0] = {**claims[0], "numbers": [0.25, 0.25]}
+    assert [verdict.proved for verdict in verdicts(files)] == [False, True, False]
+    files = documents(load("huygens"))
+    rows, claims = files["table"]["modes"], files["proof"]["modes"]
+    number = next(k for k, claim in enumerate(claims) if float(claim["centre"][1]) > 1)
+    real, imaginary = claims[number]["centre"]
+    rows.append({**rows[number], "mode": 99})
+    claims.append({**claims[number], "mode": 99, "centre": [real, f"-{imaginary}"]})
+    assert not verdicts(files)[-1].proved
+
+
+def test_a_growth_rate_is_that_of_its_row() -> None:
+    files = documents(load("cart-upright"))
+    row = next(row for row in files["table"]["modes"] if row["growth_rate_per_s"])
+    row["growth_rate_per_s"] *= 1.5
+    assert not verdicts(files)[row["mode"] - 1].proved
+
+
 def test_rotors_are_proved() -> None:
     rotor = Bob(mass=1.0, length=0.5, rotor_inertia=2e-4, gear_ratio=36.0)
     pendulum = Pendulum(links=(rotor, rotor.replace(stiffness=2.0), Bob(mass=0.3, length=0.2)))
