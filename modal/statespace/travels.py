@@ -138,6 +138,8 @@ def shaped_travel(
         checked_number("duration", duration, 1 / LARGEST_TRAVEL, LARGEST_TRAVEL)
     if problems := refusals(scene, "a shaper"):
         raise SceneError(problems)
+    if drive.endswith("torque"):
+        raise SceneError([f"drive {drive}: turns its support; a travel is along the rail"])
     hoisting = hoisting_of(scene)
     breaks = hoisting.breaks if hoisting else (0.0, 0.0)
     slowest = swings_of(scene.at(breaks[0]), drive)[0].omega

@@ -287,6 +287,7 @@ def _regulator(options: argparse.Namespace) -> None:
 
 def shaper(options: argparse.Namespace) -> Shaper:
     """Print an input shaper that suppresses residual swing in the slowest modes of a crane, or its shaped travel."""
+    from modal.errors import SceneError
     from modal.report import csv_rows, folded
     from modal.scene import load
     from modal.statespace import swing_words, usual_drive
@@ -295,6 +296,8 @@ def shaper(options: argparse.Namespace) -> Shaper:
     limits = limits_of(options)
     if options.travel is None:
         refuse(options, "needs --travel METRES", "--picture")
+    if options.output and not options.output.lower().endswith((".csv", ".txt")):
+        raise SceneError([f"-o {options.output}: the name must end in .csv or .txt"])
     scene = noted(load(options.scene), "a shaper")
     drive = options.drive or usual_drive(scene)
     estimate = estimate_of(scene, options.covariance)
@@ -475,7 +478,7 @@ COMMANDS = (
             ),
             (
                 "response crane-hook --input cart_force --gains --lqr -o K.csv",
-                "gains that hold the trolley and let no load swing",
+                "gains of a regulator for trolley and load; --weights makes it faster",
             ),
             (
                 "response crane-hook --input 'force:pendulum[0].links[1]' --at 0.1,0.3",
