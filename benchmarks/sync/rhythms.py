@@ -36,7 +36,7 @@ from nonlinear.ensembles.endings import rhythm_starts
 from nonlinear.ensembles.rhythms import ValueRhythms
 
 MASSES, BESIDE_THE_BORDER = (0.05, 0.06, 0.08, 0.12, 0.2), (0.065, 0.07)  # kg; where the beat dies
-BEAMS = (4.5, 5.0, 5.25, 5.5, 6.0, 10.0, 14.0, 18.0, 22.0, 26.0, 26.5, 27.0)  # kg
+BEAMS = (4.5, 5.0, 5.34, 5.36, 6.0, 10.0, 14.0, 18.0, 22.0, 26.0, 26.66, 26.7)  # kg
 LEAST_SHARE = 0.99
 
 G = 9.81
