@@ -1,0 +1,276 @@
+"""The map of rhythms, start by start and border by border, compared with equations written here.
+
+    python benchmarks/sync/rhythms.py [--quick]
+
+Metronomes on a base of mass M: with J and b the moment of inertia and the first moment of each about its joint,
+
+    J θ_i'' + b cos θ_i x'' + g b sin θ_i = (e (1 − θ_i²/γ₀²) − d) θ_i',    (M + N m) x'' + c x' + b Σ (sin θ_i)'' = 0.
+
+The starts of the map are integrated by the classical Runge–Kutta method, sixty steps a small period.  Each is judged
+in windows of 64 small periods by the largest difference of angles, and by the phases of θ_i − iθ_i'/ω from that of the
+first.  It ends in phase where the difference falls below 1e-4 rad.  Where the largest difference of a window comes back
+six times, it ends in antiphase if the phases stay at π, in a beat if they swing but stay within a turn, else drifting.
+
+Huygens' clocks are released 1e-4 rad apart from their motion in phase.  That is stable where their difference has
+decayed after 1280 s.  Where it begins or ceases to be stable the map has a birth or a death between the same values.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from dataclasses import replace
+from itertools import pairwise
+from math import cos, pi, radians, sin, sqrt
+from operator import eq
+from time import perf_counter
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit, prange
+
+from modal import load
+from modal.scene.parameters import parse_variations
+from nonlinear.ensembles import find_rhythms, workers_at
+from nonlinear.ensembles.endings import rhythm_starts
+from nonlinear.ensembles.rhythms import ValueRhythms
+
+MASSES, BESIDE_THE_BORDER = (0.05, 0.06, 0.08, 0.12, 0.2), (0.065, 0.07)  # kg; where the beat dies
+BEAMS = (4.5, 5.0, 5.34, 5.36, 6.0, 10.0, 14.0, 18.0, 22.0, 26.0, 26.66, 26.7)  # kg
+LEAST_SHARE = 0.99
+
+G = 9.81
+STEPS, PERIODS, WINDOWS = 60, 64, 64  # steps in a small period, small periods in a window, windows at most
+IN_PHASE, ANTIPHASE, BEAT, DRIFTING, UNDECIDED = range(5)
+NAMES = ("in phase", "antiphase", "beat", "drifting", "undecided")
+
+
+class Clocks(NamedTuple):
+    """The numbers of the equations; kicks of an `impulse` (N m s) where an angle leaves ±`limit` (rad), where given."""
+
+    base: float
+    base_damper: float
+    mass: float
+    first: float
+    moment: float
+    damper: float
+    strength: float
+    impulse: float
+    limit: float
+
+    @property
+    def step(self) -> float:
+        """Of the integration (s)."""
+        return 2 * pi / sqrt(G * self.first / self.moment) / STEPS
+
+
+def metronomes(base: float) -> Clocks:
+    """The shipped ones on a base of this mass (kg)."""
+    return Clocks(base, 0.01, 0.025, 0.025 * 0.02, 1e-5 + 0.025 * 0.02**2, 1e-6, 2e-5, 0.0, radians(26))
+
+
+def huygens(beam: float) -> Clocks:
+    """The shipped ones on a beam of this mass (kg)."""
+    return Clocks(beam, 4.0, 0.082, 0.082 * 0.14, 0.082 * 0.14**2, 1.35e-4, 0.0, 2.9e-5, radians(3))
+
+
+@njit(cache=True)
+def coupled(p, y, rates):
+    """The base's acceleration from the accelerations on a still base, rates[N : 2N], which it changes in place."""
+    n = len(y) // 2
+    mass = p.base + n * p.mass
+    for i in range(n):
+        rates[2 * n] -= p.first * cos(y[i]) * rates[n + i]
+        mass -= (p.first * cos(y[i])) ** 2 / p.moment
+    rates[2 * n] /= mass
+    for i in range(n):
+        rates[n + i] -= p.first * cos(y[i]) * rates[2 * n] / p.moment
+
+
+@njit(cache=True)
+def rate(p, y, rates):
+    """The time derivative of y = (θ_1 … θ_N, θ_1' … θ_N', x')."""
+    n = len(y) // 2
+    rates[2 * n] = -p.base_damper * y[2 * n]
+    for i in range(n):
+        s, w = sin(y[i]), y[n + i]
+        torque = (p.strength * (1 - (y[i] / p.limit) ** 2) - p.damper) * w - G * p.first * s
+        rates[i], rates[n + i] = w, torque / p.moment
+        rates[2 * n] += p.first * s * w * w
+    coupled(p, y, rates)
+
+
+@njit(cache=True)
+def stepped(p, y, h):
+    """The state after a step of the classical Runge–Kutta method."""
+    a, b, c, d = np.empty((4, len(y)))
+    rate(p, y, a)
+    rate(p, y + h / 2 * a, b)
+    rate(p, y + h / 2 * b, c)
+    rate(p, y + h * c, d)
+    return y + h / 6 * (a + 2 * (b + c) + d)
+
+
+@njit(cache=True)
+def kicked(p, y, h, sides):
+    """The same of clocks that are kicked when they pass `sides` times the limit, which is where each is kicked next."""
+    n = len(y) // 2
+    while True:
+        after, earliest, clock = stepped(p, y, h), h, -1
+        for i in range(n):
+            before, over = min(sides[i] * y[i] - p.limit, 0.0), sides[i] * after[i] - p.limit
+            if over >= 0 and h * before / (before - over - 1e-300) < earliest:
+                earliest, clock = h * before / (before - over - 1e-300), i
+        if clock < 0:
+            return after
+        part = earliest
+        for _ in range(6):  # Newton's method for the time of passing
+            y_then = stepped(p, y, part)
+            part -= (sides[clock] * y_then[clock] - p.limit) / (sides[clock] * y_then[n + clock])
+        y, jump = stepped(p, y, part), np.zeros(len(y))
+        jump[n + clock] = sides[clock] * p.impulse / p.moment
+        coupled(p, y, jump)
+        y[n:] += jump[n:]
+        y[clock] = sides[clock] * p.limit
+        sides[clock] *= -1
+        h -= part
+
+
+@njit(cache=True)
+def window(p, y, h, turned, ranges):
+    """The state after the next window, the largest |θ_i − θ_1| in it, and the range (N, 2) of each unwrapped phase."""
+    n, largest = len(y) // 2, 0.0
+    omega = 2 * pi / (STEPS * h)
+    ranges[:, 0], ranges[:, 1] = np.inf, -np.inf
+    for step in range(PERIODS * STEPS):
+        y = stepped(p, y, h)
+        if step % 6:
+            continue
+        first = np.arctan2(-y[n] / omega, y[0])
+        for i in range(1, n):
+            largest = max(largest, abs(y[i] - y[0]))
+            phase = np.arctan2(-y[n + i] / omega, y[i]) - first
+            turned[i] = phase + 2 * pi * np.round((turned[i] - phase) / (2 * pi))
+            ranges[i, 0], ranges[i, 1] = min(ranges[i, 0], turned[i]), max(ranges[i, 1], turned[i])
+    return y, largest
+
+
+@njit(cache=True)
+def ending(p, h, y):
+    """What a start ends in."""
+    n = len(y) // 2
+    turned, ranges = np.zeros(n), np.zeros((n, 2))
+    before, steady = np.inf, 0
+    for _ in range(WINDOWS):
+        y, largest = window(p, y, h, turned, ranges)
+        if largest < 1e-4:
+            return IN_PHASE
+        steady = steady + 1 if abs(largest / before - 1) < 3e-3 else 0
+        before = largest
+        if steady == 6:
+            widths, middles = ranges[1:, 1] - ranges[1:, 0], (ranges[1:, 1] + ranges[1:, 0]) / 2
+            if np.any(widths > 2 * pi):
+                return DRIFTING
+            if np.all(np.abs(np.cos(middles / 2)) < 0.1) and np.all(widths < 0.6):
+                return ANTIPHASE
+            return BEAT if np.any(widths > 0.6) else UNDECIDED
+    return UNDECIDED
+
+
+@njit(cache=True, parallel=True)
+def endings(p, h, starts):
+    """What every start (S, 2N + 1) ends in."""
+    ends = np.zeros(len(starts), dtype=np.int64)
+    for member in prange(len(starts)):
+        ends[member] = ending(p, h, starts[member])
+    return ends
+
+
+@njit(cache=True)
+def spreads(p, h, y, sides):
+    """The largest |θ_2 − θ_1| of two clocks in each of some parts of a run, each longer than they beat."""
+    largest = np.zeros(8)
+    for part in range(len(largest)):
+        for _ in range(int(160 / h)):
+            y = kicked(p, y, h, sides)
+            largest[part] = max(largest[part], abs(y[1] - y[0]))
+    return y, largest
+
+
+def is_stable_in_phase(beam: float) -> bool:
+    """Whether a small difference between two of Huygens' clocks in phase on a beam (kg) decays, and they swing on."""
+    p, sides = huygens(beam), -np.ones(2)
+    y, _ = spreads(p, p.step, np.array([0.1, 0.1, 0.0, 0.0, 0.0]), sides)
+    amplitudes = np.hypot(y[:2], y[2:4] / sqrt(G * p.first / p.moment))
+    if amplitudes.max() < p.limit:
+        return False
+    y[1], y[3] = y[0] + 1e-4, y[2]
+    _, largest = spreads(p, p.step, y, sides)
+    return bool(largest[-1] < largest[1] and largest.max() < 1e-2)
+
+
+def names_of(at: ValueRhythms) -> list[str]:
+    """The name of the rhythm that each start of a map ends in at a value."""
+    names = {rhythm.branch: rhythm.name for rhythm in at.rhythms if rhythm.branch is not None}
+    others = [rhythm.name for rhythm in at.rhythms if rhythm.branch is None]
+    names |= dict(zip(sorted(set(at.of_start) - names.keys() - {-1}), others, strict=True))
+    return [names.get(end, "undecided").split(",")[0] for end in at.of_start]
+
+
+def compare(count: int, masses: tuple[float, ...]) -> float:
+    """The least share of starts that end in the same rhythm; counts at every mass of the base (kg), map, then here."""
+    scene = load("metronomes")
+    variation = replace(parse_variations(["support.mass=0.05:0.2:2"])[0], values=masses)
+    begun = perf_counter()
+    with workers_at(None, None) as crew:
+        rhythms = find_rhythms(scene, variation, members=count, crew=crew)
+    mapped = perf_counter() - begun
+    motion = rhythm_starts(scene, count, rhythms.largest_deg)
+    starts = np.ascontiguousarray(np.column_stack((motion.links, motion.link_rates, np.zeros(count))))
+    endings(metronomes(1.0), 1.0, starts[:0])  # compiles
+    mine, begun = [], perf_counter()
+    for mass in masses:
+        p = metronomes(mass)
+        mine.append([NAMES[end] for end in endings(p, p.step, starts)])
+    solved = perf_counter() - begun
+    theirs = [names_of(at) for at in rhythms.values]
+    shares = [sum(map(eq, *pair)) / count for pair in zip(mine, theirs, strict=True)]
+    shown = [name for name in NAMES if any(name in ends for ends in (*mine, *theirs))]
+    print(f"| base (kg) | {' | '.join(shown)} | in the same rhythm |\n|---:|{'---:|' * (len(shown) + 1)}")
+    for mass, here, there, share in zip(masses, mine, theirs, shares, strict=True):
+        cells = " | ".join(f"{there.count(name)}, {here.count(name)}" for name in shown)
+        print(f"| {mass:g} | {cells} | {100 * share:.4g} % |")
+    print(f"{count} starts a value: by the map in {mapped:.1f} s, by these equations in {solved:.1f} s", flush=True)
+    return min(shares)
+
+
+def borders() -> bool:
+    """Whether the map bounds the motion in phase of Huygens' clocks where these equations do, to a step."""
+    begun = perf_counter()
+    variation = replace(parse_variations(["support.mass=5:27:2"])[0], values=BEAMS)
+    with workers_at(None, None) as crew:
+        rhythms = find_rhythms(load("huygens"), variation, members=24, largest_deg=14.0, crew=crew)
+    events = [event.value for event in rhythms.births if event.name == "in phase" and not event.between]
+    stable = [is_stable_in_phase(beam) for beam in BEAMS]
+    counts = [names_of(at).count("in phase") for at in rhythms.values]
+    print("\nHuygens' clocks in phase\n| beam (kg) | " + " | ".join(f"{beam:g}" for beam in BEAMS) + " |")
+    print("| these equations | " + " | ".join("stable" if here else "–" for here in stable) + " |")
+    print("| starts of the map | " + " | ".join(map(str, counts)) + " |")
+    steps = [step for step, (here, there) in zip(pairwise(BEAMS), pairwise(stable), strict=True) if here != there]
+    places = ", ".join(f"{event:.4f}" for event in events)
+    print(f"changes between {steps} kg; events of the map: {places} kg; {perf_counter() - begun:.1f} s")
+    return len(steps) == len(events) and all(low < v < high for (low, high), v in zip(steps, events, strict=True))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--quick", action="store_true", help="40 starts at two values, and no borders")
+    quick = parser.parse_args().quick
+    if quick:
+        sys.exit(compare(40, (0.06, 0.12)) < LEAST_SHARE)
+    least = min(compare(1000, MASSES), compare(40, BESIDE_THE_BORDER))
+    sys.exit(not borders() or least < LEAST_SHARE)
+
+
+if __name__ == "__main__":
+    main()
