@@ -255,7 +255,9 @@ class RhythmMap(Drawable, Result):
         for number, value in enumerate(self.values):
             present = {rhythm.name for rhythm in value.rhythms}
             cells = [f"{100 * self.shares(name)[number]:.3g}" if name in present else "" for name in self.names]
-            rows.append([f"{value.value:g}", *cells, *(f"{100 * value.undecided / self.members:.3g}" for _ in undecided)])
+            rows.append(
+                [f"{value.value:g}", *cells, *(f"{100 * value.undecided / self.members:.3g}" for _ in undecided)]
+            )
         yield "starts (%) that end in each rhythm:\n"
         yield ReportTable(columns, rows)
         if any("" in row or "0" in row for row in rows):
@@ -273,10 +275,10 @@ class RhythmMap(Drawable, Result):
 
     def event_words(self, event: RhythmEvent) -> str:
         """A sentence about one of the events."""
-        what, unit = "is born" if event.is_birth else "dies", self.variation.unit
+        what, unit = "is born" if event.is_birth else "dies", f" {self.variation.unit}".rstrip()
         if event.between:
-            return f"{event.name} {what} between {event.between[0]:g} and {event.between[1]:g} {unit}, not computed."
-        return f"{event.name} {what} at {event.value:.8g} {unit}: {event.kind}."
+            return f"{event.name} {what} between {event.between[0]:g} and {event.between[1]:g}{unit}, not computed."
+        return f"{event.name} {what} at {event.value:.8g}{unit}: {event.kind}."
 
     def _footnotes(self) -> Iterator[str]:
         yield _sampling_words([self])
@@ -514,7 +516,7 @@ class RhythmGrid(Drawable, Result):
         for value, row in zip(second.values, self.maps, strict=True):
             if row.births:
                 words = " ".join(map(row.event_words, row.births))
-                yield f"{second.path} = {value:g} {second.unit}: {words}"
+                yield f"{second.path} = {value:g}{f' {second.unit}'.rstrip()}: {words}"
 
 
 def _most_words(at: ValueRhythms, members: int) -> str:

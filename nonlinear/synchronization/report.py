@@ -390,7 +390,9 @@ def _phases(study: SynchronizationStudy) -> Iterator[str]:
         yield f"Mean frequencies {words} rad/s: the run is too short to tell whether they lock."
     else:
         beats = study.survival and study.survival.beat
-        fate = "they beat, and differ by" if beats else "locked within" if phases.locked else "not locked: they differ by"
+        fate = (
+            "they beat, and differ by" if beats else "locked within" if phases.locked else "not locked: they differ by"
+        )
         yield f"Mean frequencies {words} rad/s: {fate} {np.ptp(frequencies):.2g} rad/s."
 
 
