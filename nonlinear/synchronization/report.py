@@ -159,7 +159,10 @@ def _winner(study: SynchronizationStudy) -> Iterator[str]:
     elif study.agrees and survival and survival.beat:
         yield f"{forecast}, as predicted: {outcome}."
     elif study.agrees:
-        yield f"{forecast}, as predicted: in the simulation it contains {share} of the energy at the end of the run ({end})."
+        yield (
+            f"{forecast}, as predicted: in the simulation it contains {share} of the energy at the end of the run "
+            f"({end})."
+        )
     elif study.agrees is None:
         yield f"{forecast}, by the prediction; the simulation is too short to tell: {outcome}."
     else:
@@ -225,7 +228,8 @@ def _locking(study: SynchronizationStudy) -> Iterator[str]:
     if study.survival and study.survival.beat:
         yield f"The pendula are not locked: they beat, at {frequencies.mean():.6g} rad/s in the mean (R = {order:.4f})."
     elif phases.locked:
-        yield f"The pendula are locked at {_locked_frequency(study):.6g} rad/s, with the order parameter R = {order:.4f}."
+        omega = f"{_locked_frequency(study):.6g} rad/s"
+        yield f"The pendula are locked at {omega}, with the order parameter R = {order:.4f}."
     else:
         low, high = f"{frequencies.min():.6g}", f"{frequencies.max():.6g}"
         yield f"The pendula are not locked: their frequencies go from {low} to {high} rad/s (R = {order:.4f})."
