@@ -80,6 +80,8 @@ def _columns(coupling: Coupling, rows: Sequence[FamilyRow]) -> Iterator[str]:
     if any(row.splitting is not None for row in rows):
         rest, carriers = ("all else", "something else") if coupling.scene.is_structured else ("the cart", "the cart")
         yield f"Each family: pendula that swing at ω with {rest} held. Δω: the shift of the mode that moves {carriers}."
+        if coupling.scene.has_damping and any(row.beat is not None for row in rows):
+            yield "Δω is without dampers, the beat with them: hence it is not 2π/Δω."
     if any(row.share is not None for row in rows):
         yield (
             "Share: the most of one pendulum's energy that the others ever hold; dampers take the rest."

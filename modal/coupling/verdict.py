@@ -85,7 +85,9 @@ def _beats(coupling: Coupling, rows: list[FamilyRow]) -> Iterator[str]:
         share_words = f"; halfway, {'the other holds' if row.fold == 2 else 'the others hold'} {part} of the energy"
         if coupling.scene.has_damping:
             who = "the other never holds" if row.fold == 2 else "the others never hold"
-            share_words = f"; {who} more than {fraction(row.share)} of the energy"
+            share_words = (
+                f"; if one pendulum is set swinging alone, {who} more than {fraction(row.share)} of the energy"
+            )
     slowest = "The slowest beat takes" if len(beating) > 1 else "The beat takes"
     yield f"{slowest} {row.beat:.4g} s (family {row.family}){share_words}."
 

@@ -191,8 +191,11 @@ def _measure_of(scene: Scene, text: str | None, duration: float | None) -> tuple
 
 
 def _names(scene: Scene) -> tuple[str, ...]:
-    """What a configuration is called, by its number."""
-    return (NONE, *(f"{agreement(state)}, mode {state.number}" for state in configurations(scene)))
+    """What a configuration is called, by its number; several of one name with their largest angles."""
+    states = configurations(scene)
+    names = [f"{agreement(state)}, mode {state.number}" for state in states]
+    angles = [f", {degrees(state.averaged.largest(state.z)):.5g}°" for state in states]
+    return (NONE, *(name + angle * (names.count(name) > 1) for name, angle in zip(names, angles, strict=True)))
 
 
 @checked

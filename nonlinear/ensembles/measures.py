@@ -24,7 +24,8 @@ from nonlinear.averaging import AveragedEquations, RelativeEquilibrium, average,
 from nonlinear.ensembles.energies import Accounts
 from nonlinear.ensembles.results import MemberResults, Passing, Wanted
 from nonlinear.integration import Trajectory, estimate_timescales, validate
-from nonlinear.synchronization import ENDING
+from nonlinear.synchronization import ENDING, agreement
+from nonlinear.synchronization.certificates import beside_distinct_orbits, certified_orbit
 from nonlinear.synchronization.phases import from_rest, own_shapes
 from nonlinear.system import Layout, Numbers, System
 
@@ -139,8 +140,17 @@ def own_amplitudes(context: Context, rows: Floats) -> tuple[Complexes, Floats]:
 
 @lru_cache(maxsize=4)
 def configurations(scene: Scene) -> tuple[RelativeEquilibrium, ...]:
-    """The stable relative equilibria of a scene, in the order of `sync`; ComputationError where there is no theory."""
-    return tuple(state for state in relative_equilibria(average(scene)) if state.is_stable is not False)
+    """The stable relative equilibria of a scene, in the order of `sync`; ComputationError where there is no theory.
+
+    Of several beside one and the same periodic orbit the first.
+    """
+    stable = [state for state in relative_equilibria(average(scene)) if state.is_stable is not False]
+    names = [(agreement(state), state.number) for state in stable]
+    orbits = (
+        certified_orbit(scene, state) if names.count(name) > 1 else None
+        for state, name in zip(stable, names, strict=True)
+    )
+    return tuple(state for state, _ in beside_distinct_orbits(zip(stable, orbits, strict=True)))
 
 
 def _modal(averaged: AveragedEquations, context: Context, rows: Floats) -> Complexes:

@@ -253,18 +253,19 @@ class RhythmMap(Drawable, Result):
 
     def parts(self, form: Form = "text") -> Iterator[ReportTable | str]:
         """The shares at every value, then births and deaths."""
-        columns = [f"{self.variation.path} ({self.variation.unit or '–'})", *self.names, UNDECIDED]
-        shares = np.array(
-            [self.shares(name) for name in self.names] + [[v.undecided / self.members for v in self.values]]
-        )
-        present = [[any(r.name == name for r in value.rhythms) for name in self.names] for value in self.values]
-        rows = [
-            [f"{value.value:g}"]
-            + [f"{100 * share:.3g}" if here or share else "" for share, here in zip(row, [*there, False], strict=True)]
-            for value, row, there in zip(self.values, shares.T.tolist(), present, strict=True)
-        ]
+        undecided = [UNDECIDED] * any(value.undecided for value in self.values)
+        columns = [f"{self.variation.path} ({self.variation.unit or '–'})", *self.names, *undecided]
+        rows = []
+        for number, value in enumerate(self.values):
+            present = {rhythm.name for rhythm in value.rhythms}
+            cells = [f"{100 * self.shares(name)[number]:.3g}" if name in present else "" for name in self.names]
+            rows.append(
+                [f"{value.value:g}", *cells, *(f"{100 * value.undecided / self.members:.3g}" for _ in undecided)]
+            )
         yield "starts (%) that end in each rhythm:\n"
         yield ReportTable(columns, rows)
+        if any("" in row or "0" in row for row in rows):
+            yield "blank: not found there; 0: it exists, and no start ended in it"
         yield "\n".join([*map(self.event_words, self.births), *map(self._averaged_words, self.averaged)])
         yield "\n".join(self._footnotes())
 
@@ -278,21 +279,28 @@ class RhythmMap(Drawable, Result):
 
     def event_words(self, event: RhythmEvent) -> str:
         """A sentence about one of the events."""
-        what, unit = "is born" if event.is_birth else "dies", self.variation.unit
+        what, unit = "is born" if event.is_birth else "dies", f" {self.variation.unit}".rstrip()
         if event.between:
-            return f"{event.name} {what} between {event.between[0]:g} and {event.between[1]:g} {unit}, not computed."
-        return f"{event.name} {what} at {event.value:.8g} {unit}: {event.kind}."
+            return f"{event.name} {what} between {event.between[0]:g} and {event.between[1]:g}{unit}, not computed."
+        return f"{event.name} {what} at {event.value:.8g}{unit}: {event.kind}."
 
     def _footnotes(self) -> Iterator[str]:
-        widest = max((r.interval[1] - r.interval[0] for v in self.values for r in v.rhythms), default=0.0)
-        yield (
-            f"{self.members} starts at each value, the same at all, with angles up to {self.largest_deg:g}° and random "
-            f"phases, run for at most {self.limit:.4g} s; shares are certain to {50 * widest:.2g} % at worst (95 %)."
-        )
+        yield _sampling_words([self])
         slow = [(r.name, r.slow_period, v.value) for v in self.values for r in v.rhythms if r.slow_period]
         for name in dict.fromkeys(entry[0] for entry in slow):
-            periods = [period for entry, period, _ in slow if entry == name]
-            yield f"{name}: its slow period is from {min(periods):.4g} to {max(periods):.4g} s."
+            periods = [f"{period:.4g} s at {value:g}" for entry, period, value in slow if entry == name]
+            yield f"{name}: its slow period is {', '.join(periods)}{f' {self.variation.unit}'.rstrip()}."
+
+
+def _sampling_words(maps: Sequence[RhythmMap]) -> str:
+    """A sentence on the starts, how long they ran, and how certain their shares are."""
+    first, limit = maps[0], max(row.limit for row in maps)
+    rhythms = [rhythm for row in maps for value in row.values for rhythm in value.rhythms]
+    error = max((max(r.share - r.interval[0], r.interval[1] - r.share) for r in rhythms), default=0.0)
+    return (
+        f"{first.members} starts at each value, the same at all, with angles up to {first.largest_deg:g}° and random "
+        f"phases, run for at most {limit:.4g} s; shares are certain to {100 * error:.2g} % at worst (95 %)."
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -501,25 +509,28 @@ class RhythmGrid(Drawable, Result):
         return shared | {"scene": describe(self.scene), "and": second, "rows": rows}
 
     def parts(self, form: Form = "text") -> Iterator[ReportTable | str]:
-        """The rhythm in which most starts end at every pair of values."""
+        """The rhythm in which most starts end at every pair of values, or that most are undecided."""
         first, second = self.axes
         yield f"the rhythm in which most starts end, with its share (%), {first.path} ({first.unit or '–'}) across:\n"
         columns = [f"{second.path} ({second.unit or '–'})", *(f"{value:g}" for value in first.values)]
         cells = [
-            [
-                f"{value:g}",
-                *(
-                    f"{at.rhythms[0].name} {100 * at.rhythms[0].share:.3g}" if at.rhythms else UNDECIDED
-                    for at in row.values
-                ),
-            ]
+            [f"{value:g}", *(_most_words(at, row.members) for at in row.values)]
             for value, row in zip(second.values, self.maps, strict=True)
         ]
         yield ReportTable(columns, cells)
+        yield _sampling_words(self.maps)
         for value, row in zip(second.values, self.maps, strict=True):
             if row.births:
                 words = " ".join(map(row.event_words, row.births))
-                yield f"{second.path} = {value:g} {second.unit}: {words}"
+                yield f"{second.path} = {value:g}{f' {second.unit}'.rstrip()}: {words}"
+
+
+def _most_words(at: ValueRhythms, members: int) -> str:
+    """What most starts end in at a value, with its share (%), and how many are undecided."""
+    shares = [(rhythm.count, rhythm.name) for rhythm in at.rhythms[:1] if rhythm.count] + [(at.undecided, UNDECIDED)]
+    most, *others = sorted((share for share in shares if share[0]), key=lambda share: -share[0])
+    words = [f"{name} {100 * count / members:.3g}" for count, name in (most, *others)]
+    return f"{words[0]} ({words[1]})" if others else words[0]
 
 
 def _distance(value: float, chain: list[tuple[float, float]]) -> float:

@@ -7,7 +7,7 @@ located.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from modal.types import Floats
 from nonlinear.averaging import RelativeEquilibrium, swinging
 from nonlinear.integration import Trajectory
 from nonlinear.orbits import Orbit, Special, cycle_of, first_special_point, last_swing, periodic_orbit
+from nonlinear.orbits.cycles import is_same_orbit
 from nonlinear.synchronization.patterns import own_amplitudes
 from nonlinear.system import State
 
@@ -45,6 +46,17 @@ def certified_orbit(scene: Scene, equilibrium: RelativeEquilibrium) -> Orbit | N
         and np.abs(own_amplitudes(equilibrium)).max() > 0
     )
     return orbit if is_close else None
+
+
+def beside_distinct_orbits(
+    pairs: Iterable[tuple[RelativeEquilibrium, Orbit | None]],
+) -> tuple[tuple[RelativeEquilibrium, Orbit | None], ...]:
+    """Configurations with their orbits, and of several beside one and the same orbit the first."""
+    first: list[tuple[RelativeEquilibrium, Orbit | None]] = []
+    for state, orbit in pairs:
+        if orbit is None or not any(neighbour and is_same_orbit(orbit, neighbour) for _, neighbour in first):
+            first.append((state, orbit))
+    return tuple(first)
 
 
 def orbit_at_the_end(trajectory: Trajectory, within: float = 0.05) -> Orbit | None:

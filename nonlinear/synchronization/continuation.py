@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 from itertools import pairwise
 from math import exp, log
 
@@ -38,8 +38,9 @@ from nonlinear.averaging import (
     relative_equilibrium,
     swinging,
 )
-from nonlinear.orbits import Special
-from nonlinear.synchronization.certificates import critical_point
+from nonlinear.orbits import Orbit, Special
+from nonlinear.orbits.cycles import is_same_orbit
+from nonlinear.synchronization.certificates import certified_orbit, critical_point
 from nonlinear.synchronization.patterns import agreement
 
 DEATH_AMPLITUDE_RATIO = 0.1
@@ -199,7 +200,7 @@ def follow_branches(
                 branches.append(branch)
                 report(len(branches))
     branches.sort(key=lambda branch: (branch.values[0], branch.omega[0]))
-    result = Branches(scene, variation, tuple(branches))
+    result = Branches(scene, variation, tuple(_beside_distinct_orbits(branches)))
     if crew is not None:
         result.__dict__["special_points"] = tuple(
             map_by_crew(partial(_locate, result), range(len(result.changes)), crew)
@@ -211,6 +212,31 @@ def _follow(walk: Walk, value: float, state: RelativeEquilibrium) -> tuple[Relat
     """The configuration at a value with its branch."""
     values, states = zip(*walk.trace(value, state), strict=True)
     return state, EquilibriumBranch(walk.variation, np.array(values), states)
+
+
+def _beside_distinct_orbits(branches: Sequence[EquilibriumBranch]) -> list[EquilibriumBranch]:
+    """The branches, without those whose periodic orbits are the ones of another branch before them."""
+    orbit_of = cache(lambda state: certified_orbit(state.averaged.scene, state))
+    distinct: list[EquilibriumBranch] = []
+    for branch in branches:
+        if not any(_has_orbits_of(branch, other, orbit_of) for other in distinct):
+            distinct.append(branch)
+    return distinct
+
+
+def _has_orbits_of(
+    branch: EquilibriumBranch, other: EquilibriumBranch, orbit_of: Callable[[RelativeEquilibrium], Orbit | None]
+) -> bool:
+    """Whether a branch has the orbits of another, at the first and the last of its values of the variation."""
+    states, others = (dict(zip(each.values.tolist(), each.states, strict=True)) for each in (branch, other))
+    values = [value for value in branch.variation.values if value in states]
+    if not values or not set(values) <= set(others):
+        return False
+    pairs = [(states[value], others[value]) for value in (values[0], values[-1])]
+    if any(agreement(state) != agreement(neighbour) for state, neighbour in pairs):
+        return False
+    orbits = ((orbit_of(state), orbit_of(neighbour)) for state, neighbour in pairs)
+    return all(orbit and neighbour and is_same_orbit(orbit, neighbour) for orbit, neighbour in orbits)
 
 
 def _locate(branches: Branches, at: int) -> Special | None:

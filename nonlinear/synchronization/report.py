@@ -68,7 +68,7 @@ LEFT = "(averaged): no such orbit was found."
 LOCATED = (
     "exact: where periodic orbits of the full equations turn or change their stability, by their Floquet multipliers."
 )
-NUMBERED = "Modes have their numbers in the table; frequencies here are those without dampers."
+NUMBERED = "Modes have their numbers in the table."
 LISTED_FREQUENCIES_MAX = 6
 """Format: frequencies of pendula in a sentence."""
 
@@ -132,7 +132,7 @@ def _winner(study: SynchronizationStudy) -> Iterator[str]:
     survival, end = study.survival, f"{float(study.trajectory.times[-1]):.4g} s"
     try:
         share = percent(survival.survivor_share) if survival else ""
-        outcome = survival and f"mode {survival.number} contains {share} of the energy from t = {end} on"
+        outcome = survival and f"mode {survival.number} contains {share} of the energy at the end of the run ({end})"
     except ComputationError as error:
         outcome = str(error)
     if survival and survival.beat:
@@ -159,7 +159,10 @@ def _winner(study: SynchronizationStudy) -> Iterator[str]:
     elif study.agrees and survival and survival.beat:
         yield f"{forecast}, as predicted: {outcome}."
     elif study.agrees:
-        yield f"{forecast}, as predicted: in the simulation it contains {share} of the energy from t = {end} on."
+        yield (
+            f"{forecast}, as predicted: in the simulation it contains {share} of the energy at the end of the run "
+            f"({end})."
+        )
     elif study.agrees is None:
         yield f"{forecast}, by the prediction; the simulation is too short to tell: {outcome}."
     else:
@@ -225,10 +228,18 @@ def _locking(study: SynchronizationStudy) -> Iterator[str]:
     if study.survival and study.survival.beat:
         yield f"The pendula are not locked: they beat, at {frequencies.mean():.6g} rad/s in the mean (R = {order:.4f})."
     elif phases.locked:
-        yield f"The pendula are locked at {frequencies.mean():.6g} rad/s, with the order parameter R = {order:.4f}."
+        omega = f"{_locked_frequency(study):.6g} rad/s"
+        yield f"The pendula are locked at {omega}, with the order parameter R = {order:.4f}."
     else:
         low, high = f"{frequencies.min():.6g}", f"{frequencies.max():.6g}"
         yield f"The pendula are not locked: their frequencies go from {low} to {high} rad/s (R = {order:.4f})."
+
+
+def _locked_frequency(study: SynchronizationStudy) -> float:
+    """The frequency (rad/s) of the orbit in which locked pendula end, the mean of the run where there is none."""
+    mean = float(study.phases.frequency.mean())
+    orbit = study.orbit or (study.theory.ending if study.theory and study.agrees else None)
+    return orbit.omega * max(1, round(mean / orbit.omega)) if orbit else mean
 
 
 def _paragraph(title: str, sentences: Iterator[str]) -> str:
@@ -289,14 +300,14 @@ def _prediction(study: SynchronizationStudy, theory: Theory) -> Iterator[str]:
         yield (
             f"From exactly this start mode {state.number} survives ({agreement(state)}), but that motion is unstable, "
             f"e-folding time {state.relaxation:.4g} s. Real pendula leave it, so what follows is for a start "
-            f"{100 * ASIDE:.0f} %."
+            f"that is off by {100 * ASIDE:.0f} %."
         )
     if prediction.motion.dies:
         yield "The swing dies out: no drive keeps it up."
         return
     mode = prediction.averaged.modes[prediction.row]
     share = percent(prediction.share)
-    which = f"({mode.family}; {rad(mode.omega)} at small angles)"
+    which = f"({mode.family}; {rad(mode.omega)} at small angles{', without dampers' * study.scene.has_damping})"
     if prediction.is_won:
         yield f"Mode {prediction.number} survives {which}, with {share} of the energy."
     else:
@@ -375,15 +386,18 @@ def _phases(study: SynchronizationStudy) -> Iterator[str]:
     if not np.all(np.isfinite(frequencies)):
         yield "A pendulum at rest has no frequency."
         return
-    numbers = [f"{omega:.6g}" for omega in frequencies[:LISTED_FREQUENCIES_MAX]]
+    numbers = [f"{omega:.5g}" for omega in frequencies[:LISTED_FREQUENCIES_MAX]]
     words = listed(numbers, len(frequencies))
     if len(frequencies) == 1:
         yield f"Mean frequency {words} rad/s."
     elif phases.resolution > frequencies.max():
         yield f"Mean frequencies {words} rad/s: the run is too short to tell whether they lock."
     else:
-        fate = "locked" if phases.locked else "not locked"
-        yield f"Mean frequencies {words} rad/s: {fate} within {phases.resolution:.2g} rad/s."
+        beats = study.survival and study.survival.beat
+        fate = (
+            "they beat, and differ by" if beats else "locked within" if phases.locked else "not locked: they differ by"
+        )
+        yield f"Mean frequencies {words} rad/s: {fate} {np.ptp(frequencies):.2g} rad/s."
 
 
 def _energies(study: SynchronizationStudy) -> Iterator[str]:

@@ -18,9 +18,13 @@ from nonlinear.averaging import Prediction, RelativeEquilibrium, is_same_motion,
 from nonlinear.averaging.prediction import E_FOLDING_TIMES
 from nonlinear.integration import Trajectory, estimate_timescales
 from nonlinear.orbits import Orbit
-from nonlinear.orbits.cycles import is_same_orbit
 from nonlinear.simulation import resume, simulate
-from nonlinear.synchronization.certificates import certificate_refusal, certified_orbit, orbit_at_the_end
+from nonlinear.synchronization.certificates import (
+    beside_distinct_orbits,
+    certificate_refusal,
+    certified_orbit,
+    orbit_at_the_end,
+)
 from nonlinear.synchronization.modal_energy import SHARE_DIFFERENCE_MAX, Survival, find_survival
 from nonlinear.synchronization.phases import Phases, phases_of
 from nonlinear.synchronization.populations import PopulationPhases, population_phases
@@ -75,11 +79,7 @@ class Theory(Displayed):
     @cached_property
     def distinct(self) -> tuple[tuple[RelativeEquilibrium, Orbit | None], ...]:
         """Every configuration with its orbit, and of several beside one and the same orbit the first."""
-        pairs: list[tuple[RelativeEquilibrium, Orbit | None]] = []
-        for state, orbit in zip(self.configurations, self.orbits, strict=True):
-            if orbit is None or not any(neighbour and is_same_orbit(orbit, neighbour) for _, neighbour in pairs):
-                pairs.append((state, orbit))
-        return tuple(pairs)
+        return beside_distinct_orbits(zip(self.configurations, self.orbits, strict=True))
 
     @property
     def certificate_refusal(self) -> str:

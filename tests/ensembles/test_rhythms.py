@@ -17,7 +17,7 @@ from multipendula.cli import main
 from nonlinear import simulate
 from nonlinear.ensembles import RhythmMap, ensemble, find_rhythm_grid, find_rhythms
 from nonlinear.ensembles.endings import rhythm_starts
-from nonlinear.ensembles.rhythms import MapTask, stable_orbits, wilson
+from nonlinear.ensembles.rhythms import MapTask, Rhythm, RhythmGrid, ValueRhythms, stable_orbits, wilson
 from nonlinear.orbits import follow_cycles
 from nonlinear.orbits.cycles import beginnings
 from nonlinear.postprocessing.returns import returns_of
@@ -169,4 +169,16 @@ def test_two_numbers_are_a_grid_of_verdicts() -> None:
     assert [row["value"] for row in whole["rows"]] == [0.01, 0.02]
     assert {at.rhythms[0].name for row in grid.maps for at in row.values} == {"in phase"}
     assert "in phase 100" in grid.report()
+    assert "2 starts at each value" in grid.report()
     assert grid.plot().axes
+
+
+def test_a_minority_is_not_the_most_frequent() -> None:
+    """Undecided starts are shown where they are most; of 3 of 10 the interval is farther above than below."""
+    variation, second = parse_variations(["support.mass=0.1:0.12:2", "support.damping=0.01:0.02:2"])
+    value = ValueRhythms(0.1, (Rhythm("in phase", 3, 10),), 7, ())
+    row = RhythmMap(METRONOMES, variation, (value, value), (), 10, 52.0, 100.0, 7)
+    text = RhythmGrid(METRONOMES, (variation, second), (row, row)).report()
+    assert "undecided 70 (in phase 30)" in text
+    _, high = scipy.stats.binomtest(3, 10).proportion_ci(method="wilson")
+    assert f"certain to {100 * (high - 0.3):.2g} %" in text

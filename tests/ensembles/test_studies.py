@@ -282,3 +282,11 @@ def test_a_sweep_into_friction_says_what_it_leaves_out() -> None:
     for measure, told in (("frequencies", True), ("energy_drift:0.1", False)):
         study = Study(load("chain-1"), axes, parse_measures([measure]))
         assert (note in sweep_text(sweep(study, workers=1))) == told
+
+
+def test_shares_of_basins_add_up_where_two_averaged_motions_are_one_orbit() -> None:
+    scene = vary(load("metronomes"), {"support.mass": 0.05})
+    basins = find_basins(scene, 20.0, vary=["pendulum[0].start.angles_deg[0]=20:40:2", "support.damping=0.01:0.02:2"])
+    assert len(set(basins.names)) == len(basins.names)
+    assert basins.names.count("in phase, mode 4") == 1
+    assert sum(basins.shares().values()) == pytest.approx(1.0, abs=1e-12)

@@ -15,13 +15,13 @@ from amounts import usually
 from scipy.optimize import brentq, fsolve, minimize_scalar
 
 import modal
-from modal import Bob, Body, Cart, Pendulum, Scene
+from modal import Bob, Body, Cart, Pendulum, Scene, load
 from modal.assembly import matrices
 from modal.errors import ComputationError, SceneError
 from modal.plotting import save
 from modal.scene import Escapement, VanDerPol
 from modal.scene.parameters import parse_variations, vary
-from nonlinear.averaging import RelativeEquilibrium, relative_equilibrium
+from nonlinear.averaging import RelativeEquilibrium, average, relative_equilibria, relative_equilibrium
 from nonlinear.plotting import branches_figure
 from nonlinear.simulation import simulate
 from nonlinear.synchronization import (
@@ -35,6 +35,7 @@ from nonlinear.synchronization import (
     follow_branches,
     phases_of,
 )
+from nonlinear.synchronization.certificates import certified_orbit
 from nonlinear.synchronization.continuation import Walk
 from nonlinear.synchronization.patterns import own_amplitudes
 from nonlinear.system import State
@@ -394,3 +395,14 @@ def test_words_and_refusals() -> None:
         follow_branches(branches.scene, parse_variations(["support.mass=1"])[0])
     with pytest.raises(SceneError, match="two or more values"):
         follow_branches(branches.scene, parse_variations(["pendulum[0].count=1,2"])[0])
+
+
+def test_branches_beside_the_same_orbits_are_listed_once() -> None:
+    """Averaged equations of light metronomes have two motions in phase, the full ones a single orbit beside both."""
+    scene = vary(load("metronomes"), {"support.mass": 0.05})
+    averaged = [state for state in relative_equilibria(average(scene)) if agreement(state) == "in phase"]
+    orbits = [certified_orbit(scene, state) for state in averaged]
+    assert len(averaged) == 2
+    assert len({round(orbit.omega, 6) for orbit in orbits if orbit}) == 1
+    branches = follow_branches(scene, "support.mass=0.05:0.06:2").branches
+    assert [branch.words for branch in branches].count("in phase") == 1
