@@ -103,11 +103,8 @@ def _of_parts(system: SymbolicStructure) -> tuple[Any, list[Line]]:
             lines.append(Line(f"kinetic energy of {part.words}", equal(sp.Symbol(f"T_{number}"), part.T)))
         if part.V != 0:
             lines.append(Line(f"potential energy of {part.words}", equal(sp.Symbol(f"V_{number}"), part.V)))
-    lines += [
-        *_lengths(system),
-        *_dissipation_lines(system),
-        Line("Lagrangian, with T and V the sums of the above", LAGRANGIAN),
-    ]
+    lines += [*_lengths(system), *_dissipation_lines(system)]
+    lines.append(Line("Lagrangian, with $T$ and $V$ the sums of the above", LAGRANGIAN))
     return sp.Add(*(part.T for part in system.parts)), lines
 
 

@@ -61,7 +61,8 @@ def evidence(options: argparse.Namespace, modes: Modes, rows: list[Mode], starre
         with bar(float(len(rows)), "row", "proof") as report, output(options.prove) as write:
             text, proofs = prove(modes, rows, options.scene, report)
             write(text)
-        remark(f"to re-check it: python -m multipendula.check_proof SCENE.toml TABLE.json {options.prove}")
+        if "proved" in proofs.values():
+            remark(f"to re-check it: python -m multipendula.check_proof SCENE.toml TABLE.json {options.prove}")
         if reasons := sorted({claim["why"] for claim in json.loads(text)["modes"] if claim.keys() == {"mode", "why"}}):
             remark(f"not proved, as {'; '.join(reasons[:3])}")
         if "enclosed" in proofs.values():

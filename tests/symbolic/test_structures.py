@@ -274,6 +274,6 @@ def test_the_textbooks_pendula_have_the_textbooks_roots() -> None:
 def test_both_roots_stand_in_one_line_and_none_begins_with_a_minus() -> None:
     (section,) = derive(symbolic_structure(load("crane-two-loads"), (EQUAL,)), ("modes",))
     written = [plain(line.formula) for line in section.lines]
-    assert written[0] == "λ = 0"
+    assert written[0] == "ω^2 = 0"
     assert written[1].count("±") == 1
     assert not [formula for formula in written if "= -" in formula]
