@@ -411,10 +411,10 @@ def judge_counts(row: Data, claim: Data, blocks: list[Sums], w: Q, e: Q, bits: i
         raise NotProvedError(f"{before} are below its interval, {upto} up to its end")
     if last - first + 1 != row["multiplicity"]:
         raise NotProvedError("the proof is of another multiplicity")
-    which = f"number {first} from below" if first == last else f"numbers {first} to {last} from below"
-    alone = upto - before == last - first + 1
-    near = f"the only one{'s' * (last > first)} there" if alone else f"of {upto - before} there"
-    return f"{'growth rate; ' * grows}{which}, {near}"
+    several, alone = last > first, upto - before == last - first + 1
+    which = f"numbers {first} to {last}" if several else f"number {first}"
+    near = f"the only one{'s' * several} there" if alone else f"of {upto - before} there"
+    return f"{'growth rate; ' * grows}{which} from below, {near}"
 
 
 def judge_roots(row: Data, claim: Data, blocks: list[Sums], w: Q, e: Q) -> str:
@@ -431,7 +431,8 @@ def judge_roots(row: Data, claim: Data, blocks: list[Sums], w: Q, e: Q) -> str:
     roots = count_roots(blocks, re, im, radius)
     if claim["roots"] != roots or (w and roots != row["multiplicity"]) or not roots:
         raise NotProvedError(f"{roots} roots are in its disc")
-    return f"damping ratio {float(zeta)!r} within {float(4 * e):.1e}, exactly {roots} root{'s' * (roots > 1)} there"
+    there = "exactly one root there" if roots == 1 else f"exactly {roots} roots there"
+    return f"damping ratio {float(zeta)!r} within {float(4 * e):.1e}, {there}"
 
 
 def meet(claim: Data, other: Data) -> bool:
