@@ -388,7 +388,7 @@ def judge(row: Data, claim: Data, blocks: list[Sums], bits: int) -> Verdict:
             words = judge_roots(row, claim, blocks, w, e)
         else:
             words = judge_counts(row, claim, blocks, w, e, bits)
-        words = f"{float(w)!r} rad/s within {float(e):.1e} of itself, {words}"
+        words = f"{float(w)!r} rad/s, relative error <= {float(e):.1e}; {words}"
         return Verdict(row["mode"], True, words)
     except NotProvedError as error:
         return Verdict(row["mode"], False, str(error))
@@ -415,7 +415,10 @@ def judge_counts(row: Data, claim: Data, blocks: list[Sums], w: Q, e: Q, bits: i
         raise NotProvedError(f"{before} are below its interval, {upto} up to its end")
     if last - first + 1 != row["multiplicity"]:
         raise NotProvedError("the proof is of another multiplicity")
-    return f"{'growth rate ' * grows}number {first} to {last}; {upto - before} so near"
+    several, alone = last > first, upto - before == last - first + 1
+    which = f"numbers {first} to {last}" if several else f"number {first}"
+    near = f"the only one{'s' * several} there" if alone else f"of {upto - before} there"
+    return f"{'growth rate; ' * grows}{which} from below, {near}"
 
 
 def judge_roots(row: Data, claim: Data, blocks: list[Sums], w: Q, e: Q) -> str:
@@ -432,7 +435,8 @@ def judge_roots(row: Data, claim: Data, blocks: list[Sums], w: Q, e: Q) -> str:
     roots = count_roots(blocks, re, im, radius)
     if claim["roots"] != roots or (w and roots != row["multiplicity"]) or not roots:
         raise NotProvedError(f"{roots} roots are in its disc")
-    return f"damping ratio {float(zeta)!r} within {float(4 * e):.1e}, {roots} such roots"
+    there = "exactly one root there" if roots == 1 else f"exactly {roots} roots there"
+    return f"damping ratio {float(zeta)!r} within {float(4 * e):.1e}, {there}"
 
 
 def meet(claim: Data, other: Data) -> bool:

@@ -26,7 +26,7 @@ from modal.coupling.words import (
     pendula_words,
     push_words,
 )
-from modal.report import Form, as_json, counted, finite, line_width, markdown, rad, titled
+from modal.report import Form, as_json, counted, entitled, finite, line_width, markdown, rad, titled
 from modal.scene import describe, title_of
 from modal.scene.doors import checked
 
@@ -64,7 +64,7 @@ def coupling_report(coupling: Coupling, form: Form = "text", *, words: bool = Fa
     ]
     told_in_words = sections(coupling) if words else ()
     if form == "markdown":
-        return _markdown(f"{title_of(coupling.scene)}: {WHAT}", parts, told_in_words)
+        return _markdown(entitled(title_of(coupling.scene), WHAT), parts, told_in_words)
     return titled(title_of(coupling.scene), WHAT, [*parts, *map(_text, told_in_words)], form)
 
 

@@ -187,6 +187,8 @@ def _footnotes(modes: Modes, rows: Sequence[Mode], starred: str) -> list[str]:
         notes.append(f"1 % angle: not computed {modes.not_expanded}.")
     if any(row.is_uncertain for row in rows):
         notes.append("! beyond double precision: no digit of this frequency is certain.")
+    if any(row.oscillates and row.damping_ratio**2 > 2e-7 for row in rows):
+        notes.append("f is |λ|/2π as ω is |λ|, but T is that of the damped swing, 2π/|Im λ|.")
     if modes.rig.is_damped and any(row.effective_mass > 0 for row in rows):
         notes.append(UNDAMPED)
     if any(row.growth_rate for row in rows):

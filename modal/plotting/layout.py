@@ -22,7 +22,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from matplotlib.transforms import Bbox
 
 from modal.plotting.style import MARKED, Picture, any_letters, secondary_colour
-from modal.report import visible
+from modal.report import entitled, visible
 from modal.types import Floats, Ints
 
 SMALL = "small"
@@ -69,7 +69,7 @@ def headline(figure: Figure, title: str, words: str) -> None:
     A title of more than HEADLINE_LINES lines is shortened.
     """
     readable_title = visible(title)
-    heading = f"{readable_title}: {words}" if title else words[:1].upper() + words[1:]
+    heading = entitled(readable_title, words) if title else words[:1].upper() + words[1:]
     text = figure.suptitle(heading, parse_math=False)
     _fold(figure, text)
     while text.get_text().count("\n") >= HEADLINE_LINES and len(readable_title) > 1:
@@ -77,7 +77,7 @@ def headline(figure: Figure, title: str, words: str) -> None:
         readable_title = readable_title[
             : min(len(readable_title) - 1, int(1.02 * len(readable_title) * HEADLINE_LINES / lines))
         ].rstrip("… ")
-        text.set_text(f"{readable_title}…: {words}")
+        text.set_text(entitled(f"{readable_title}…", words))
         _fold(figure, text)
 
 

@@ -28,10 +28,15 @@ NAMES_MAX = 9
 
 def titled(scene: str, what: str, parts: Sequence[str], form: str) -> str:
     """The parts that are not empty, under a title made of the scene's and of `what` is reported."""
-    title = f"{scene or 'Modes'}: {what}"
+    title = entitled(scene or "Modes", what)
     if form == "markdown":
         return "\n\n".join([f"**{markdown(title)}**", *(part for part in parts if part)]) + "\n"
     return folded("\n\n".join([headed(title), *(part for part in parts if part)])) + "\n"
+
+
+def entitled(scene: str, what: str) -> str:
+    """A title made of the scene's and of what is shown, behind a dash where the scene's has a colon already."""
+    return f"{scene}{' –' if ':' in scene else ':'} {what}"
 
 
 def headed(title: str) -> str:

@@ -98,12 +98,13 @@ def _of_pair(system: SymbolicStructure) -> tuple[Any, list[Line]]:
 
 def _of_parts(system: SymbolicStructure) -> tuple[Any, list[Line]]:
     lines = list(_pivots(system))
-    for part in (*system.parts, *system.spring_energies):
+    for number, part in enumerate((*system.parts, *system.spring_energies), start=1):
         if part.T != 0:
-            lines.append(Line(f"kinetic energy of {part.words}", equal(sp.Symbol("T"), part.T)))
+            lines.append(Line(f"kinetic energy of {part.words}", equal(sp.Symbol(f"T_{number}"), part.T)))
         if part.V != 0:
-            lines.append(Line(f"potential energy of {part.words}", equal(sp.Symbol("V"), part.V)))
-    lines += [*_lengths(system), *_dissipation_lines(system), Line("Lagrangian, of the sums of these", LAGRANGIAN)]
+            lines.append(Line(f"potential energy of {part.words}", equal(sp.Symbol(f"V_{number}"), part.V)))
+    lines += [*_lengths(system), *_dissipation_lines(system)]
+    lines.append(Line("Lagrangian, with $T$ and $V$ the sums of the above", LAGRANGIAN))
     return sp.Add(*(part.T for part in system.parts)), lines
 
 
@@ -134,12 +135,12 @@ def _equations(system: SymbolicStructure) -> Section:
     if system.spatial:
         return Section(title, _spatial_equations(system))
     forms = equations(system) if system.is_of_pair else system.equations()
-    lines = [Line(f"of {c.q}", equal(form, 0)) for c, form in zip(system.coordinates, forms, strict=True)]
+    lines = [Line(f"for {c.q}", equal(form, 0)) for c, form in zip(system.coordinates, forms, strict=True)]
     if system.is_of_pair and len(system.links) <= MOST_CHECKED:
         plain = system.without_laws
         lagrange_forms = derive_lagrangian(plain).equations
         _require(all(vanishes(a - b) for a, b in zip(lagrange_forms, equations(plain), strict=True)))
-        lines.append(Line("these are Lagrange's equations of the Cartesian $L$: checked term by term"))
+        lines.append(Line("checked term by term against Lagrange's equations in Cartesian form"))
     return Section(title, [*lines, *_lengths(system), *_pulls(system)])
 
 
@@ -160,7 +161,7 @@ def _spatial_equations(system: SymbolicStructure) -> list[Line]:
     if len(system.links) <= 2:
         energy = replace(derive_lagrangian(system), T=in_angles(system))
         for c, form in zip(energy.coordinates, energy.equations, strict=True):
-            lines.append(Line(f"for comparison in $θ$ and $φ$, of {c.q}", equal(sp.expand(form), 0)))
+            lines.append(Line(f"for comparison in $θ$ and $φ$, for {c.q}", equal(sp.expand(form), 0)))
     return lines
 
 
@@ -203,7 +204,7 @@ def _hamiltonian(system: SymbolicStructure) -> Section:
     ]
     for rate, form, lagranges in zip(p, M * sp.Matrix(v), system.equations(), strict=True):
         force = sp.expand(time_derivative(form, system.coordinates) - lagranges)
-        lines.append(Line(f"of {rate.q}", equal(rate.v, force)))
+        lines.append(Line(f"for {rate.q}", equal(rate.v, force)))
     return Section(TITLE, [*lines, *_lengths(system), *_pulls(system)])
 
 

@@ -283,14 +283,15 @@ def _root(root: Root, eigen: EigenPolynomial) -> ComputedMode:
     unit = "√(g/l)" if eigen.polynomial.unit == "g/l" else "1/s" if grows else "rad/s"
     size = sp.sqrt(sp.Abs(square)).evalf(20)
     rate = f"{'growth rate $=' if grows else '$ω ='} {sp.N(size, 15)} {unit}$"
-    return ComputedMode(size, _heading_words(eigen), rate, equal(sp.Symbol("x"), square))
+    letter = sp.Symbol("x") if square else sp.Symbol("omega") ** 2  # of a rigid translation
+    return ComputedMode(size, _heading_words(eigen), rate, equal(letter, square))
 
 
 def _in_symbols(eigen: EigenPolynomial) -> Iterator[Line]:
     """Closed forms of each irreducible factor, where the degree allows."""
     x, omega = sp.Symbol("x"), sp.Symbol("omega")
-    for factor, count in sp.factor_list(eigen.polynomial, x)[1]:
-        polynomial = sp.Poly(factor, x)
+    factors = [(sp.Poly(factor, x), count) for factor, count in sp.factor_list(eigen.polynomial, x)[1]]
+    for polynomial, count in sorted(factors, key=lambda factor: _rank(factor[0])):
         times = f"{count} times; " if count > 1 else ""
         if polynomial.degree() >= 3:  # whose closed forms nobody reads
             yield Line(f"{_heading_words(eigen)}degree {polynomial.degree()}: no useful closed form; use numbers")
@@ -300,14 +301,24 @@ def _in_symbols(eigen: EigenPolynomial) -> Iterator[Line]:
                 f"{_heading_words(eigen)}{times}natural frequencies", equal(omega**2, _pair_of_roots(polynomial))
             )
             continue
-        (square,) = sp.roots(polynomial)
-        simple = min(sp.simplify(square), sp.factor_terms(square), key=sp.count_ops)
-        if sp.factor_terms(sp.numer(simple)).is_Add:
-            simple = sp.expand(simple)
+        simple = _simple_root(polynomial)
         if simple.is_negative:
             yield Line(f"{_heading_words(eigen)}{times}growth rate $σ$", equal(sp.Symbol("sigma") ** 2, -simple))
         else:
             yield Line(f"{_heading_words(eigen)}{times}natural frequency", equal(omega**2, simple))
+
+
+def _simple_root(polynomial: Any) -> Any:
+    """The root of degree 1 in its shortest form."""
+    (square,) = sp.roots(polynomial)
+    simple = min(sp.simplify(square), sp.factor_terms(square), key=sp.count_ops)
+    return sp.expand(simple) if sp.factor_terms(sp.numer(simple)).is_Add else simple
+
+
+def _rank(polynomial: Any) -> tuple[int, int]:
+    """Ascending as far as symbols tell: of two sums of positive terms the one with fewer, behind it higher degrees."""
+    is_of_one = polynomial.degree() == 1
+    return polynomial.degree(), len(sp.Add.make_args(_simple_root(polynomial))) if is_of_one else 0
 
 
 def _pair_of_roots(polynomial: Any) -> Any:
@@ -362,7 +373,7 @@ def _remarks(system: SymbolicStructure, polynomials: list[EigenPolynomial]) -> l
     lines = []
     if bobs:
         shape = sp.Function("L_j")(sp.Symbol("x_r"))
-        words = "mode shape r: bob j = 0, 1, … from the free end is displaced by Laguerre's polynomial"
+        words = "mode shape $r$: bob $j$ = 0, 1, … from the free end is displaced by Laguerre's polynomial"
         lines.append(Line(words, equal(sp.Symbol("y_j"), shape)))
         lines.append(Line("modal effective mass", equal(sp.Symbol("m_eff"), sp.Symbol("m") / sp.Symbol("x_r"))))
     degree = sum(sp.degree(*_with_symbol(eigen)) * eigen.multiplicity for eigen in polynomials)

@@ -139,7 +139,7 @@ def _in_plane(system: SymbolicStructure) -> Iterator[Line]:
     s = lengthwise_symbols(system)
     yield Line("the momenta s along the links follow from the constant lengths: one linear equation a link")
     for name, form in zip(s, along_equations(system, W, p, s), strict=True):
-        yield Line(f"of {name}", equal(form, 0))
+        yield Line(f"for {name}", equal(form, 0))
     yield from _rates(system, W, p, s)
     yield from _forces(system, p, s)
     if len(system.links) <= 3:
@@ -226,7 +226,7 @@ def _rows(W: Any) -> Iterator[tuple[int, list[tuple[int, Any]]]]:
 def _rates(system: SymbolicStructure, W: Any, p: list[Coordinate], s: list[Any]) -> Iterator[Line]:
     yield Line("rates of the coordinates, the derivatives of H by the momenta")
     for c, form in zip(system.coordinates, velocities(system, W, p, s), strict=True):
-        yield Line(f"of {c.q}", equal(c.v, form))
+        yield Line(f"for {c.q}", equal(c.v, form))
 
 
 def velocities(system: SymbolicStructure, W: Any, p: list[Coordinate], s: list[Any]) -> list[Any]:
@@ -242,7 +242,7 @@ def _forces(system: SymbolicStructure, p: list[Coordinate], s: list[Any]) -> Ite
     damper_words = " less the dampers" if derive_lagrangian(system).R != 0 else ""
     yield Line(f"rates of the momenta, minus the derivatives of H by the coordinates{damper_words}")
     for rate, form in zip(p, momentum_rates(system, s), strict=True):
-        yield Line(f"of {rate.q}", equal(rate.v, form))
+        yield Line(f"for {rate.q}", equal(rate.v, form))
 
 
 def momentum_rates(system: SymbolicStructure, s: list[Any]) -> list[Any]:
@@ -317,10 +317,10 @@ def _in_space(system: SymbolicStructure) -> Iterator[Line]:
     on_rail = ", and x' e_x has no part along e_y and e_z" if cart else ""
     yield Line(f"u_i u_i' = 0{on_rail}: linear equations of the s")
     for direction, form in zip(u, forms[len(cart) :], strict=True):
-        yield Line(f"of {direction.q}", equal(direction.v, form))
+        yield Line(f"for {direction.q}", equal(direction.v, form))
     for direction, transverse, lengthwise, b in zip(u, pi, s, system.b, strict=True):
         rate = f"its rate is F - (u F) u - s u' - (u' {transverse.q}) u with u = {direction.q}, s = {lengthwise.q} and"
-        yield Line(f"of {transverse.q}: {rate}", equal(sp.Symbol("F"), system.gravity * b * sp.Symbol("e_z")))
+        yield Line(f"for {transverse.q}: {rate}", equal(sp.Symbol("F"), system.gravity * b * sp.Symbol("e_z")))
     if len(system.links) == 1 and not cart:
         yield from _of_one_link(system)
 

@@ -323,7 +323,7 @@ def _readable(words: str) -> str:
 
 
 def _latex(title: str, sections: list[Section]) -> str:
-    lines = [rf"\section*{{{latex(title)}}}"]
+    lines = ["% needs the package amsmath", rf"\section*{{{latex(title)}}}"]
     for section in sections:
         lines += [rf"\subsection*{{{_escape(section.title)}}}"]
         for words, formula in section.lines:
@@ -379,7 +379,7 @@ def _inline(words: str) -> str:
 def _with_mathematics(words: str) -> str:
     """Coordinates, other named symbols and letters with an index in words, as mathematics."""
     words = _NAME.sub(lambda match: f"${_tex(sp.Symbol(match[0]))}$" if match[0] not in "psxyzu" else match[0], words)
-    words = re.sub(r"\bof ([psxyzu])$", r"of $\1$", words)
+    words = re.sub(r"\b(of|for) ([psxyzu])$", r"\1 $\2$", words)
     words = _INDEXED.sub(lambda match: f"${LETTERS.get(match[1], match[1])}_{{{match[2]}}}$", words)
     return words.replace("q''", r"$\ddot{q}$").replace("q'", r"$\dot{q}$")
 

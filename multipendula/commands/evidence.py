@@ -33,7 +33,7 @@ from multipendula.commands.shared import bar, estimate_of, in_a_folder, output, 
 if TYPE_CHECKING:
     from modal.exact.enclosures import SceneInBalls
 
-WHAT = "python check_proof.py SCENE.toml TABLE.json PROOF.json counts again, with Python's standard library alone"
+WHAT = "python check_proof.py SCENE.toml TABLE.json PROOF.json re-checks it, with Python's standard library alone"
 
 
 class Evidence(NamedTuple):
@@ -63,6 +63,8 @@ def evidence(options: argparse.Namespace, modes: Modes, rows: list[Mode], starre
         with bar(float(len(rows)), "row", "proof") as report, output(options.prove) as write:
             text, proofs = prove(modes, rows, options.scene, report)
             write(text)
+        if "proved" in proofs.values():
+            remark(f"to re-check it: python -m multipendula.check_proof SCENE.toml TABLE.json {options.prove}")
         if reasons := sorted({claim["why"] for claim in json.loads(text)["modes"] if claim.keys() == {"mode", "why"}}):
             remark(f"not proved, as {'; '.join(reasons[:3])}")
         if "enclosed" in proofs.values():

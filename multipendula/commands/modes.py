@@ -54,14 +54,8 @@ def table(options: argparse.Namespace) -> Modes | None:
         rows, starred, stds, proofs = evidence(options, modes, rows, starred)
     with output(options.output) as write:
         more = {"shapes": options.shapes, "starred": starred, "amplitude_deg": options.amplitude, "stds": stds}
-        more |= {"proofs": proofs}
-        more |= {
-            "chosen": options.columns or "",
-            "elsewhere": ELSEWHERE,
-            "sensitive": options.sensitivities,
-            "energies": options.energies,
-            "left": len(every) - len(numbers),
-        }
+        more |= {"proofs": proofs, "sensitive": options.sensitivities, "energies": options.energies}
+        more |= {"chosen": options.columns or "", "elsewhere": ELSEWHERE, "left": len(every) - len(numbers)}
         write(tables.table(modes, rows, options.format, **more))
     if options.explain:
         from modal.modes.solution_report import report_solution
@@ -165,7 +159,7 @@ COMMANDS = (
             "--energies",
             "--shapes (json only)",
             "--places",
-            "--prove, which `check_proof.py` counts again",
+            "--prove, which `check_proof.py` re-checks",
             "--explain",
         ),
         details=(

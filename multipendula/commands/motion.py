@@ -206,7 +206,7 @@ def _enclose(options: argparse.Namespace) -> Tube:
         raise SceneError([f"--proved: needs a scene, and {options.scene} is a saved run"])
     form = _form_of_report(options, (*WRITTEN, *COMPILED))
     in_a_folder(options.output)
-    scene, duration = load(options.scene), options.duration or options.usual
+    scene, duration = load(options.scene), options.duration or 10.0
     start, how = start_of(scene, options.start), kwargs_of(options, "--samples")
     with bar(duration) as report:
         tube = enclose_motion(scene, duration, radius=options.accuracy or 1e-10, start=start, report=report, **how)
@@ -240,7 +240,7 @@ COMMANDS = (
         takes=(
             RUN._replace(how={"nargs": "?"}),
             *motion(60.0)[1:],
-            "--proved, with a radius of at most --accuracy (default 1e-10) at 11 --samples",
+            "--proved, over 10 s by default, with a radius of at most --accuracy (default 1e-10) at 11 --samples",
             "--compile, for one scene or, without one, for every: nothing is simulated",
             formats(*REPORTS, more=" (default text), by --accuracy or --proved, and by --compile as text or json"),
             "--covariance: adds the band of the motion over the fitted numbers",

@@ -51,6 +51,9 @@ def test_a_proved_motion_is_printed_saved_and_judges_others(
     saved = recordings.load("run.csv")
     assert saved.motion.links[-1, 0] == pytest.approx(float(last["theta_1_1_rad"]["mid"]), abs=1e-15)
     assert run("simulate", "run.csv", "--duration", "0.5", "-o", "more.npz") == 0
+    capsys.readouterr()
+    assert run("simulate", "chain-1", "--proved", "--samples", "2", "--format", "json") == 0
+    assert json.loads(capsys.readouterr().out)["rows"][-1]["time_s"] == 10.0
     assert run("simulate", "run.csv", "--proved") == 2
     assert run("simulate", "huygens", "--proved") == 2
     assert run(*words, "--tolerance", "1e-6", "--keep-modes", "1") == 2

@@ -224,9 +224,11 @@ def test_the_file_alone_says_what_is_proved(tmp_path: Path, capsys: pytest.Captu
     checker.write_bytes(FILE.read_bytes())
     scene.write_text(dumps(mixed()))
     assert main(["table", str(scene), "--prove", str(proof), "--format", "json", "-o", str(table)]) == 0
+    assert f"python -m multipendula.check_proof SCENE.toml TABLE.json {proof}" in capsys.readouterr().err
     assert all(row["proof"] == "proved" for row in json.loads(table.read_text())["modes"])
     told = called(checker, scene, table, proof)
     assert (told.returncode, told.stderr, told.stdout.count(": proved: ")) == (0, "", 7)
+    assert told.stdout.count("the only one") == 7
     table.write_text(table.read_text().replace('"multiplicity": 2', '"multiplicity": 3'))
     told = called(checker, scene, table, proof)
     assert (told.returncode, told.stdout.count("NOT PROVED: the proof is of another multiplicity")) == (1, 2)

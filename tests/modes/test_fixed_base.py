@@ -141,6 +141,9 @@ def test_light_dampers_leave_the_effective_masses() -> None:
     light = np.isfinite(braked.effective_mass)
     assert light.any()
     assert not light.all()
+    assert "T is that of the damped swing" in table(braked, list(braked), "text")
+    undamped = natural_modes(DAMPED.conservative)
+    assert "damped swing" not in table(undamped, list(undamped), "text")
 
 
 def test_what_is_light_is_judged_by_shape_and_damping_ratio() -> None:

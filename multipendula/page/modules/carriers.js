@@ -51,8 +51,8 @@ export function numbersOf(scene) {
   };
   const several = Array.isArray(scene.support);
   const supports = [scene.support].flat().map((support, k) => ofCarrier(support, several ? ["support", k] : ["support"], k));
-  const springs = (scene.spring ?? []).map(({ between, kind }, k) => ({
-    name: `Spring ${between.join(" – ")}`,
+  const springs = (scene.spring ?? []).map(({ kind }, k) => ({
+    name: `Spring ${k + 1}`,
     numbers: ["stiffness", "damping"]
       .map((law) => ({ label: named(law), unit: unitOf(law, kind === "torsion" ? "rad" : "m"), place: ["spring", k, law] }))
       .filter((one) => isThere(scene, one.place)),

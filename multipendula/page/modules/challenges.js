@@ -10,12 +10,12 @@ const SOON = 20; // s
 const TASKS = [
   {
     words: "Make the pendula exchange their energy, there and back, in 30 s ± 1 s.",
-    isThere: ({ system }) => system.lead > 0 && system.chains.length > 1 && (system.cart || system.structure),
+    isThere: ({ system }) => system.chains.length > 1 && (system.cart || system.structure),
     isDone: ({ rows }) => rows.some(({ beat }) => Math.abs(beat - PERIOD) <= WITHIN),
   },
   {
     words: "Swing beyond 10° for 5 s while the support stays still.",
-    isThere: ({ system, rows }) => (system.cart || system.structure) && rows.some((row) => mannerOf(row) === "swings" && restsIn(system, row)),
+    isThere: ({ system, rows }) => system.lead > 0 && rows.some((row) => mannerOf(row) === "swings" && restsIn(system, row)),
     isDone: (player, memory) => {
       const { system, motion, y, view } = player;
       if (!motion || motion !== memory.motion || y.slice(0, system.lead).some((value) => Math.abs(value) > STILL * view.reach)) {

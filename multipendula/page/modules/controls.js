@@ -237,7 +237,7 @@ export class Controls {
     const label = Object.assign(document.createElement("label"), { className: "select wide" });
     this.part = document.createElement("select");
     this.part.replaceChildren(...this.parts.map(({ name }, number) => new Option(name, String(number))));
-    label.append("Support ", this.part);
+    label.append("Support or spring ", this.part);
     box.before(label);
     const choose = () => {
       box.replaceChildren();

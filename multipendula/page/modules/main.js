@@ -233,7 +233,7 @@ class LivePage {
     const drift = player.replaying ? given.recording.drift : player.motion?.worst;
     element("drift").textContent = Number.isFinite(drift) ? (drift ? scientific(drift) : "0") : "–";
     const apart = player.motion?.linear ? degrees(player.motion.apart) : player.motion ? Infinity : NaN;
-    element("apart").textContent = Number.isNaN(apart) ? "–" : apart > 360 ? "over 360°" : `${digits(apart, 3)}°`;
+    element("apart").textContent = Number.isNaN(apart) ? "–" : apart > 360 ? "over 360°" : apart < 1e-3 ? "< 0.001°" : `${digits(apart, 3)}°`;
     element("behind").hidden = !player.behind;
     const { stuck } = player;
     element("sticking").hidden = !stuck;
