@@ -32,7 +32,7 @@ def at_most(value: Decimal | float, digits: int = 2) -> str:
     """A number in so many digits, rounded up.
 
     >>> at_most(1.01e-7), at_most(Decimal(3))
-    ('1.1e-07', '3.0e+00')
+    ('1.1e-7', '3.0e+0')
     """
     return f"{Context(prec=digits, rounding=ROUND_CEILING).create_decimal(Decimal(value)):.{digits - 1}e}"
 
