@@ -20,7 +20,7 @@ from modal.tuning.closed_forms import den_hartog, rest_of_scene, single_links, v
 from modal.tuning.minimax import COARSE, EDGE, ROUNDS, VALLEY_WIDTH, Minimum, descend
 from modal.tuning.model import DAMPING_MIN
 from modal.tuning.objective import Aim, Objective, worst_cases
-from modal.tuning.pieces import Setting
+from modal.tuning.pieces import Quantities, Setting
 from modal.tuning.quantities import (
     CAN_VANISH,
     SOURCE,
@@ -100,7 +100,7 @@ def tune(
     if problems:
         raise SceneError(list(dict.fromkeys(problems)))
     objective = Objective(scene, numbers, aims, found_limits, setting)
-    initial_pieces = objective.pieces(np.log([item.given_level or item.start for item in numbers]))
+    initial_pieces = Quantities(scene, (), quantities, setting).at(np.zeros(0))
     starts = list(_starts(objective, crew))
     if over_hz is not None:
         _refuse_no_peak(objective, objective.start)

@@ -435,3 +435,9 @@ def test_the_command_writes_all_or_nothing(
     assert "rel_1_1=-1" in capsys.readouterr().err
     assert not Path("none.toml").exists()
     assert not Path("none.json").exists()
+
+
+def test_a_peak_without_a_damper_was_infinite_before() -> None:
+    tuned = tune(load("crane-hook"), ["pendulum[0].links[0].damping"], minimize=["peak:theta_1_2/cart_acceleration"])
+    assert tuned.before == np.inf
+    assert tuned.after < 0.2
