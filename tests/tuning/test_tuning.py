@@ -11,7 +11,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from modal import Bob, Body, Cart, ComputationError, Pendulum, Rod, Scene, SceneError
+from modal import Bob, Body, Cart, ComputationError, Pendulum, Rod, Scene, SceneError, load
 from modal.identification.derivatives import polar
 from modal.plotting import tuning_figure
 from modal.scene import scene_from
