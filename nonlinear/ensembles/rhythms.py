@@ -295,8 +295,9 @@ class RhythmMap(Drawable, Result):
 def _sampling_words(maps: Sequence[RhythmMap]) -> str:
     """A sentence on the starts, how long they ran, and how certain their shares are."""
     first, limit = maps[0], max(row.limit for row in maps)
-    rhythms = [rhythm for row in maps for value in row.values for rhythm in value.rhythms]
-    error = max((max(r.share - r.interval[0], r.interval[1] - r.share) for r in rhythms), default=0.0)
+    shares = {rhythm.share for row in maps for value in row.values for rhythm in value.rhythms} | {0.0}
+    ends = [(share, *wilson(round(share * first.members), first.members)) for share in shares]
+    error = max(max(share - low, high - share) for share, low, high in ends)
     return (
         f"{first.members} starts at each value, the same at all, with angles up to {first.largest_deg:g}° and random "
         f"phases, run for at most {limit:.4g} s; shares are certain to {100 * error:.2g} % at worst (95 %)."
