@@ -22,7 +22,8 @@ from nonlinear.ensembles.measures import validate_measures
 from nonlinear.ensembles.members import Members, members_of
 from nonlinear.ensembles.plain import measured_run
 from nonlinear.ensembles.preparing import Compilation, CompiledCode, compilation_table, compile_engines
-from nonlinear.ensembles.rhythms import RhythmGrid, RhythmMap, find_rhythm_grid, find_rhythms
+from nonlinear.ensembles.rhythm_maps import find_rhythm_grid, find_rhythms
+from nonlinear.ensembles.rhythms import RhythmGrid, RhythmMap
 from nonlinear.ensembles.running import Ensemble, ensemble
 from nonlinear.ensembles.runs import measured_together, run_together, times_of
 from nonlinear.ensembles.sections import PoincareSection, energy_of, find_section, section_table, starts_at

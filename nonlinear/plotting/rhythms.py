@@ -20,13 +20,11 @@ from nonlinear.plotting.sweeps import edges
 if TYPE_CHECKING:
     from nonlinear.ensembles import RhythmGrid, RhythmMap
 
-Thresholds = Sequence[tuple[float, str]]
 
+def rhythm_figure(rhythms: RhythmMap) -> Figure:
+    """The share of each rhythm along the number with its 95 % interval.
 
-def rhythm_figure(rhythms: RhythmMap, thresholds: Thresholds = ()) -> Figure:
-    """The share of each rhythm along the number with its 95 % interval; births and deaths are vertical lines.
-
-    `thresholds` are values of averaged equations with words, drawn dashed.
+    Births and deaths are vertical lines, thresholds of averaged equations dashed ones.
     """
     figure = sheet_of_rows(2)
     axis = figure.subplots()
@@ -51,8 +49,8 @@ def rhythm_figure(rhythms: RhythmMap, thresholds: Thresholds = ()) -> Figure:
         for e in rhythms.births
         if not e.between
     ]
-    dashed = thresholds or [(each.value, f"averaged: {each.words}") for each in rhythms.averaged]
-    _mark(axis, [*marks, *((value, words, "--") for value, words in dashed)])
+    dashed = [(each.value, f"averaged: {each.words}", "--") for each in rhythms.averaged]
+    _mark(axis, [*marks, *dashed])
     headline(figure, title_of(rhythms.scene), f"rhythms of {rhythms.members} starts at each value")
     key(figure, handles, columns=min(3, len(handles)))
     return figure

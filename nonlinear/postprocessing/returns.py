@@ -88,14 +88,18 @@ def returns_of(trajectory: Trajectory, link: int = 0) -> Returns:
     return Returns(trajectory.times[at] + part * h[:, 0], states)
 
 
+def natural_rate(system: System) -> float:
+    """The natural unit of angular rates of records (rad/s), of the shortest link."""
+    return sqrt(system.gravity / float(system.by_link("length").min()))
+
+
 def natural_units(system: System, states: Sequence[Floats]) -> Floats:
     """States (links, their rates, cart, its rate), (S, K, ...), in natural units, (S, K, D), angles (rad) first.
 
     The place of a cart or of carriers that nothing holds is omitted: wherever they are, they move on in the same way.
     """
     links, rates, cart, speed, *carried = states
-    length = float(system.by_link("length").min())
-    rate = sqrt(system.gravity / length)
+    length, rate = float(system.by_link("length").min()), natural_rate(system)
     columns = [links, rates / rate]
     if system.cart is not None:
         columns += [(cart / length)[..., None]] * bool(system.cart.stiffness)

@@ -1,4 +1,4 @@
-"""What a motion of a scene with drives ends in, told by its returns to a section and by the orbit beside them.
+"""What a motion of a scene with drives ends in, recognized by its returns to a section and by the orbit near them.
 
 Its first pendulum passes its angle at rest to the right once a swing.  A motion whose returns repeat to 1e-6, in
 natural units, is periodic, and its orbit is what Newton's method finds there (`ending_orbit`); one whose returns are a
@@ -22,7 +22,14 @@ from modal.scene import Scene
 from modal.scene.doors import checked
 from modal.types import Complexes, Floats, Ints
 from nonlinear.orbits import Orbit, periodic_orbit
-from nonlinear.postprocessing.returns import JUDGED_STROBES, Returns, natural_units, repetition, slow_rotation
+from nonlinear.postprocessing.returns import (
+    JUDGED_STROBES,
+    Returns,
+    natural_rate,
+    natural_units,
+    repetition,
+    slow_rotation,
+)
 from nonlinear.synchronization.patterns import STILL_AMPLITUDE_RATIO, amplitudes_of
 from nonlinear.synchronization.phases import from_rest
 from nonlinear.system import State, populations_of, system_of
@@ -84,20 +91,16 @@ def ending_of(returns: Returns, scene: Scene) -> Ending:
     nu = slow_rotation(late)
     if nu is None:
         return Ending(OPEN, mean, ordered, state, chimera=_is_chimera(last, scene))
-    drifting = (
-        _largest_drift(late, system.n_links, 2 * np.pi / mean, float(np.sqrt(scene.gravity / _length(scene)))) >= 2
-    )
+    drifting = _largest_drift(late, system.n_links, natural_rate(system) * mean / (2 * np.pi)) >= 2
     return Ending(TORUS, mean, ordered, state, 0, mean / nu, drifting, _is_chimera(last, scene))
 
 
-def _length(scene: Scene) -> float:
-    """The length of natural units (m)."""
-    return min(link.length for link in scene.links())
+def _largest_drift(record: Floats, links: int, rate: float) -> float:
+    """By how many turns the phase of any link that swings runs away from that of the first over a record (K, D).
 
-
-def _largest_drift(record: Floats, links: int, omega: float, rate: float) -> float:
-    """By how many turns the phase of any link that swings runs away from that of the first over a record (K, D)."""
-    z = record[:, :links] - 1j * record[:, links : 2 * links] * (rate / omega)
+    `rate` is the unit of its rates over the angular frequency of the returns.
+    """
+    z = record[:, :links] - 1j * record[:, links : 2 * links] * rate
     size = np.abs(z).mean(axis=0)
     turns = np.angle(z[1:] * z[:-1].conj()).sum(axis=0) / (2 * np.pi)
     return float(np.abs(turns[size >= STILL_AMPLITUDE_RATIO * size.max()]).max())

@@ -17,9 +17,11 @@ from multipendula.cli import main
 from nonlinear import simulate
 from nonlinear.ensembles import RhythmMap, ensemble, find_rhythm_grid, find_rhythms
 from nonlinear.ensembles.endings import rhythm_starts
-from nonlinear.ensembles.rhythms import MapTask, Rhythm, RhythmGrid, ValueRhythms, stable_orbits, wilson
+from nonlinear.ensembles.rhythm_maps import MapTask
+from nonlinear.ensembles.rhythms import Rhythm, RhythmGrid, ValueRhythms, wilson
 from nonlinear.orbits import follow_cycles
 from nonlinear.orbits.cycles import beginnings
+from nonlinear.orbits.stable import stable_orbits
 from nonlinear.postprocessing.returns import returns_of
 from nonlinear.synchronization import ending_of, ending_orbit, orbit_amplitudes, rhythm_name
 from nonlinear.synchronization.attractors import Ending, _is_chimera
