@@ -3,8 +3,8 @@
     AᵀP + PA − PBR⁻¹BᵀP + Q = 0,    K = R⁻¹BᵀP    [Kwakernaak1972, §3.4]
 
 Without weights Q and R are diagonal by Bryson's rule, 1/(largest value)² [Bryson1975, §5.2].  With the length l of the
-longest link and the mass m of all, these count as equal: 1 rad, a place of l, both times √(g/l) as rates, a force m g, a
-torque m g l, and a prescribed acceleration g.  Their common size has no part in K.
+longest link and the mass m of all, these count as equal: 1 rad, a place of l, both times √(g/l) as rates, a force m g,
+a torque m g l, and a prescribed acceleration g.  Their common size has no part in K.
 """
 
 from __future__ import annotations

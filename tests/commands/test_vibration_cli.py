@@ -86,6 +86,9 @@ def test_undamped_modes_are_told(capsys: pytest.CaptureFixture[str]) -> None:
     [
         (("vibration", "chain-2", "--psd", QUAKE), "needs the columns frequency_hz"),
         (("vibration", "chain-2", "--psd", "no.csv"), "no.csv: cannot be read"),
+        (("vibration", "chain-2", "--psd", "-1"), "--psd -1: must be a number of (m/s²)²/Hz above 0, or a file"),
+        (("vibration", "chain-2", "--psd", "nan"), "--psd nan: must be a number of (m/s²)²/Hz above 0, or a file"),
+        (("vibration", "chain-2", "--psd", "1", "--column", "x=y"), "--column: names columns of a file"),
         (("vibration", "chain-2", "--psd", GROUND, "--signals", "nothing"), "--signals nothing: must be one of"),
         (("vibration", "chain-2", "--psd", GROUND, "--signals", "cart_position"), "the support is fixed"),
         (("vibration", "chain-2", "--record", GROUND), "needs the columns time_s"),
