@@ -20,7 +20,8 @@ import numpy as np
 import scipy
 
 from modal.assembly import Matrices, matrices
-from modal.eigen.dense import LARGEST_DAMPED, refuse_beyond
+from modal.eigen import is_singular
+from modal.eigen.dense import LARGEST_DAMPED, SINGULAR, refuse_beyond
 from modal.errors import ComputationError
 from modal.modes import Modes
 from modal.modes.closed import ClosedLoops, ClosedSolution
@@ -67,8 +68,11 @@ class SampledLoops(ClosedLoops):
         return np.concatenate((place, place | rate))
 
     @cached_property
+    @np.errstate(all="ignore")
     def monodromy(self) -> Floats:
         """What becomes of (q, q', inputs), those of each loop the last first, in a period, (S, S)."""
+        if is_singular(self.M):
+            raise ComputationError(SINGULAR)
         states, (tick, counts) = 2 * len(self.M), self.clock
         ends = states + np.cumsum([loop.entry.delayed_samples + 1 for loop in self.loops])
         refuse_beyond(LARGEST_DAMPED, int(ends[-1]), "samples and delays of feedback")
@@ -113,7 +117,9 @@ class SampledLoops(ClosedLoops):
             turning = ((momenta.conj() * motion[n : 2 * n]).sum(0) / (momenta.conj() * motion[:n]).sum(0)).imag
             turns = np.round((turning * T - np.angle(z)) / (2 * np.pi)) * (z.imag > 0)
             value = (np.log(np.abs(z)) + 1j * (np.angle(z) + 2 * np.pi * np.nan_to_num(turns))) / T
-            error = 4 * len(inner) * EPS * condition[chosen] * np.linalg.norm(inner, 2) / np.abs(z * T * value)
+            rounding = 4 * len(inner) * EPS * condition[chosen] * np.linalg.norm(inner, 2)
+            turned = 1 + T * np.abs(value).max(initial=0.0)  # the exponential errs as it turns
+            error = EPS + rounding * turned / np.abs(z * T * value)
         shapes = np.where(value.imag < 0, motion[:n].conj(), motion[:n]) / self.unit[:, None]
         upper = np.asarray(np.where(value.imag < 0, value.conj(), value) / self.rate, dtype=complex)
         return self.whole(upper, np.asarray(shapes), error, residual[chosen])

@@ -127,9 +127,16 @@ def test_a_table_says_that_slow_samples_make_a_loop_unstable(tmp_path: Any, caps
     assert closed == pytest.approx(natural_modes(without_samples(scene)).eigenvalue)
 
 
-def test_clocks_that_never_meet_and_endless_delays_are_refused() -> None:
+def test_clocks_that_never_meet_and_what_doubles_do_not_hold_are_refused() -> None:
     loops = [torque(1.0, 1.0, sample_time=T) for T in (0.1, 0.1 * np.sqrt(2))]
     with pytest.raises(ComputationError, match="do not meet within 1000 samples"):
         natural_modes(scene_of(*loops))
     with pytest.raises(ComputationError, match="samples and delays of feedback"):
         natural_modes(scene_of(torque(1.0, 1.0, sample_time=0.001, delay=1.0)))
+    links = [{"kind": "bob", "mass": MASS, "length": LENGTH}]
+    standing = {"pendulum": [{"links": links, "equilibrium": ["up"]}], "feedback": [torque(30.0, 5.0, sample_time=1e3)]}
+    with pytest.raises(ComputationError, match="a fast instability overflows"):
+        natural_modes(scene_from({"gravity": GRAVITY, **standing}))
+    brake = {"input": "cart_force", "output": "x_dot", "gain": 4.0, "sample_time": 0.1}
+    with pytest.raises(ComputationError, match="the mass matrix is singular"):
+        natural_modes(scene_of(brake, support={"kind": "cart", "mass": 0.0}))
