@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 from multipendula.command import SCENE, Command, option, picture_file, refuse, text_file
 from multipendula.commands.shared import about, draw_in, listed, noted, output, picture_in_place, remark
 from multipendula.completion import words
-from multipendula.options import number
 
 if TYPE_CHECKING:
     from modal.scene import Scene
@@ -59,13 +58,12 @@ def _white_level(text: str, unit: str) -> float:
     from modal.errors import SceneError
 
     try:
-        float(text)
+        level = float(text)
     except ValueError:
         return 0.0
-    try:
-        return number(f"{unit} above 0")(text)
-    except argparse.ArgumentTypeError as error:
-        raise SceneError([f"--psd {error}, or a file with frequency_hz and psd"]) from None
+    if not 0 < level < float("inf"):
+        raise SceneError([f"--psd {text}: must be a number of {unit} above 0, or a file with frequency_hz and psd"])
+    return level
 
 
 def _random(options: argparse.Namespace, scene: Scene, **outputs: tuple[str, ...]) -> RandomResponse:
