@@ -433,7 +433,7 @@ def hoist(
     scene: Scene | str | PathLike[str],
     *,
     samples: int = 11,
-    drive: str = "cart_force",
+    drive: str | None = None,
     travel: float | None = None,
     over: float | None = None,
     max_acceleration: float | None = None,

@@ -28,6 +28,7 @@ HEAVY = {
         "modal.statespace.hoisting",
         "modal.statespace.insensitive",
         "modal.statespace.regulator",
+        "modal.statespace.sampled",
         "modal.statespace.travels",
         "modal.statespace.sampling",
         "modal.statespace.transfer",

@@ -201,18 +201,22 @@ class Tree:
     def slack(self, squares: Floats) -> Floats:
         """Factor of the error of ω over that of one recursion (R,).
 
-        With inverted links a rounding of gravity and of each spring counts in proportion to its energy.
+        With inverted links a rounding of gravity and of each spring counts in proportion to its energy, and near the
+        buckling of a link, where the elimination cancels, ω² may be off by as much as from its Rayleigh quotient.
         """
         if not self.stands:
             # the sums of a spring round as often as those of three links
             return np.full(len(squares), 1.0 if self.is_plain else 4.0)
         (eta, angles, _), _ = self._shapes(squares, np.arange(len(squares)))
         potential = self.stiffness @ eta**2
+        quotient = potential
         for (block, *_), angle in zip(self.hanging_chains, angles, strict=True):
             upper_angle = np.concatenate([np.zeros_like(angle[:1]), angle[:-1]]) * turns(block)[:, :, None]
             spring = block.stiffness[:, :, None] * (angle - upper_angle) ** 2
-            potential = potential + (block.b[:, :, None] * angle**2 + spring).sum((0, 1))
-        return np.asarray(2 * (potential / np.abs(squares) + 1))
+            weight = block.b[:, :, None] * angle**2
+            potential = potential + (weight + spring).sum((0, 1))
+            quotient = quotient + (block.sigma[:, :, None] * weight + spring).sum((0, 1))
+        return np.asarray(2 * (potential / np.abs(squares) + 1 + np.abs(quotient / squares - 1) / EPS))
 
     # ----------------------------------------------------------------------------------------------------- shapes
 

@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
+from itertools import pairwise
 from math import floor, log
 
 from modal.errors import ComputationError
@@ -115,21 +116,22 @@ class SceneInBalls:
         """The number of free motions; block, number and ω² in double precision of the others, block by block."""
         modes = natural_modes(self.scene)
         squares = -(modes.eigenvalue**2).real
-        bounds = dict(zip(squares.tolist(), modes.relative_error_bound.tolist(), strict=True))
-        values, n_free = sorted({*bounds, 0.0}), int(modes.multiplicity[squares == 0].sum())
-        ends = [value + 4 * bounds.get(value, 0.0) * abs(value) for value in values]
-        ends[-1] = 2.0**64 * ends[-1]  # where all have been counted
+        values, n_free = sorted({*squares.tolist(), 0.0}), int(modes.multiplicity[squares == 0].sum())
+        edges = [low / 2 + high / 2 for low, high in pairwise(values)]
+        edges.append(2.0**64 * max(map(abs, values)))  # where all have been counted
         guesses, total = list[tuple[int, int, float]](), n_free
         for k, block in enumerate(self.blocks()):
             index = 0
-            for value, end in zip(values, ends, strict=True):
-                if value == 0:
-                    index += n_free if k == 0 else 0  # the first block has what is free
-                    continue
-                upto = max(index, self.count_in(k, end, GUARD_BITS))
-                guesses += [(k, number, value) for number in range(index, upto)]
-                total += block.multiplicity * (upto - index)
-                index = upto
+            for value, edge in zip(values, edges, strict=True):
+                upto = max(index, self.count_in(k, edge, GUARD_BITS)) if edge else index
+                free = n_free if k == 0 and value == 0 else 0  # the first block has what is free
+                numbers = range(index + free, upto)
+                n_below = self.count_in(k, 0, GUARD_BITS) if value == 0 and not free and numbers else 0
+                for number in numbers:
+                    # Doubles took for another sign, or for 0, what a count proves to be on one side of it.
+                    guesses.append((k, number, value or (-edge if number < n_below else edge)))
+                total += block.multiplicity * len(numbers)
+                index = max(upto, index + free)
         if total != modes.multiplicity.sum():
             raise ComputationError(
                 "the ratios in this scene are beyond double precision: there is no approximation to refine"

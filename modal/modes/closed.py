@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
@@ -23,30 +24,51 @@ from modal.eigen.sources import UNCERTAIN, ProblemSize
 from modal.eigen.spectrum import Batch, ModalSpectrum
 from modal.errors import ComputationError
 from modal.modes.modes import Modes
+from modal.report import deferred
 from modal.scene import Scene, require
 from modal.structure import coordinate_units
 from modal.types import EPS, Booleans, Complexes, Floats, Ints
 
 
+class ClosedSolution(NamedTuple):
+    """Eigenvalues `value` (R,), shapes (q, R), error bounds (R,) and how well they satisfy the equations, (R,)."""
+
+    value: Complexes
+    shape: Complexes
+    error: Floats
+    residual: Floats
+
+
 @dataclass(frozen=True, eq=False)
 class ClosedLoops:
-    """The source of all modes: M, K and D of a scene in natural units, over the coordinates of its `rig`."""
+    """The source of all modes: M, K and D of a scene in natural units, over the coordinates of its `rig`.
+
+    `unit` (q,) are those of the coordinates in SI units, `rate` (1/s) that of eigenvalues.
+    """
 
     rig: Rig
     M: Floats
     K: Floats
     D: Floats
+    unit: Floats
+    rate: float
     route = "dense, with loops of feedback closed"
     is_damped, is_singular = True, False
 
     @classmethod
-    def of(cls, rig: Rig, units: Units, linear: Matrices) -> ClosedLoops:
+    def of(cls, rig: Rig, units: Units, linear: Matrices, **more: Any) -> Self:
         """Those of a natural rig, from matrices in SI units."""
         unit = np.concatenate((coordinate_units(rig.support, units.length), np.ones(len(linear.M) - rig.leading)))
         moment = units.mass * units.length**2
         factors = moment, moment * units.rate**2, moment * units.rate
         parts = zip((linear.M, linear.K, linear.D), factors, strict=True)
-        return cls(rig, *(part * unit * unit[:, None] / factor for part, factor in parts))
+        M, K, D = (part * unit * unit[:, None] / factor for part, factor in parts)
+        return cls(rig, M, K, D, unit, units.rate, **more)
+
+    @property
+    def note(self) -> str:
+        """What there is to say of these modes."""
+        return ""
 
     @property
     def problem_size(self) -> ProblemSize:
@@ -61,8 +83,8 @@ class ClosedLoops:
         return np.concatenate((place, place | self.D.any(axis=0)))
 
     @cached_property
-    def _solution(self) -> tuple[Complexes, Complexes, Floats]:
-        """Eigenvalues (R,), one of each pair, shapes (q, R) and error bounds (R,): first motions that nothing feels."""
+    def solution(self) -> ClosedSolution:
+        """One eigenvalue of each pair, with its shape and its error bound."""
         n, feels = len(self.M), self.feels
         if is_singular(self.M):
             raise ComputationError(SINGULAR)
@@ -75,29 +97,35 @@ class ClosedLoops:
             whole[:n] = np.where(feels[:n, None], whole[:n], whole[n:] / value)
             condition = np.linalg.norm(np.linalg.pinv(right), axis=1) * np.linalg.norm(right, axis=0)
             error = 4 * len(value) * EPS * condition * np.linalg.norm(A[np.ix_(feels, feels)], 2) / np.abs(value)
-            is_level = (value.imag != 0) & (np.abs(value.real) <= error * np.abs(value))
-            value = np.where(is_level, 1j * value.imag, value)
-        chosen, free = np.flatnonzero(value.imag >= 0), np.eye(n)[:, ~feels[:n]]
-        values = np.append(np.zeros(free.shape[1]), value[chosen])
-        shapes = np.hstack((free.astype(complex), whole[:n, chosen]))
-        return values, shapes, np.append(np.zeros(free.shape[1]), error[chosen])
+            terms = [S @ whole[:n] * value**power for power, S in enumerate((self.K, self.D, self.M))]
+            size = sum(
+                np.abs(S) @ np.abs(whole[:n]) * np.abs(value) ** p for p, S in enumerate((self.K, self.D, self.M))
+            )
+            residual = np.linalg.norm(sum(terms), axis=0) / np.linalg.norm(size, axis=0)
+        chosen = value.imag >= 0
+        return self.whole(value[chosen], whole[:n, chosen], error[chosen], residual[chosen])
+
+    def whole(self, value: Complexes, shape: Complexes, error: Floats, residual: Floats) -> ClosedSolution:
+        """The solution with motions that nothing feels first, and without growth or decay that is rounding."""
+        is_level = (value.imag != 0) & (np.abs(value.real) <= error * np.abs(value))
+        free = np.eye(len(self.M))[:, ~self.feels[: len(self.M)]]
+        zero = np.zeros(free.shape[1])
+        values = np.append(zero, np.where(is_level, 1j * value.imag, value))
+        return ClosedSolution(values, np.hstack((free, shape)), np.append(zero, error), np.append(zero, residual))
 
     @property
     def eigenvalue(self) -> Complexes:
         """−ζω + iω√(1−ζ²), and real ones."""
-        return self._solution[0]
+        return self.solution.value
 
     @property
     def error(self) -> Floats:
         """Relative error bounds of first order."""
-        return self._solution[2]
+        return self.solution.error
 
     def details(self, rows: Ints) -> Details:
         """Shapes, and how well they satisfy the equations."""
-        value, shape, rig = self.eigenvalue[rows], self._solution[1][:, rows], self.rig
-        terms = [S @ shape * value**power for power, S in enumerate((self.K, self.D, self.M))]
-        size = sum(np.abs(S) @ np.abs(shape) * np.abs(value) ** p for p, S in enumerate((self.K, self.D, self.M)))
-        residual = np.linalg.norm(sum(terms), axis=0) / np.linalg.norm(size, axis=0)
+        shape, residual, rig = self.solution.shape[:, rows], self.solution.residual[rows], self.rig
         modal_mass = np.einsum("ir,ij,jr->r", shape.conj(), self.M, shape).real
         angles = tuple(np.zeros((*block.mass.shape, len(rows)), dtype=complex) for block in rig.blocks)
         first = rig.leading
@@ -119,8 +147,21 @@ class ClosedModes(Modes):
     """The modes of a scene with its loops closed."""
 
     @cached_property
+    def source(self) -> ClosedLoops:
+        """All modes, from sample to sample where a loop has samples."""
+        if "sampled_feedback" not in self.scene.features:
+            return ClosedLoops.of(self.natural, self.units, self.matrices)
+        loops: ClosedLoops = deferred("modal.statespace.sampled:sampled_loops")(self)
+        return loops
+
+    @cached_property
+    def notes(self) -> tuple[str, ...]:
+        """What was omitted or approximated, and why."""
+        return (*filter(None, [self.source.note]), *super().notes)
+
+    @cached_property
     def _full_spectrum(self) -> ModalSpectrum:
-        source = ClosedLoops.of(self.natural, self.units, self.matrices)
+        source = self.source
         value, error = source.eigenvalue, np.where(source.error < UNCERTAIN, source.error, np.inf)
         rows = np.arange(len(value))
         batch = Batch(source, rows, np.ones_like(rows), np.zeros_like(rows))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from math import isnan, nan
 from typing import TYPE_CHECKING, Any
 
@@ -93,9 +94,11 @@ def table(
     if form == "csv":
         return _csv(modes, rows, columns, sensitive=sensitive, energies=energies)
     visible_columns = printed_columns(modes, rows, columns, chosen)
+    keys = {column.key for column in visible_columns}
+    rows = rows if "linear_to_1_percent_deg" in keys else [replace(row, resonances=()) for row in rows]
     cells = [[column.cell(row) for column in visible_columns if column.cell] for row in rows]
     split = stds is not None and any(isnan(stds[row.number][0]) for row in rows if not row.is_uncertain)
-    notes = _footnotes(modes, rows, starred) + [SPLIT] * split
+    notes = _footnotes(modes, rows, starred, keys) + [SPLIT] * split
     if form == "text":
         room = limit()
         last_lines = [f"… {left} more{room.elsewhere if room else ''}"] * bool(left)
@@ -179,7 +182,7 @@ def _shape_record(modes: Modes, row: Mode, copy: int) -> dict[str, Any]:
     }
 
 
-def _footnotes(modes: Modes, rows: Sequence[Mode], starred: str) -> list[str]:
+def _footnotes(modes: Modes, rows: Sequence[Mode], starred: str, keys: set[str]) -> list[str]:
     notes = list(modes.notes)
     if any(row.resonances for row in rows):
         notes.append(f"* near a 1:1, 1:2 or 1:3 resonance, with another mode or among its own: {starred}.")
@@ -187,9 +190,10 @@ def _footnotes(modes: Modes, rows: Sequence[Mode], starred: str) -> list[str]:
         notes.append(f"1 % angle: not computed {modes.not_expanded}.")
     if any(row.is_uncertain for row in rows):
         notes.append("! beyond double precision: no digit of this frequency is certain.")
-    if any(row.oscillates and row.damping_ratio**2 > 2e-7 for row in rows):
+    if "period_s" in keys and any(row.oscillates and row.damping_ratio**2 > 2e-7 for row in rows):
         notes.append("f is |λ|/2π as ω is |λ|, but T is that of the damped swing, 2π/|Im λ|.")
-    if modes.rig.is_damped and any(row.effective_mass > 0 for row in rows):
+    has_masses = not keys.isdisjoint(("effective_mass_kg", "fixed_base_effective_mass_kg"))
+    if has_masses and modes.rig.is_damped and any(row.effective_mass > 0 for row in rows):
         notes.append(UNDAMPED)
     if any(row.growth_rate for row in rows):
         pairs = "" if modes.scene.feedback else "; every growing mode is paired with a decaying one"

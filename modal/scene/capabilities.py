@@ -162,8 +162,8 @@ EXCITED = {DRIVES | {"active_law"}: "nothing excites this scene: it has no stead
 AT_ONE_TIME: Sentences = {"hoist": "needs constant lengths: take those of one time, `Scene.at(seconds)`"}
 TABLE = Capability(
     "the table of modes",
-    LINEAR | STRUCTURED | {"loss", "feedback"},
-    leaves={**OMITTED, **IN_LOOPS},
+    LINEAR | STRUCTURED | {"loss", "feedback", "sampled_feedback"},
+    leaves={**OMITTED, **{name: words for name, words in IN_LOOPS.items() if name != "sampled_feedback"}},
     unless=LEANING,
     conflicts={("feedback", "loss"): "loops are closed in time, where no spring has a loss angle"},
 )

@@ -121,7 +121,9 @@ def read_lengths(
     """The fields `time_s` and `length_m` of a recorded `Hoist`; SceneError as of `read_record`."""
     table = _table(path, has_quotes, columns)
     if not set(RECORD) <= set(table.columns):
-        raise table.lacks(" and ".join(RECORD))
+        is_travel = not set(RECORDED).isdisjoint(table.columns)
+        of_travel = ", that of a rope: this is the travel of a cart, as a moved support takes it"
+        raise table.lacks(" and ".join(RECORD) + of_travel * is_travel)
     return {name: table.columns[name] for name in RECORD}
 
 

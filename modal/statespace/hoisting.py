@@ -27,7 +27,7 @@ import scipy
 
 from modal.assembly import Matrices, hoisting_of, matrices, matrices_along, no_hoist, rig_of
 from modal.errors import ComputationError, SceneError
-from modal.modes import natural_modes, number_labels, table_numbers
+from modal.modes import MOST_LISTED, natural_modes, number_labels, table_numbers
 from modal.report import Form, ReportColumn, ReportTable, Result, short
 from modal.scene import Fixed, Pendulum, Scene
 from modal.scene.length_laws import LengthLaw, integrated_law, limited_law, profile_law, superposed
@@ -100,9 +100,25 @@ class Along(Result):
         """The table, what it means and omits, or what is `beside` a free cart, and what is `left` of commands."""
         yield from super().parts(form)
         yield from self.notes
-        damper_note = "; both ω and swing without dampers" if self.scene.has_damping else ""
-        yield f"{SWING}{damper_note}" if self.names else "; ".join(filter(None, (NO_MODE, beside)))
-        yield "\n".join(f"residual swing {short(degrees(residual.angle))}°: {residual.words}" for residual in left)
+        if self.names:
+            damper_note = "; both ω and swing without dampers" if self.scene.has_damping else ""
+            yield f"ω: {self.support_words}\n{SWING}{damper_note}"
+        else:
+            yield "; ".join(filter(None, (NO_MODE, beside)))
+        yield residual_lines(left)
+
+    @property
+    def support_words(self) -> str:
+        """What the support does while the modes swing."""
+        if is_held(self.scene, self.drive):
+            return "the cart's motion is prescribed: modes as on a fixed support"
+        return "the cart is free and moves with its loads" if self.scene.cart else "about the support of the scene"
+
+    def main_figures(self, left: Sequence[Residual]) -> str:
+        """The first and last frequency of each mode, and what is `left` of commands."""
+        ends = zip(self.names, *self.omega[[0, -1]].tolist(), strict=True)
+        words = [f"ω_{name} {first:.4g} to {last:.4g} rad/s" for name, first, last in ends]
+        return f"{', '.join(words[:MOST_LISTED]) or NO_MODE}\n{residual_lines(left)}".rstrip()
 
     def whole(self, *, left: Sequence[Residual] = ()) -> dict[str, Any]:
         """Every column as an array, and what is left."""
@@ -331,6 +347,11 @@ class Residual:
 
     words: str
     angle: float
+
+
+def residual_lines(residuals: Sequence[Residual]) -> str:
+    """What commands leave, a line each."""
+    return "\n".join(f"residual swing {short(degrees(each.angle))}°: {each.words}" for each in residuals)
 
 
 def travel_residuals(scene: Scene, travel: Travel, *, kind: Kind = "zv", count: int = 1) -> tuple[Residual, ...]:

@@ -130,6 +130,11 @@ def problems_of(scene: Scene) -> Iterator[str]:
         yield from (f".{problem}" for problem in error.problems)
 
 
+def without_samples(scene: Scene) -> Scene:
+    """The scene with loops that measure and act at every time."""
+    return scene.replace(feedback=tuple(loop.replace(sample_time=None, delay=0.0) for loop in scene.feedback))
+
+
 def unit_of(scene: Scene, number: int, name: str) -> str:
     """The unit of a number of an entry of feedback."""
     if name in {"sample_time", "delay"}:

@@ -27,6 +27,7 @@ from modal.errors import ComputationError
 from modal.modes import Modes, all_shapes, natural_modes
 from modal.report import NOTHING, Displayed, Drawable, Summary, brief, first_line
 from modal.scene.doors import checked
+from modal.statespace.loops import without_samples
 from modal.statespace.model import StateSpace, without_carrier
 from modal.statespace.signals import DRIVES, SUPPORT, Signal
 from modal.types import EPS, NOISE_OF_SUM, Complexes, Floats
@@ -129,6 +130,8 @@ def to_modal_form(modes: Modes, model: StateSpace) -> ModalForm:
     """
     if model.dt:
         raise ComputationError("modal form needs a continuous model")
+    if "sampled_feedback" in modes.scene.features:
+        modes = natural_modes(without_samples(modes.scene))  # the model is that of loops that never wait
     names = {signal.name for signal in model.inputs}
     is_held = bool(names & DRIVES.keys())
     driven_modes = fixed_base(modes) if is_held else modes

@@ -2,9 +2,9 @@
 
     AᵀP + PA − PBR⁻¹BᵀP + Q = 0,    K = R⁻¹BᵀP    [Kwakernaak1972, §3.4]
 
-Without weights zᵀQz is the energy of the small motion and R one of each input's unit.  Of modes that fall the size of
-their potential energy counts, and one that nothing holds, such as a free cart's place, is held as gravity holds its
-longest link, ω² = g/l.
+Without weights Q and R are diagonal by Bryson's rule, 1/(largest value)² [Bryson1975, §5.2].  With the length l of the
+longest link and the mass m of all, these count as equal: 1 rad, a place of l, both times √(g/l) as rates, a force m g,
+a torque m g l, and a prescribed acceleration g.  Their common size has no part in K.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from modal.assembly import matrices
+from modal.assembly import rig_of
 from modal.errors import ComputationError, SceneError
 from modal.report import Displayed, brief, csv_rows
 from modal.scene import Scene
@@ -45,6 +45,7 @@ class Regulator(Displayed):
     states: tuple[Signal, ...]
     inputs: tuple[Signal, ...]
     poles: Complexes
+    is_default: bool = False
 
     def csv(self) -> str:
         """K as `[[feedback]] gains` reads it: a column for each state, a row for each input."""
@@ -54,7 +55,11 @@ class Regulator(Displayed):
         """Inputs and poles in words."""
         names = ", ".join(f"{signal.name} ({signal.unit})" for signal in self.inputs)
         poles = ", ".join(brief(pole) for pole in self.poles.tolist() if pole.imag >= 0)
-        return f"gains of {names} on {len(self.states)} states; poles of the loop {poles} 1/s"
+        signals, weights = (*self.states, *self.inputs), (*np.diag(self.Q).tolist(), *np.diag(self.R).tolist())
+        largest = {signal.unit: brief(weight**-0.5) for signal, weight in zip(signals, weights, strict=True)}
+        scales = ", ".join(f"{value} {unit}" for unit, value in largest.items())
+        rule = f"; by default weights that count as equal {scales} (Bryson's rule)" if self.is_default else ""
+        return f"gains of {names} on {len(self.states)} states; poles of the loop {poles} 1/s{rule}"
 
 
 @checked
@@ -67,7 +72,8 @@ def regulator(scene: Scene, inputs: tuple[str, ...] = (), weights: tuple[str, st
     plant = scene.replace(feedback=())
     model = state_space(plant, inputs)
     if weights is None:
-        Q, R = energy_weights(plant), np.eye(len(model.inputs))
+        scales = bryson_scales(plant)
+        Q, R = (np.diag([scales[x.unit] ** -2.0 for x in signals]) for signals in (model.states, model.inputs))
     else:
         sides = zip(weights, (model.states, model.inputs), strict=True)
         Q, R = (_read_weights(path, [signal.name for signal in signals]) for path, signals in sides)
@@ -84,24 +90,20 @@ def regulator(scene: Scene, inputs: tuple[str, ...] = (), weights: tuple[str, st
             "(`modal_gains` tells which modes are reached)"
         )
     order = np.lexsort((poles.imag, np.abs(poles)))
-    return Regulator(K, Q, R, model.states, model.inputs, poles[order].astype(complex))
+    return Regulator(K, Q, R, model.states, model.inputs, poles[order].astype(complex), weights is None)
 
 
-def energy_weights(scene: Scene) -> Floats:
-    """The Q (n, n) by which zᵀQz is the energy (J) of a small motion, with what nothing holds at ω² = g/l.
+def bryson_scales(scene: Scene) -> dict[str, float]:
+    """The value of each unit that counts as much as 1 rad.
 
     >>> from modal import Bob, Pendulum, Scene
-    >>> energy_weights(Scene(gravity=9.0, pendulum=[Pendulum(links=[Bob(mass=2.0, length=1.0)])])).round(9).tolist()
-    [[9.0, 0.0], [0.0, 1.0]]
+    >>> bryson_scales(Scene(gravity=9.0, pendulum=[Pendulum(links=[Bob(mass=2.0, length=1.0)])]))["N m"]
+    18.0
     """
-    linear = matrices(scene)
-    square, shapes = scipy.linalg.eigh(linear.K, linear.M)
-    size = np.abs(square)
-    gravity = scene.gravity / max(link.length for link in scene.links())
-    square = np.where(size > NOISE_OF_SUM * max(float(size.max()), gravity), size, gravity)
-    root = linear.M @ shapes * np.sqrt(square)
-    weights: Floats = scipy.linalg.block_diag(root @ root.T, linear.M) / 2
-    return weights
+    length, weight = max(link.length for link in scene.links()), rig_of(scene).total_mass * scene.gravity
+    rate = (scene.gravity / length) ** 0.5
+    places = {"m": length, "m/s": length * rate, "m/s^2": scene.gravity}
+    return {**places, "rad": 1.0, "rad/s": rate, "N": weight, "N m": weight * length}
 
 
 def _read_weights(path: str, names: Sequence[str]) -> Floats:

@@ -6,7 +6,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 from multipendula.command import SCENE, Command, formats, option, refuse, report_file
-from multipendula.commands.shared import draw_in, noted, picture, say
+from multipendula.commands.shared import draw_in, made, noted, picture, remark, say
 from multipendula.completion import words
 from multipendula.options import integer
 
@@ -48,6 +48,7 @@ DRIVES = ("cart_force", "cart_acceleration")
 
 def hoist(options: argparse.Namespace) -> Along | None:
     """Print lengths and frequencies along a hoist, and the residual swing after combined hoisting and travel."""
+    from modal.errors import SceneError
     from modal.scene import load
     from modal.statespace.hoisting import frequencies_along
 
@@ -55,11 +56,16 @@ def hoist(options: argparse.Namespace) -> Along | None:
     limits = limits_of(options)
     if options.travel is None:
         refuse(options, "needs --travel METRES", "--kind", "--count")
+    if options.travel and options.drive == DRIVES[0]:
+        raise SceneError([f"--drive {options.drive}: a travel prescribes the motion of its cart: leave out --travel"])
     scene = load(options.scene)
     noted(scene.at(0.0), "mode shapes")
-    along = frequencies_along(scene, options.samples, options.drive)
+    drive = options.drive or DRIVES[bool(options.travel)]
+    along = frequencies_along(scene, options.samples, drive)
     left = _left(scene, options, limits) if options.travel else ()
     say(_written(along, left, options), options.format)
+    if name := getattr(options, "format_words", "").removeprefix("-o "):
+        remark(f"{name}: {along.main_figures(left)}")
     if options.output and options.travel:
         from modal.statespace import shaper_for
         from modal.statespace.travels import shaped_travel
@@ -68,10 +74,17 @@ def hoist(options: argparse.Namespace) -> Along | None:
         shaper = shaper_for(scene.at(start), options.count or 1, options.kind or "zv")
         travel = shaped_travel(scene, shaper, options.travel, options.over, limits=limits)
         draw_in(options, options.output, "modal.plotting", "travel_figure", travel)
+        _made(options, f"the travel of {travel.distance:g} m, unshaped and shaped")
     elif options.output:
-        smooth = frequencies_along(scene, max(options.samples, 201), options.drive)
+        smooth = frequencies_along(scene, max(options.samples, 201), drive)
         draw_in(options, options.output, "modal.plotting", "hoist_figure", smooth)
+        _made(options, "lengths, frequencies and swing along the hoist")
     return None if left else along
+
+
+def _made(options: argparse.Namespace, words: str) -> None:
+    if options.format == "text":
+        made(options.output, words)
 
 
 def _left(scene: Scene, options: argparse.Namespace, limits: TravelLimits | None) -> tuple[Residual, ...]:
@@ -103,11 +116,10 @@ COMMANDS = (
             SCENE,
             option("--samples, along the hoist (default 11)", group="asked", type=integer(10_000), default=11),
             option(
-                "--drive: cart_force (default), the frequencies with the cart free; or cart_acceleration, with its "
-                "motion prescribed",
+                "--drive: cart_force (default), the frequencies with the cart free; or cart_acceleration (default with "
+                "--travel), with its motion prescribed",
                 completion=words(DRIVES, ""),
                 choices=DRIVES,
-                default=DRIVES[0],
             ),
             "--travel, smoothly, from the beginning of the hoist on, or the CSV file of a travel; tells the swing left",
             "--over (default that of the hoist)",

@@ -460,7 +460,7 @@ COMMANDS = (
             "--impulse instead",
             "--gains, instead",
             "--lqr, with --gains: written as CSV, which [[feedback]] of a scene takes",
-            "--weights of --lqr (default the energy, and 1 of each input's unit)",
+            "--weights of --lqr (default by Bryson's rule, with the scene's own scales)",
         ),
         details=(
             "Where every output is largest near each mode; in a picture magnitude and phase of every output for one "
@@ -468,7 +468,7 @@ COMMANDS = (
             "modes have their true height; a note below the picture says where infinite ones are cut. With --gains, "
             "degrees of controllability and observability in place of ranks: the gain of every mode from each input "
             "and to each output, relative to the largest of that signal. With --lqr, the gains K of u = -K z that make "
-            "the energy and the squares of the inputs least, summed over time."
+            "the squares of states and inputs least, summed over time, each over its own scale (Bryson's rule)."
         ),
         examples=(
             ("response crane-two-loads", "peaks of every output of a crane"),
@@ -478,7 +478,7 @@ COMMANDS = (
             ),
             (
                 "response crane-hook --input cart_force --gains --lqr -o K.csv",
-                "gains of a regulator for trolley and load; --weights makes it faster",
+                "gains of a regulator for trolley and load; --weights sets its speed",
             ),
             (
                 "response crane-hook --input 'force:pendulum[0].links[1]' --at 0.1,0.3",

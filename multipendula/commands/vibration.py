@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 from multipendula.command import SCENE, Command, option, picture_file, refuse, text_file
 from multipendula.commands.shared import about, draw_in, listed, noted, output, picture_in_place, remark
 from multipendula.completion import words
-from multipendula.options import number
 
 if TYPE_CHECKING:
     from modal.scene import Scene
@@ -54,6 +53,19 @@ def vibration(options: argparse.Namespace) -> RandomResponse | ThermalNoise | Sh
     return response
 
 
+def _white_level(text: str, unit: str) -> float:
+    """A number above 0, or 0 for the name of a file; SceneError for any other number."""
+    from modal.errors import SceneError
+
+    try:
+        level = float(text)
+    except ValueError:
+        return 0.0
+    if not 0 < level < float("inf"):
+        raise SceneError([f"--psd {text}: must be a number of {unit} above 0, or a file with frequency_hz and psd"])
+    return level
+
+
 def _random(options: argparse.Namespace, scene: Scene, **outputs: tuple[str, ...]) -> RandomResponse:
     """The response to the PSD in a file, or for a number to a white one over the band of the modes, which is told."""
     from os.path import exists
@@ -64,10 +76,10 @@ def _random(options: argparse.Namespace, scene: Scene, **outputs: tuple[str, ...
     from modal.vibration.random import white_spectrum
 
     supports = options.input == USUAL
-    try:
-        level = 0.0 if exists(options.psd) else number("(m/s²)²/Hz above 0")(options.psd)
-    except argparse.ArgumentTypeError:
-        level = 0.0
+    unit = "(m/s²)²/Hz" if supports else "N²/Hz"
+    level = 0.0 if exists(options.psd) else _white_level(options.psd, unit)
+    if level:
+        refuse(options, f"names columns of a file, and --psd {options.psd} is a number", "--column")
     spectrum = (
         white_spectrum(scene, level)
         if level
@@ -76,7 +88,7 @@ def _random(options: argparse.Namespace, scene: Scene, **outputs: tuple[str, ...
     response = random_response(scene, spectrum, source=options.input, **outputs)
     if level:
         low, high = spectrum.frequency_hz
-        unit, band = "(m/s²)²/Hz" if supports else "N²/Hz", "a third of the slowest mode to three times the fastest"
+        band = "a third of the slowest mode to three times the fastest"
         remark(f"a white PSD of {level:g} {unit} from {low:.4g} to {high:.4g} Hz, {band}")
     return response
 

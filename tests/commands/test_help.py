@@ -363,9 +363,9 @@ FISH = "multipendula completion fish | source; complete --do-complete 'multipend
 @pytest.mark.parametrize(
     ("shell", "script", "told"),
     [
-        ("bash", BASH, ["crane-hook", "crane-two-loads"]),
+        ("bash", BASH, ["crane-held", "crane-hook", "crane-two-loads"]),
         ("zsh", ZSH, ["_python_argcomplete"]),
-        ("fish", FISH, ["crane-hook", "crane-two-loads"]),
+        ("fish", FISH, ["crane-held", "crane-hook", "crane-two-loads"]),
     ],
 )
 def test_a_shell_completes(tmp_path: Path, shell: str, script: str, told: list[str]) -> None:

@@ -63,10 +63,30 @@ def test_travel_is_that_of_the_package(capsys: pytest.CaptureFixture[str], small
     comments = [line for line in printed(capsys, *words, "csv").splitlines() if line.startswith("# residual swing")]
     assert len(comments) == 4
     target = small.with_name("along.csv")
-    assert printed(capsys, *words[:-1], "-o", str(target)) == ""
+    assert main([*words[:-1], "-o", str(target)]) == 0
+    streams = capsys.readouterr()
+    assert streams.out == ""
+    assert f"along.csv: ω_1 {np.sqrt(9.81 / 2):.4g} to {np.sqrt(9.81):.4g} rad/s" in streams.err
+    assert streams.err.count("residual swing") == 4
     notes = json.loads(target.with_name("along.csv.json").read_text(encoding="utf-8"))["notes"]
     assert target.read_text(encoding="utf-8").startswith("time_s,")
     assert [f"# {note}" for note in notes] == comments
+
+
+def test_the_table_beside_a_travel_is_that_of_the_cart_that_it_prescribes(
+    capsys: pytest.CaptureFixture[str], small: Path
+) -> None:
+    """√(g/l) of a pendulum on a fixed support; with the cart free ω is larger."""
+    words = ("hoist", str(small), "--samples", "2")
+    whole = json.loads(printed(capsys, *words, "--travel", "0.5", "--format", "json"))
+    assert whole["drive"] == "cart_acceleration"
+    assert np.ravel(whole["omega_rad_per_s"]) == pytest.approx(np.sqrt(9.81 / np.array([2.0, 1.0])))
+    free = json.loads(printed(capsys, *words, "--format", "json"))
+    assert np.ravel(free["omega_rad_per_s"]) == pytest.approx(np.sqrt(2 * 9.81 / np.array([2.0, 1.0])))
+    assert "the cart's motion is prescribed" in printed(capsys, *words, "--travel", "0.5")
+    assert "the cart is free" in printed(capsys, *words)
+    told = refused(capsys, *words, "--travel", "0.5", "--drive", "cart_force")
+    assert "--drive cart_force: a travel prescribes the motion of its cart" in told
 
 
 def test_pictures_are_written_in_both_themes(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 import sys
 import tomllib
 from decimal import Decimal
@@ -9,8 +10,10 @@ from fractions import Fraction
 from itertools import product
 
 import mpmath as mp
+import numpy as np
 import oracle
 import pytest
+from amounts import usually
 from scenes import extreme_scene, geared, spatial_scene, sprung_scene, structured_scene
 
 from modal import Bob, Body, Cart, ComputationError, Fixed, Pendulum, Rod, Scene, SceneError, load, natural_modes
@@ -295,3 +298,24 @@ def test_progress_is_told_frequency_by_frequency() -> None:
     enclosures = enclose(scene, 25, done.append)
     assert len(enclosures) == 1 + len(done)
     assert done == pytest.approx([0.5, 1.0])
+
+
+BUCKLING = [0.0, 1e-15, 1e-12, 1e-9, 1e-3]
+
+
+@pytest.mark.parametrize("seed", usually(range(12), range(200)))
+def test_standing_links_near_buckling(seed: int) -> None:
+    """A spring that carries its link but for rounding: doubles may take the wrong sign, and say so."""
+    rng = random.Random(seed)
+    kinds = [rng.choice((Bob, Rod)) for _ in range(rng.choice((2, 3)))]
+    sizes = [(10 ** rng.uniform(-6, 6), 10 ** rng.uniform(-3, 3), 10 ** rng.uniform(-9, 9)) for _ in kinds]
+    links = [kind(mass=m, length=length, stiffness=k) for kind, (m, length, k) in zip(kinds, sizes, strict=True)]
+    weight = links[-1].mass * 9.81 * links[-1].length * (0.5 if kinds[-1] is Rod else 1.0)
+    links[-1] = links[-1].replace(stiffness=weight * (1 + rng.choice(BUCKLING)))
+    scene = Scene(gravity=9.81, pendulum=(Pendulum(links=links, equilibrium=("up",) * len(links)),))
+    modes, rows = natural_modes(scene), enclose(scene, 25)
+    assert len(rows) == len(links)
+    exact = sorted(Decimal(row.low) * (-1 if row.is_growth else 1) for row in rows)
+    values = sorted(zip((-value.real or value.imag for value in modes.eigenvalue), modes.error, strict=True))
+    for expected, (value, bound) in zip(exact, values, strict=True):
+        assert abs(Decimal(float(value)) / expected - 1) <= Decimal(float(bound)) or not np.isfinite(bound)

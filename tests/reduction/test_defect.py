@@ -14,7 +14,7 @@ from modal import Bob, Cart, Pendulum, Rod, Scene, load, matrices, natural_modes
 from nonlinear.accuracy.references import apart
 from nonlinear.dynamics import Mechanics
 from nonlinear.reduction import defect_error, residual_forces, rest_angles, start_in_mode, superpose
-from nonlinear.reduction.defect import DEFECT_SAFETY, StepResponse, running
+from nonlinear.reduction.defect import DEFECT_SAFETY, SAMPLES_PER_PERIOD, StepResponse, running
 from nonlinear.reduction.two_planes import factors, join, split
 from nonlinear.simulation import simulate
 from nonlinear.system import Motion, State, of_plane, system_of, unit_vectors
@@ -221,3 +221,19 @@ def test_quotients_of_small_angles_keep_their_digits() -> None:
         exact = [(x * mpmath.cos(x) - mpmath.sin(x)) / x**3 for x in map(mpmath.mpf, angles.tolist())]
         off = [abs(float(r / value - 1)) for r, value in zip(factors(angles)[1], exact, strict=True)]
     assert max(off) < 4e-12
+
+
+@pytest.mark.parametrize(("share", "is_sampled"), [(3e-4, False), (3e-3, True)])
+def test_oscillations_of_a_thousandth_of_the_acceleration_are_sampled_in_each_of_their_periods(
+    share: float, is_sampled: bool
+) -> None:
+    scene = load("chain-2")
+    modes, duration = natural_modes(scene), 400.0
+    slow, fast = (modes.shape(number).angles for number in (0, 1))
+    inertia = [angles @ matrices(scene).M @ angles for angles in (slow, fast)]
+    ratio = share * (modes.omega[0] / modes.omega[1]) ** 2 * np.sqrt(inertia[0] / inertia[1])
+    start = State(1e-3 * (slow + ratio * fast), np.zeros(2))
+    estimate = defect_error(superpose(scene, start, corrected=False), duration)
+    per_period = len(estimate.times) / (duration * modes.omega / (2 * np.pi))
+    assert (per_period[1] >= SAMPLES_PER_PERIOD) == is_sampled
+    assert per_period[0] >= SAMPLES_PER_PERIOD

@@ -102,6 +102,7 @@ def test_extremes_of_many_pieces_are_those_of_a_fine_grid() -> None:
     ("rows", "words"),
     [
         ("t,l\n0,5\n", r"file = \"record.csv\": needs the columns time_s and length_m$"),
+        ("time_s,displacement_m\n0,0\n1,2\n", r".*length_m, that of a rope: this is the travel of a cart"),
         ("time_s,length_m\n0,5\n", "time_s: has 1 samples: at least 2 are needed"),
         ("time_s,length_m\n0,5\n0,4\n", "time_s: must be strictly ascending"),
         ("time_s,length_m\n0,5\n1,a\n", "file = .record.csv.: line 3, length_m: must be a finite number"),

@@ -15,7 +15,7 @@ from modal.modes.sensitivity import sensitivities
 from modal.scene import Scene, scene_from
 from modal.scene.feedback import Feedback
 from modal.statespace import frequency_response, minimal, modal_gains, state_space, to_modal_form
-from modal.statespace.regulator import energy_weights, regulator
+from modal.statespace.regulator import regulator
 from multipendula.cli import main
 
 BOB = {"kind": "bob", "mass": 1.0, "length": 2.0}
@@ -147,15 +147,18 @@ def test_the_regulator_is_that_of_python_control(name: str, tmp_path: Path) -> N
     assert closed.eigenvalue.real.max() < 0
 
 
-def test_energy_weights_are_the_energy_and_hold_what_is_free() -> None:
-    scene = load("crane-hook")
-    Q, n = energy_weights(scene), 3
-    linear = natural_modes(scene).matrices
-    z = np.array([0.0, 0.1, -0.2, 0.3, 0.4, 0.5])  # without the free place of the cart
-    energy = (z[:n] @ linear.K @ z[:n] + z[n:] @ linear.M @ z[n:]) / 2
-    swinging = z.copy()
-    swinging[0] = -(linear.M[0] @ z[:n]) / linear.M[0, 0]  # the common centre of mass at rest
-    assert swinging @ Q @ swinging == pytest.approx(energy, rel=1e-9)
+def test_default_weights_follow_bryson_with_the_scales_of_the_scene() -> None:
+    """1 rad counts as the longest rope, its frequency and the weight of all; the loop damps place and swing well."""
+    design = regulator(load("crane-hook"))
+    rate, weight = np.sqrt(9.81 / 12.0), 1550.0 * 9.81
+    assert np.diag(design.Q) == pytest.approx([1 / 144, 1, 1, 1 / (12 * rate) ** 2, rate**-2, rate**-2])
+    assert design.R.tolist() == [[pytest.approx(weight**-2)]]
+    slow = design.poles[np.abs(design.poles) < 3]
+    assert (-slow.real / np.abs(slow)).min() > 0.4
+    assert "Bryson's rule" in design.words()
+    heavy = regulator(load("crane-hook").replace(gravity=4 * 9.81))
+    assert np.abs(heavy.poles) == pytest.approx(2 * np.abs(design.poles))  # without a scale of its own
+    assert regulator(load("crane-hook"), ("cart_acceleration",)).poles.real.max() < 0
 
 
 def test_weights_are_read_by_their_headings(tmp_path: Path) -> None:
