@@ -20,10 +20,10 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon, Rectangle
 from matplotlib.ticker import MaxNLocator
 
-from modal.plotting import MARKED, QUIET, SMALL, colour, ink, paper, rest, secondary_colour, shade
 from modal.plotting.carriers import ORDER, WIDTHS
-from modal.plotting.layout import OBLIQUE
+from modal.plotting.layout import OBLIQUE, SMALL
 from modal.plotting.shapes import MARKS_MAX
+from modal.plotting.style import MARKED, QUIET, colour, ink, paper, rest, secondary_colour, shade
 from modal.scene import Bob, Rod
 from modal.structure import Piece
 from modal.structure.outlines import HALF_HEIGHT

@@ -10,18 +10,18 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from modal.plotting import (
+from modal.plotting.layout import headline, legend
+from modal.plotting.style import (
+    BAND_OPACITY,
     MARKED,
     MOST_CURVES,
     PREDICTED,
     QUIET,
     WIDE,
     colour,
-    headline,
-    legend,
     secondary_colour,
+    sheet_of_rows,
 )
-from modal.plotting.style import BAND_OPACITY, sheet_of_rows
 from modal.scene import title_of
 
 if TYPE_CHECKING:

@@ -8,8 +8,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from modal.plotting import MARKED, colour, legend, rest, scale
-from modal.plotting.style import BAND_OPACITY, sheet_of_rows
+from modal.plotting.layout import legend
+from modal.plotting.loci import scale
+from modal.plotting.style import BAND_OPACITY, MARKED, colour, rest, sheet_of_rows
 from nonlinear.chaos import regular_exponent, usual_duration
 from nonlinear.plotting.sweeps import label
 from nonlinear.sweeps import CHAOTIC, LYAPUNOV

@@ -10,9 +10,19 @@ from matplotlib.colors import BoundaryNorm, ListedColormap, LogNorm, Normalize, 
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from modal.plotting import HUES, colour, headline, key, legend, mixture, rest, scale, thickness
-from modal.plotting.layout import symbols_in
-from modal.plotting.style import BAND_OPACITY, LOG_RATIO, dot_size, sheet_of_rows
+from modal.plotting.layout import headline, key, legend, symbols_in
+from modal.plotting.loci import scale
+from modal.plotting.style import (
+    BAND_OPACITY,
+    HUES,
+    LOG_RATIO,
+    colour,
+    dot_size,
+    mixture,
+    rest,
+    sheet_of_rows,
+    thickness,
+)
 from modal.scene import number_label, number_words, title_of
 from modal.types import Floats, Ints
 from nonlinear.plotting.sweeps import edges, label

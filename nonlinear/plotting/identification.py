@@ -8,8 +8,8 @@ import numpy as np
 from matplotlib import rcParams
 from matplotlib.figure import Figure
 
-from modal.plotting import HUES, MARKED, colour, headline, legend, rest
-from modal.plotting.style import sheet_of_rows
+from modal.plotting.layout import headline, legend
+from modal.plotting.style import HUES, MARKED, colour, rest, sheet_of_rows
 from modal.scene import title_of
 
 if TYPE_CHECKING:

@@ -14,8 +14,9 @@ from matplotlib.lines import Line2D
 
 from modal.errors import ComputationError, SceneError
 from modal.modes import Mode, natural_modes
-from modal.plotting import HUES, MARKED, PREDICTED, headline, key, scale, secondary_colour
-from modal.plotting.style import SOLVED_POINTS, sheet_of_rows
+from modal.plotting.layout import headline, key
+from modal.plotting.loci import scale
+from modal.plotting.style import HUES, MARKED, PREDICTED, SOLVED_POINTS, secondary_colour, sheet_of_rows
 from modal.scene import Scene, number_label, title_of
 from modal.scene.parameters import Variation, vary
 from modal.types import Floats

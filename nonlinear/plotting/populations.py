@@ -10,18 +10,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from modal.errors import ComputationError
-from modal.plotting import (
-    PREDICTED,
-    colour,
-    headline,
-    ink,
-    key,
-    narrowing,
-    scale,
-    secondary_colour,
-    set_frame,
-)
-from modal.plotting.style import sheet_of_rows
+from modal.plotting.layout import headline, key, set_frame
+from modal.plotting.loci import scale
+from modal.plotting.style import PREDICTED, colour, ink, narrowing, secondary_colour, sheet_of_rows
 from modal.scene import number_label, title_of
 from nonlinear.plotting.stability import mark
 

@@ -12,8 +12,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from modal.plotting import HUES, colour, headline, key, rest, scale
-from modal.plotting.style import ink, secondary_colour, sheet_of_rows
+from modal.plotting.layout import headline, key
+from modal.plotting.loci import scale
+from modal.plotting.style import HUES, colour, ink, rest, secondary_colour, sheet_of_rows
 from modal.scene import number_label, title_of
 from nonlinear.plotting.sweeps import edges
 

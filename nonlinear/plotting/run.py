@@ -11,25 +11,19 @@ from matplotlib.figure import Figure
 
 from modal.errors import ComputationError, MultipendulaError
 from modal.modes import natural_modes
-from modal.plotting import (
+from modal.plotting.curves import draw_curves, is_blob, pick
+from modal.plotting.layout import caption, even_choice, headline, legend, link_names, mark_modes, set_frame
+from modal.plotting.style import (
+    CURVE_POINTS,
     HUES,
+    VISIBLE_SHARE,
     WIDE,
-    caption,
     colour,
-    draw_curves,
-    even_choice,
-    headline,
     ink,
-    is_blob,
-    legend,
-    mark_modes,
-    pick,
     rest,
     secondary_colour,
-    set_frame,
+    sheet_of_rows,
 )
-from modal.plotting.layout import link_names
-from modal.plotting.style import CURVE_POINTS, VISIBLE_SHARE, sheet_of_rows
 from modal.scene import Scene, title_of
 from modal.scene.doors import require_type
 from modal.types import Floats

@@ -12,8 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from modal.plotting import even_choice
-from modal.plotting.layout import OBLIQUE
+from modal.plotting.layout import OBLIQUE, even_choice
 from modal.plotting.shapes import PENDULA_MAX
 from modal.scene import AnyLink
 from modal.structure import STILL, Piece, Scaffold, structure_of

@@ -12,8 +12,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from modal.plotting import COMPUTED, UNSTABLE, colour, ink, narrowing, paper, scale, secondary_colour
-from modal.plotting.style import sheet_of_rows
+from modal.plotting.loci import scale
+from modal.plotting.style import COMPUTED, UNSTABLE, colour, ink, narrowing, paper, secondary_colour, sheet_of_rows
 from modal.scene import Scene, number_label
 from modal.scene.parameters import Variation
 from modal.types import EPS, Floats

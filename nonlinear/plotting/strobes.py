@@ -6,9 +6,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from modal.plotting import colour, headline, scale
-from modal.plotting.layout import symbols_in
-from modal.plotting.style import dot_size, sheet_of_rows
+from modal.plotting.layout import headline, symbols_in
+from modal.plotting.loci import scale
+from modal.plotting.style import colour, dot_size, sheet_of_rows
 from modal.scene import number_label, title_of
 from nonlinear.ensembles import BifurcationDiagram, StroboscopicSection
 

@@ -14,26 +14,24 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import Normal, Stroke
 
 from modal.errors import ComputationError
-from modal.plotting import (
+from modal.plotting.curves import draw_curves
+from modal.plotting.layout import NUMBER, TICKS_MAX, headline, legend, log_ticks
+from modal.plotting.loci import scale
+from modal.plotting.style import (
     HUES,
+    LOG_RATIO,
     MOST_CURVES,
-    NUMBER,
+    VISIBLE_SHARE,
     WIDE,
     WIDTH,
     colour,
-    draw_curves,
-    headline,
     ink,
-    legend,
-    log_ticks,
     mixture,
     paper,
     rest,
-    scale,
     shade,
+    sheet_of_rows,
 )
-from modal.plotting.layout import TICKS_MAX
-from modal.plotting.style import LOG_RATIO, VISIBLE_SHARE, sheet_of_rows
 from modal.report import deferred
 from modal.scene import number_label, title_of
 from modal.scene.parameters import Variation

@@ -14,26 +14,22 @@ from matplotlib.ticker import MaxNLocator
 
 from modal.errors import ComputationError
 from modal.modes import Mode, table_numbers
-from modal.plotting import (
+from modal.plotting.curves import CURVE_GAP_MAX, draw_curves
+from modal.plotting.layout import SMALL, headline, key, legend, set_frame
+from modal.plotting.style import (
+    CURVE_POINTS,
     HUES,
     QUIET,
-    SMALL,
     WIDE,
     colour,
-    draw_curves,
-    headline,
     ink,
-    key,
-    legend,
     narrowing,
     paper,
     rest,
     secondary_colour,
-    set_frame,
+    sheet_of_rows,
     thickness,
 )
-from modal.plotting.curves import CURVE_GAP_MAX
-from modal.plotting.style import CURVE_POINTS, sheet_of_rows
 from modal.report import counted
 from modal.scene import title_of
 from modal.scene.doors import require_type

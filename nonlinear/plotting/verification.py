@@ -12,22 +12,18 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from modal.errors import ComputationError
-from modal.plotting import (
+from modal.plotting.layout import SMALL, headline, key, log_ticks, mark_modes
+from modal.plotting.style import (
     HUES,
     MARKED,
     PREDICTED,
     QUIET,
-    SMALL,
     colour,
     dashes_of_prediction,
-    headline,
-    key,
-    log_ticks,
-    mark_modes,
     paper,
     secondary_colour,
+    sheet_of_rows,
 )
-from modal.plotting.style import sheet_of_rows
 from modal.scene import title_of
 from modal.types import Floats
 from nonlinear.plotting.run import SPECTRUM_DEPTH

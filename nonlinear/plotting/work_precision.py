@@ -11,9 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from modal.errors import ComputationError
-from modal.plotting import HUES, QUIET, SMALL, colour, headline, ink, key, paper, rest
-from modal.plotting.layout import decade_limits
-from modal.plotting.style import sheet_of_rows
+from modal.plotting.layout import SMALL, decade_limits, headline, key
+from modal.plotting.style import HUES, QUIET, colour, ink, paper, rest, sheet_of_rows
 from modal.scene import title_of
 from nonlinear.reduction import CORRECTED, LINEAR
 

@@ -15,21 +15,10 @@ from seen import flaws, hidden_curves
 
 from modal import Bob, Cart, Pendulum, Scene, matrices, natural_modes
 from modal.coupling import explain
-from modal.plotting import (
-    bode_figure,
-    colour,
-    coupling_figure,
-    draw_curves,
-    headline,
-    key,
-    legend,
-    pick,
-    shapes_figure,
-    sheet,
-)
-from modal.plotting.curves import CURVE_GAP_MAX, coinciding, common_name
-from modal.plotting.layout import HEADLINE_LINES, shorten
-from modal.plotting.style import theme
+from modal.plotting import bode_figure, coupling_figure, shapes_figure, sheet
+from modal.plotting.curves import CURVE_GAP_MAX, coinciding, common_name, draw_curves, pick
+from modal.plotting.layout import HEADLINE_LINES, headline, key, legend, shorten
+from modal.plotting.style import colour, theme
 from modal.statespace import state_space, to_modal_form
 from nonlinear.plotting import check_figure
 from nonlinear.postprocessing import power_spectrum, resolution

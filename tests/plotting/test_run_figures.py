@@ -16,7 +16,8 @@ from scipy.signal import periodogram
 import modal
 from modal import Bob, Cart, Pendulum, Scene
 from modal.errors import ComputationError
-from modal.plotting import headline, save
+from modal.plotting import save
+from modal.plotting.layout import headline
 from modal.plotting.style import CURVE_POINTS
 from nonlinear.integration import Trajectory
 from nonlinear.plotting.run import run_figure
