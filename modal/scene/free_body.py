@@ -142,11 +142,7 @@ def free_bodies(scene: Scene, letters: str = "own") -> FreeBodies:
     if letters not in LETTERS:
         raise SceneError([f"letters {letters}: must be one of {', '.join(LETTERS)}"])
     require(scene, "a free-body diagram")
-    chains = [
-        [link for link in pendulum.links for _ in range(link.count)]
-        for pendulum in scene.pendulum
-        for _ in range(pendulum.count)
-    ]
+    chains = [pendulum.chain for pendulum in scene.hanging]
     has_pendulum_index = len(chains) > 1 or letters == "paper"
     parts = [
         _link(scene, chain, p, i, (p + 1, i + 1) if has_pendulum_index else (i + 1,), letters, len(chains) > 1)
@@ -292,7 +288,7 @@ def joint_law(bodies: FreeBodies, part: FreeBody) -> JointMoment | None:
     link: Any = part.link
     if link is None or not has_moment(link):
         return None
-    pendula = [pendulum for pendulum in bodies.scene.pendulum for _ in range(pendulum.count)]
+    pendula = bodies.scene.hanging
     ways = [int(way == "up") for way in pendula[part.place[0]].ways]
     i = part.place[1]
     drives = isinstance(link.drive, VanDerPol)

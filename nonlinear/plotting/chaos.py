@@ -21,6 +21,7 @@ from modal.plotting.style import (
     colour,
     secondary_colour,
     sheet_of_rows,
+    stack,
 )
 from modal.scene import title_of
 
@@ -36,8 +37,7 @@ CART_OFFSET_RATIO = 1.06
 
 def exponent_figure(exponent: Exponent) -> Figure:
     """λ against averaging time: each start, their mean with its interval, and the limit for regular motion."""
-    figure = sheet_of_rows(1)
-    axis = figure.subplots()
+    figure, (axis,) = stack(1)
     times, running = exponent.running()
     since, mean = times - exponent.transient, running.mean(1)
     if exponent.ensemble > 1:
@@ -82,8 +82,7 @@ def _chains(finding: Finding) -> Figure:
 
 
 def _carts(finding: Finding) -> Figure:
-    figure = sheet_of_rows(1)
-    axis = figure.subplots()
+    figure, (axis,) = stack(1)
     for k, (name, rows) in enumerate(finding.series().items()):
         fixed_exponent = next(exponent for case, exponent in rows if case.at is None)
         half = fixed_exponent.half_width

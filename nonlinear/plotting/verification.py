@@ -22,7 +22,7 @@ from modal.plotting.style import (
     dashes_of_prediction,
     paper,
     secondary_colour,
-    sheet_of_rows,
+    stack,
 )
 from modal.scene import title_of
 from modal.types import Floats
@@ -30,6 +30,7 @@ from nonlinear.plotting.run import SPECTRUM_DEPTH
 from nonlinear.postprocessing import ORDER
 from nonlinear.verification import ONE_PERCENT, Check, Comparison, ModeCheck, ModeInMotion
 
+SUPERSCRIPTS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 MARKERS, SIZES = ("o", "s", "D"), (9.5, 5.5)
 MOST_CURVES = HUES * len(MARKERS)
 
@@ -49,8 +50,7 @@ def check_figure(check: Check) -> Figure:
         raise ComputationError("no mode was measured: there is nothing to draw")
     if len(rows) > MOST_CURVES:
         raise ComputationError(f"{len(rows)} modes do not fit in a figure: choose at most {MOST_CURVES} with `modes`")
-    figure = sheet_of_rows(1)
-    axis = figure.subplots()
+    figure, (axis,) = stack(1)
     angles = [degrees(measurement.effective) for row in rows for measurement in row.measurements]
     high = min(2 * max(angles), 180.0)
     low = min(min(angles) / 2, high / 12)  # more than a decade, so that several ticks have numbers
@@ -121,8 +121,7 @@ def spectrum_figure(comparison: Comparison) -> Figure:
     Dotted lines with numbers mark the table's frequencies.  Raises ComputationError where nothing oscillates.
     """
     rows = _strongest(comparison)
-    figure = sheet_of_rows(1)
-    axis = figure.subplots()
+    figure, (axis,) = stack(1)
     omega, sizes = _spectra(comparison, rows)
     top = float(sizes.max())
     for k, size in enumerate(sizes):
@@ -135,7 +134,8 @@ def spectrum_figure(comparison: Comparison) -> Figure:
     handles = [Line2D([], [], color=colour(k)) for k in range(len(rows))]
     names = [f"mode {row.mode.number}: {row.mode.omega:.5g} rad/s" for row in rows]
     headline(figure, title_of(comparison.modes.scene), "spectra of the modal coordinates")
-    notes = f"window (1 + cos πs)^{ORDER}, s from −1 to 1 over the motion, with zeros to 4 times its length"
+    power = str(ORDER).translate(SUPERSCRIPTS)
+    notes = f"window (1 + cos πs){power}, s from −1 to 1 over the motion, with zeros to 4 times its length"
     key(figure, handles, names, notes=notes)
     return figure
 

@@ -594,7 +594,7 @@ def test_curves_and_maps_are_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
         stream = io.BytesIO()
         save(sweep_figure(swept), stream, "png")
         assert stream.getvalue().startswith(b"\x89PNG")
-    assert (label("omega_2b_rad_per_s"), label("beat_1_s")) == ("ω$_{2b}$ (rad/s)", "beat 1 (s)")
+    assert (label("omega_2b_rad_per_s"), label("beat_1_s")) == ("ω$_{2b}$ (rad/s)", "beat of mode 1 (s)")
     nothing = Sweep(whole.study, ())
     cube = Sweep(study("support.mass=1,2", "gravity=1,2", "support.damping=1,2"), failing.rows)
     for bad, words in [(nothing, "nothing to draw"), (cube, "one or two parameters")]:
