@@ -232,7 +232,7 @@ def set_values(
 
 def colour_bar(axis: Axes, mesh: ScalarMappable, words: str) -> Colorbar:
     """A bar of the colours of a map beside it."""
-    bar = axis.get_figure().colorbar(mesh, ax=axis, pad=0.02)
+    bar = axis.figure.colorbar(mesh, ax=axis, pad=0.02)
     bar.set_label(words)
     bar.outline.set_visible(False)
     axis.grid(visible=False)

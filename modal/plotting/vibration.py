@@ -97,7 +97,7 @@ def _limit(axis: Axes, f: Floats, psd: Floats, sharp: Floats) -> bool:
         return False
     top = min(float(sizes.max()), 100 * float(heights.max()))
     axis.set_ylim(max(sizes.min() / 2, VISIBLE_SHARE**3 * top), 2 * top)
-    return top < sizes.max()
+    return bool(top < sizes.max())
 
 
 def thermal_figure(noise: ThermalNoise, beside: RandomResponse | None = None, at: Sequence[float] = ()) -> Figure:
@@ -120,7 +120,7 @@ def thermal_figure(noise: ThermalNoise, beside: RandomResponse | None = None, at
         largest_shares = np.nan_to_num((parts[:, k] / np.where(total > 0, total, 1.0)).max(-1))
         loudest_places = np.argsort(-largest_shares)[:HUES]
         for place, j in enumerate(sorted(loudest_places.tolist())):
-            line = {"color": colour(place), "lw": 1.3}
+            line: dict[str, Any] = {"color": colour(place), "lw": 1.3}
             axis.plot(f, _positive_values(parts[j, k]), label=_place_words(noise.scene, noise.places[j]), **line)
         if driven is not None and beside is not None:
             words = f"from the PSD of the {signal_words(beside.source.name)}"

@@ -10,7 +10,7 @@ from it, `modal.plotting.plot_free_body` the diagrams.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, NamedTuple
 
@@ -216,7 +216,7 @@ def _joint(letters: str, index: tuple[int, ...], link: AnyLink, on_lower: bool, 
 
 
 def _link(
-    scene: Scene, chain: list[AnyLink], p: int, i: int, index: tuple[int, ...], letters: str, several: bool
+    scene: Scene, chain: Sequence[AnyLink], p: int, i: int, index: tuple[int, ...], letters: str, several: bool
 ) -> FreeBody:
     link, tail = chain[i], "_".join(map(str, index))
     efforts = [Effort("weight", "centre", 1, down=f"m_{tail} g"), *_joint(letters, index, link, True, "upper", p)]
@@ -245,7 +245,7 @@ def _down(letters: str) -> str:
     return "y" if letters == "paper" else "z"
 
 
-def _support(scene: Scene, chains: list[list[AnyLink]], letters: str, has_pendulum_index: bool) -> FreeBody:
+def _support(scene: Scene, chains: Sequence[Sequence[AnyLink]], letters: str, has_pendulum_index: bool) -> FreeBody:
     efforts: list[Effort] = []
     cart = scene.cart
     if cart is not None:

@@ -24,6 +24,7 @@ from modal.plotting.layout import OBLIQUE, SMALL
 from modal.plotting.shapes import MARKS_MAX
 from modal.plotting.style import MARKED, QUIET, colour, ink, paper, rest, secondary_colour, shade
 from modal.scene import Bob, Rod
+from modal.structure import Piece
 from modal.structure.outlines import HALF_HEIGHT
 from modal.types import Floats
 from nonlinear.plotting.scene import TRAIL_POINTS, WIDE_BARS, Actor, FilmEnergies, Stage

@@ -120,7 +120,7 @@ def _resonance(scene: Scene, branches: Sequence[Branch]) -> Figure:
         for special in branch.special:
             phase_before, orbit = phase[special.after], special.orbit
             phase_at = phase_before + np.angle(np.exp(1j * (orbit.phase - phase_before)))
-            points.append((MARKS[special.kind], _value(orbit), np.rad2deg([orbit.amplitude, phase_at])))
+            points.append((MARKS[special.kind], _value(orbit), np.rad2deg([orbit.amplitude, phase_at]).tolist()))
         curves = [np.rad2deg(branch.amplitude), np.rad2deg(phase)]
         DrawnBranch(branch.value, branch.is_stable, curves, points).draw([upper, lower], number)
     widest = max(float(np.rad2deg(branch.amplitude.max())) for branch in branches)

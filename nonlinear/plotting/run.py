@@ -164,14 +164,16 @@ def _carrier_panels(trajectory: Trajectory) -> list[_Panel]:
 def _feedback_panels(trajectory: Trajectory) -> list[_Panel]:
     """What loops of feedback exert, a panel for each unit; those that act on one place are added."""
     system, times, exerted = trajectory.system, trajectory.times, dict[str, dict[str, Floats]]()
+    if not system.loops:
+        return []
     layout, held = Layout.of(system, works=False), HeldInputs(system.loops)
-    samples = held.begin(float(times[0]), float(times[-1]))
-    if samples:
+    if system.is_sampled:
+        samples = held.begin(float(times[0]), float(times[-1]))
         sampled_states = layout.rows(resample(times, trajectory.motion, np.array(samples)))
         for time, state in zip(samples, sampled_states, strict=True):
             held.take(time, state.tolist())
     states, held_inputs = layout.rows(trajectory.motion).T, iter(held.beside(times))
-    for loop, acting in zip(loops_of(trajectory.scene) if system.loops else (), system.loops, strict=True):
+    for loop, acting in zip(loops_of(trajectory.scene), system.loops, strict=True):
         values = next(held_inputs) if acting.sample_time else input_of(acting, states)
         curves, name = exerted.setdefault(loop.signal.unit, {}), signal_words(loop.signal.name)
         curves[name] = curves.get(name, 0.0) + values
