@@ -58,11 +58,11 @@ def test_gaps_coincide_with_gaps_only() -> None:
     ("names", "expected"),
     [
         (["link 4"], "link 4"),
-        (["pendulum 1", "pendulum 2", "pendulum 3", "pendulum 7"], "pendulum 1–3, 7 coincide"),
+        (["pendulum 1", "pendulum 2", "pendulum 3", "pendulum 7"], "pendula 1–3, 7 coincide"),
         (["1.1", "2.1", "3.1"], "1.1–3.1 coincide"),
         (["1.1", "2.2"], "1.1, 2.2 coincide"),
         (["kinetic", "total"], "kinetic, total coincide"),
-        ([f"pendulum {k}" for k in range(1, 100, 2)], "pendulum 1, 3, 5, 7, 9, 11, 13, … (43 more) coincide"),
+        ([f"pendulum {k}" for k in range(1, 100, 2)], "pendula 1, 3, 5, 7, 9, 11, 13, … (43 more) coincide"),
     ],
 )
 def test_coinciding_curves_are_named_together(names: list[str], expected: str) -> None:
