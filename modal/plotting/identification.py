@@ -127,13 +127,10 @@ def mode_fit_figure(fit: ModeFit) -> Figure:
     axis.plot(at, [mode.deviation for mode in fit.modes], "o", ms=8, color=colour(0), label="frequency")
     damped_modes = [(k, mode) for k, mode in enumerate(fit.modes) if mode.damping_ratio_std]
     if damped_modes:
-        ratios = [
-            (mode.damping_ratio - (mode.measured.damping_ratio or 0.0)) / (mode.damping_ratio_std or 1)
-            for _, mode in damped_modes
-        ]
-        axis.plot(
-            [k for k, _ in damped_modes], ratios, "s", ms=6, mfc=paper(), mec=colour(1), mew=2, label="damping ratio"
-        )
+        differences = [mode.damping_ratio - (mode.measured.damping_ratio or 0.0) for _, mode in damped_modes]
+        ratios = np.array(differences) / [mode.damping_ratio_std or 1.0 for _, mode in damped_modes]
+        places = [k for k, _ in damped_modes]
+        axis.plot(places, ratios, "s", ms=6, mfc=paper(), mec=colour(1), mew=2, label="damping ratio")
     limit = max(3.0, 1.2 * max(abs(mode.deviation) for mode in fit.modes))
     names = [f"mode {mode.measured.number}\n{mode.measured.frequency:.4g} Hz" for mode in fit.modes]
     axis.set_xticks(*_thin_ticks(names, HUES))

@@ -250,18 +250,9 @@ def legend(axis: Axes, columns: int = 6, title: str | None = None, least_count: 
         return
 
     def make(words: list[str], count: int) -> Legend:
-        new_legend = axis.legend(
-            handles,
-            words,
-            ncols=count,
-            title=title,
-            loc="upper right",
-            fontsize=SMALL,
-            frameon=True,
-            edgecolor="none",
-            borderpad=0.2,
-            borderaxespad=0.2,
-        )
+        frame: dict[str, Any] = {"frameon": True, "edgecolor": "none", "borderpad": 0.2, "borderaxespad": 0.2}
+        place: dict[str, Any] = {"loc": "upper right", "ncols": count, "title": title, "fontsize": SMALL}
+        new_legend = axis.legend(handles, words, **place, **frame)
         new_legend.set_in_layout(False)
         return new_legend
 

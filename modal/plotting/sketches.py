@@ -195,15 +195,8 @@ def _say(axis: Axes, symbol: str, x: float, y: float, **look: Any) -> None:
 def _arrow(
     axis: Axes, start: Sequence[float] | Floats, end: Sequence[float] | Floats, hue: str, style: str = "-|>"
 ) -> None:
-    look: dict[str, Any] = {
-        "arrowstyle": style,
-        "color": hue,
-        "lw": 1.5,
-        "shrinkA": 0,
-        "shrinkB": 0,
-        "mutation_scale": 11,
-    }
-    axis.add_patch(FancyArrowPatch((start[0], start[1]), (end[0], end[1]), **look, zorder=6))
+    look: dict[str, Any] = {"arrowstyle": style, "color": hue, "lw": 1.5, "mutation_scale": 11}
+    axis.add_patch(FancyArrowPatch((start[0], start[1]), (end[0], end[1]), **look, shrinkA=0, shrinkB=0, zorder=6))
 
 
 def _schematic(

@@ -254,13 +254,6 @@ def _lines(axis: Axes, energies: FilmEnergies, times: Floats) -> tuple[list[Line
     axis.set_xlabel("time (s)", fontsize=SMALL, labelpad=1)
     axis.xaxis.set_major_locator(MaxNLocator(5))
     axis.xaxis.set_major_formatter("{x:.4g}")
-    axis.legend(
-        fontsize=SMALL,
-        ncols=3,
-        loc="lower left",
-        bbox_to_anchor=(-0.02, 0.985),
-        borderpad=0.1,
-        handlelength=1.2,
-        columnspacing=1.0,
-    )
+    place: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (-0.02, 0.985), "ncols": 3, "fontsize": SMALL}
+    axis.legend(**place, borderpad=0.1, handlelength=1.2, columnspacing=1.0)
     return lines, dot

@@ -84,12 +84,10 @@ def _chains(finding: Finding) -> Figure:
 def _carts(finding: Finding) -> Figure:
     figure, (axis,) = stack(1)
     for k, (name, rows) in enumerate(finding.series().items()):
-        fixed_exponent = next(exponent for case, exponent in rows if case.at is None)
-        half = fixed_exponent.half_width
-        axis.axhspan(
-            fixed_exponent.value - half, fixed_exponent.value + half, color=colour(k), alpha=BAND_OPACITY / 2, lw=0
-        )
-        axis.axhline(fixed_exponent.value, color=colour(k), ls=MARKED, lw=1.4)
+        fixed_support = next(exponent for case, exponent in rows if case.at is None)
+        low, high = (fixed_support.value + sign * fixed_support.half_width for sign in (-1, 1))
+        axis.axhspan(low, high, color=colour(k), alpha=BAND_OPACITY / 2, lw=0)
+        axis.axhline(fixed_support.value, color=colour(k), ls=MARKED, lw=1.4)
         carts = [(case, exponent) for case, exponent in rows if case.at is not None]
         masses = [(case.at or 0.0) * CART_OFFSET_RATIO ** (k - 1) for case, _ in carts]
         _points(axis, masses, carts, [1.0] * len(carts), k, name)

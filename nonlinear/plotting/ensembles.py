@@ -172,7 +172,7 @@ def _deviations(axis: Axes, spread: Spread) -> None:
         ylabel="relative standard deviation of ω (–)", ylim=(0, 1.3 * max(float(deviation.max(initial=0.0)), 1e-12))
     )
     axis.grid(visible=False, axis="x")
-    legend(axis, 2)
+    legend(axis, 2, least_count=1)
 
 
 def _parts(records: list[dict[str, dict[str, float]]], path: str) -> Floats:

@@ -221,24 +221,17 @@ def _energies(axis: Axes, trajectory: Trajectory) -> None:
     mechanics, times = trajectory.mechanics, trajectory.times
     kinetic = mechanics.of_pendula(mechanics.kinetic)
     potential = mechanics.of_pendula(mechanics.potential)
-    carrier = carrier_name(trajectory.system)
-    if trajectory.system.n_pendula == 1 and not carrier:
-        curves = {"kinetic": kinetic[:, 0], "potential": potential[:, 0], "total": (kinetic + potential)[:, 0]}
-        left_out = False
-    else:
-        energy_of_each = kinetic + potential
-        numbers, labels, stand_for = pick(
-            energy_of_each.T, [f"pendulum {k}" for k in range(1, energy_of_each.shape[1] + 1)], HUES
-        )
-        curves, left_out = (
-            dict(zip(labels, energy_of_each[:, numbers].T, strict=True)),
-            stand_for < energy_of_each.shape[1],
-        )
+    carrier, energy = carrier_name(trajectory.system), kinetic + potential
+    curves, stand_for = {"kinetic": kinetic[:, 0], "potential": potential[:, 0], "total": energy[:, 0]}, 1
+    if energy.shape[1] > 1 or carrier:
+        names = [f"pendulum {k}" for k in range(1, energy.shape[1] + 1)]
+        numbers, labels, stand_for = pick(energy.T, names, HUES)
+        curves = dict(zip(labels, energy[:, numbers].T, strict=True))
     draw_curves(axis, [(times, energy) for energy in curves.values()], names=list(curves), bands=True)
     if carrier:
         _carrier(axis, times, mechanics.cart_kinetic + mechanics.cart_potential, carrier)
-    if left_out:
-        _range(axis, times, kinetic + potential, "pendula")
+    if stand_for < energy.shape[1]:
+        _range(axis, times, energy, "pendula")
     set_frame(axis, "time (s)", "energy (J)", "Energy above equilibrium")
     axis.set_ylim(min(0.0, axis.get_ylim()[0]), None)
     legend(axis)

@@ -205,10 +205,7 @@ def _finish(figure: Figure, trajectory: Trajectory, pendula: Ints) -> None:
     headline(figure, title_of(trajectory.scene), "synchronization")
     lines = [Line2D([], [], color=colour(k), lw=thickness(k)) for k in range(len(pendula))]
     names = [f"pendulum {number + 1}" for number in pendula]
-    is_selection = len(pendula) < trajectory.system.n_pendula
-    notes = (
-        f"{len(pendula)} of {trajectory.system.n_pendula} pendula drawn; grey dots: the phases of all"
-        if is_selection
-        else ""
-    )
+    count, notes = trajectory.system.n_pendula, ""
+    if len(pendula) < count:
+        notes = f"{len(pendula)} of {count} pendula drawn; grey dots: the phases of all"
     key(figure, lines, names, columns=HUES, notes=notes)

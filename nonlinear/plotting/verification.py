@@ -100,14 +100,9 @@ def _shifts(axis: Axes, row: ModeCheck, low: float, high: float, k: int) -> None
         size, shift = np.rad2deg(row.backbone.amplitude), np.abs(row.backbone.omega / row.backbone.linear - 1)
         axis.plot(size, shift, color=colour(k), lw=2.4, alpha=0.35, gid=QUIET, zorder=1.5)
     steady = [measurement for measurement in row.measurements if not measurement.irregular]
+    x = np.degrees([measurement.effective for measurement in steady])
+    y = np.array([measurement.shift for measurement in steady])
     for falls in (True, False):
-        x, y = (
-            np.array(v)
-            for v in (
-                [degrees(measurement.effective) for measurement in steady],
-                [measurement.shift for measurement in steady],
-            )
-        )
         is_branch = (y < 0) == falls
         face, edge = (colour(k), paper()) if falls else (paper(), colour(k))
         axis.plot(x[is_branch], np.abs(y[is_branch]), _marker(k), ms=_size(k), mfc=face, mec=edge, mew=1.0, zorder=4)

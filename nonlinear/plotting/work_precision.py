@@ -61,10 +61,8 @@ def _front(axis: Axes, work_precision: WorkPrecision) -> None:
 
 
 def _family(axis: Axes, work_precision: WorkPrecision, rows: list[WorkPrecisionRow]) -> None:
-    points, candidate = (
-        zip(*((row.seconds, work_precision.measurable_error(row)) for row in rows), strict=True),
-        rows[0].candidate,
-    )
+    candidate = rows[0].candidate
+    points = [row.seconds for row in rows], [work_precision.measurable_error(row) for row in rows]
     if candidate.modal:
         axis.plot(*points, MODAL[candidate.kind], color=ink(), ms=11, mec=paper(), label=candidate.kind, zorder=5)
         return
@@ -79,10 +77,8 @@ def _label(candidate: Candidate) -> str:
 
 
 def _decorate(figure: Figure, axis: Axes, work_precision: WorkPrecision) -> None:
-    horizon, tolerances = (
-        work_precision.reference.horizon,
-        [row.candidate.tolerance for row in work_precision.rows[1:] if not row.candidate.modal],
-    )
+    horizon = work_precision.reference.horizon
+    tolerances = [row.candidate.tolerance for row in work_precision.rows[1:] if not row.candidate.modal]
     axis.set(xlabel="time of a run, once prepared (s)", ylabel=f"largest error of an angle in {horizon:.4g} s (rad)")
     if tolerances:
         words = f"along each line: tolerances from {max(tolerances):g} to at most {min(tolerances):g}"
