@@ -86,7 +86,11 @@ def run_figure(trajectory: Trajectory) -> Figure:
     if len(trajectory.times) < 2:
         raise ComputationError("a run with a single sample cannot be drawn")
     smooth = _smooth(trajectory)
-    panels = [*_carrier_panels(smooth), *_prescribed_panels(smooth), *_feedback_panels(smooth)]
+    panels, notes = [*_carrier_panels(smooth), *_prescribed_panels(smooth)], list[str]()
+    try:
+        panels += _feedback_panels(smooth)
+    except ComputationError:
+        notes = ["no sampled feedback drawn: samples of the run are too far apart"]
     figure = sheet_of_rows(max(5 + len(panels), 6) / 2, WIDE)
     rows = 6 if len(panels) < 2 else 2 * (2 + len(panels))
     grid = figure.add_gridspec(rows, 2, width_ratios=(3, 2))
@@ -101,7 +105,7 @@ def run_figure(trajectory: Trajectory) -> Figure:
     _portrait(figure.add_subplot(grid[: rows // 2, 1]), smooth, links)
     _spectrum(figure.add_subplot(grid[rows // 2 :, 1]), trajectory, links)
     headline(figure, title_of(trajectory.scene), "motion")
-    caption(figure, _caption(trajectory, links))
+    caption(figure, "; ".join([_caption(trajectory, links), *notes]))
     return figure
 
 

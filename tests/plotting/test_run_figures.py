@@ -193,3 +193,5 @@ def test_the_forces_of_loops_are_drawn_and_change_the_momentum_by_their_integral
     turning = np.asarray(torque.lines[0].get_ydata(), dtype=float)
     drawn_rates = -2.0 * np.interp(trajectory.times, times, turning)
     assert np.abs(drawn_rates - trajectory.motion.link_rates[:, 0]).max() < 1e-3
+    coarse = run_figure(simulate(scene, 4.0, output=5))
+    assert "no sampled feedback drawn" in coarse.get_supxlabel()
