@@ -54,7 +54,7 @@ SPECTRUM_DEPTH = 1e-10
 """Format: smallest power that a spectrum shows over the strongest line: below are the side lobes of its window."""
 
 
-class _Panel(NamedTuple):
+class _CurvePanel(NamedTuple):
     """A title, the label of the axis, and curves (T,) by their names."""
 
     title: str
@@ -151,7 +151,7 @@ def _angles(axis: Axes, trajectory: Trajectory, chosen_links: _DrawnLinks) -> No
     legend(axis, least_count=1 if has_band else 2)
 
 
-def _carrier_panels(trajectory: Trajectory) -> list[_Panel]:
+def _carrier_panels(trajectory: Trajectory) -> list[_CurvePanel]:
     """What carries the pendula, a panel for each unit."""
     system, carriers = trajectory.system, dict[str, dict[str, Floats]]()
     coordinates = Layout.of(system, works=False).carrier_coordinates(trajectory.motion)[0].T
@@ -161,11 +161,11 @@ def _carrier_panels(trajectory: Trajectory) -> list[_Panel]:
         carriers.setdefault(unit, {})[name.removesuffix(f"_{unit}").replace("_", " ")] = column
     words = {"rad": "angle (°)", "m": "displacement (m)", "each unit": "coordinate (each unit)"}
     if system.cart is not None:
-        return [_Panel("Cart", "position x (m)", curves) for curves in carriers.values()]
-    return [_Panel("Structure", words[unit], curves) for unit, curves in carriers.items()]
+        return [_CurvePanel("Cart", "position x (m)", curves) for curves in carriers.values()]
+    return [_CurvePanel("Structure", words[unit], curves) for unit, curves in carriers.items()]
 
 
-def _feedback_panels(trajectory: Trajectory) -> list[_Panel]:
+def _feedback_panels(trajectory: Trajectory) -> list[_CurvePanel]:
     """What loops of feedback exert, a panel for each unit; those that act on one place are added."""
     system, times, exerted = trajectory.system, trajectory.times, dict[str, dict[str, Floats]]()
     if not system.loops:
@@ -181,27 +181,27 @@ def _feedback_panels(trajectory: Trajectory) -> list[_Panel]:
         values = next(held_inputs) if acting.sample_time else input_of(acting, states)
         curves, name = exerted.setdefault(loop.signal.unit, {}), signal_words(loop.signal.name)
         curves[name] = curves.get(name, 0.0) + values
-    return [_Panel("Feedback", f"{QUANTITIES[unit]} ({unit})", curves) for unit, curves in exerted.items()]
+    return [_CurvePanel("Feedback", f"{QUANTITIES[unit]} ({unit})", curves) for unit, curves in exerted.items()]
 
 
-def _prescribed_panels(trajectory: Trajectory) -> list[_Panel]:
+def _prescribed_panels(trajectory: Trajectory) -> list[_CurvePanel]:
     """What moves as prescribed, the support or the ground and hoisted lengths."""
-    system, times, panels = trajectory.system, trajectory.times, list[_Panel]()
+    system, times, panels = trajectory.system, trajectory.times, list[_CurvePanel]()
     if system.support:
         right, *_, down = system.support.displacements(times, 2).T
         ways = {"to the right": right, "upwards": -down}
         curves = {name: values for name, values in ways.items() if np.any(values)}
         owner = "Ground" if system.structure is not None else "Support"
-        panels.append(_Panel(f"{owner}, as prescribed", "displacement (m)", curves or {"to the right": right}))
+        panels.append(_CurvePanel(f"{owner}, as prescribed", "displacement (m)", curves or {"to the right": right}))
     if system.hoisting is not None:
         lengths, moving = system.hoisting.at(times)[0], system.hoisting.moving
         names = link_names(system.labels)
         curves = {names[link]: lengths[:, link] for link in np.flatnonzero(moving).tolist()}
-        panels.append(_Panel("Hoist, as prescribed", "length (m)", curves))
+        panels.append(_CurvePanel("Hoist, as prescribed", "length (m)", curves))
     return panels
 
 
-def _draw_panel(axis: Axes, times: Floats, panel: _Panel) -> None:
+def _draw_panel(axis: Axes, times: Floats, panel: _CurvePanel) -> None:
     names, values = list(panel.curves), list(panel.curves.values())
     numbers, labels, stand_for = pick(np.array(values), names, HUES)
     if len(names) == 1:
