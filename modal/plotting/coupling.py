@@ -174,7 +174,7 @@ def draw_mass(axis: Axes, coupling: Coupling, s: int = 0) -> None:
         low, high = 0.0, 1.5 * high
     axis.set(xlim=(low, high), ylim=(-mass_at_rest, top), xscale="log" if is_logarithmic else "linear")
     axis.set(xlabel="angular frequency ω (rad/s)", ylabel="dynamic mass (kg)" if is_structured else FELT)
-    axis.ticklabel_format(axis="y", scilimits=(-3, 5), useOffset=False)
+    axis.yaxis.set_major_formatter("{x:g}")
     axis.axhline(0.0, color=ink(), lw=0.8)
     if coupling.on_cart:
         axis.axhline(coupling.dynamic.at_infinity, color=secondary_colour(), lw=0.9, ls=MARKED)
