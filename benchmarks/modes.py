@@ -434,7 +434,7 @@ def _panels(axes: Sequence[Axes], lengths: Sequence[Row], ratios: Sequence[Row])
 
 
 def _curves(axis: Axes, rows: Sequence[Row], what: str, across: str, up: str) -> None:
-    from modal.plotting import colour
+    from modal.plotting.style import colour
 
     for k, (name, mark) in enumerate(zip(rows[0].solved, "so^v", strict=False)):
         values = [getattr(row.solved[name], what) for row in rows]

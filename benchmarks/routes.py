@@ -16,7 +16,7 @@ from problems import Problem
 from scipy.integrate import solve_ivp
 
 from modal import Scene, matrices
-from modal.plotting import colour, ink, secondary_colour
+from modal.plotting.style import colour, ink, secondary_colour
 from nonlinear.dynamics import Generated
 from nonlinear.dynamics.compiled import Compiled
 from nonlinear.integration import Choice, Drive, Pace, SciPyStepper, Stepper, equations_of, estimate_timescales

@@ -10,7 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from routes import ROUTES
 
-from modal.plotting import in_both_themes, paper, rest, sheet
+from modal.plotting import in_both_themes, sheet
+from modal.plotting.style import paper, rest
 
 if TYPE_CHECKING:
     from simulation import Panel

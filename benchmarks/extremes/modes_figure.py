@@ -10,7 +10,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from modes_families import FAMILIES, SHOWN
 
-from modal.plotting import colour, in_both_themes, secondary_colour, sheet
+from modal.plotting import in_both_themes, sheet
+from modal.plotting.style import colour, secondary_colour
 
 SOLVERS = {
     "ours": ("multipendula", 0, "o"),

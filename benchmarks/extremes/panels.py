@@ -10,7 +10,8 @@ from typing import Any
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from modal.plotting import colour, in_both_themes, paper, secondary_colour, sheet
+from modal.plotting import in_both_themes, sheet
+from modal.plotting.style import colour, paper, secondary_colour
 
 PANELS = {
     "links of a chain": "links of a chain",

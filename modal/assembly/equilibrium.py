@@ -105,15 +105,7 @@ def equilibrium_of(scene: Scene) -> Equilibrium | None:
 def load_of(scene: Scene, number: Callable[[Any], Any] = np.asarray) -> _Load:
     """What constant forces do to every link, in floats or, by `number`, any other numbers."""
     horizontal, down, torque, sizes = number(np.zeros((4, scene.n_links)))
-    reach, centre = number(
-        [
-            (link.length, link.centre)
-            for pendulum in scene.pendulum
-            for _ in range(pendulum.count)
-            for link in pendulum.links
-            for _ in range(link.count)
-        ]
-    ).T
+    reach, centre = number([(link.length, link.centre) for pendulum in scene.hanging for link in pendulum.chain]).T
     top = np.concatenate(
         [np.tile(np.arange(pendulum.n_links), pendulum.count) for pendulum in scene.pendulum]
     )  # links above, in the same chain
@@ -156,11 +148,7 @@ class _LoadedChain:
 
     def __init__(self, pendulum: Pendulum, gravity: float) -> None:
         mass, length, centre, self.springs = np.array(
-            [
-                (link.mass, link.length, link.centre, link.stiffness)
-                for link in pendulum.links
-                for _ in range(link.count)
-            ]
+            [(link.mass, link.length, link.centre, link.stiffness) for link in pendulum.chain]
         ).T
         self.n = len(mass)
         self.weight = gravity * np.array(pair.first_moments(mass, length, centre))

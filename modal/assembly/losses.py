@@ -118,10 +118,8 @@ def loss_angles(scene: Scene) -> LossAngles | None:
     numbers: dict[Loss, int] = {0.0: 0}
     places = [
         [numbers.setdefault(loss if is_lossy(loss) else 0.0, len(numbers)) for loss in (link.loss, link.wire_loss)]
-        for pendulum in scene.pendulum
-        for _ in range(pendulum.count)
-        for link in pendulum.links
-        for _ in range(link.count)
+        for pendulum in scene.hanging
+        for link in pendulum.chain
     ]
     return LossAngles(tuple(numbers), np.array(places).T) if len(numbers) > 1 else None
 

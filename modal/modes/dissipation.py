@@ -215,13 +215,7 @@ def damping_ratios(modes: Modes, amplitude: float) -> dict[int, float]:
 
 def _limits(scene: Scene) -> tuple[np.ndarray, float, float, np.ndarray]:
     """Friction of every joint (L,) in N m, the rail's as a force and by its coefficient (N), and quadratic drag."""
-    links = [
-        link
-        for pendulum in scene.pendulum
-        for _ in range(pendulum.count)
-        for link in pendulum.links
-        for _ in range(link.count)
-    ]
+    links = [link for pendulum in scene.hanging for link in pendulum.chain]
     joints, quadratic = (np.array([getattr(link, name) for link in links]) for name in ("friction", "quadratic_drag"))
     cart = scene.cart
     if cart is None:

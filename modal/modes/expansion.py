@@ -153,11 +153,7 @@ class FiniteMotion:
     @property
     def _pendula(self) -> list[list[Any]]:
         """The links of every pendulum, counting copies."""
-        return [
-            [link for link in pendulum.links for _ in range(link.count)]
-            for pendulum in self.scene.pendulum
-            for _ in range(pendulum.count)
-        ]
+        return [list(pendulum.chain) for pendulum in self.scene.hanging]
 
     def reach(self, phi: Floats) -> float:
         """By how much of a radian, or of a spring's length, a shape moves at most."""

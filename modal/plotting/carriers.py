@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 
 from modal.plotting.style import COMPUTED, MARKED, ink, mixture, paper, secondary_colour
@@ -18,21 +19,21 @@ ORDER = {"body": 1.5, "line": 1.2, "spring": 1.1, "dot": 1.8, "ground": 0.8, "ha
 def draw_pieces(axis: Axes, pieces: Iterable[Piece], look: dict[str, Any], *, rests: bool) -> None:
     """The pieces of one instant with the colour of a `look`; at rest bodies are filled, and the ground is drawn."""
     for piece in pieces:
-        points = piece.points[0]
-        if piece.role in STILL:
-            if rests:
-                hue = ink() if piece.role == "ground" else secondary_colour()
-                line = MARKED if piece.role == "guide" else COMPUTED
-                outline = [*points, points[0]] if piece.is_outline else points
-                x, y = zip(*outline, strict=True)
-                axis.plot(
-                    x, y, ls=line, color=hue, lw=WIDTHS[piece.role], gid=look.get("gid"), zorder=ORDER[piece.role]
-                )
-        elif piece.role == "dot":
-            axis.plot(*points.T, "o", ms=4.0, **look | {"color": paper()}, mec=look["color"], mew=1.2, zorder=1.8)
-        elif piece.is_outline:
-            face = mixture(look["color"], 0.5) if rests else "none"
-            style = {"fc": face, "ec": look["color"], "lw": WIDTHS["body"], "joinstyle": "round"}
-            axis.add_patch(Polygon(points, closed=True, gid=look.get("gid"), zorder=ORDER["body"], **style))
-        else:
-            axis.plot(*points.T, **look, lw=WIDTHS[piece.role], solid_joinstyle="round", zorder=ORDER[piece.role])
+        if piece.role not in STILL:
+            draw_piece(axis, piece, look, mixture(look["color"], 0.5) if rests else "none")
+        elif rests:
+            draw_piece(axis, piece, look | {"color": ink() if piece.role == "ground" else secondary_colour()}, "none")
+
+
+def draw_piece(axis: Axes, piece: Piece, look: dict[str, Any], face: str) -> Polygon | Line2D:
+    """A piece where it is first; `face` is the colour within a closed outline."""
+    points, width, order = piece.points[0], WIDTHS[piece.role], ORDER[piece.role]
+    if piece.is_outline:
+        edge = {"ec": look["color"], "lw": width, "joinstyle": "round", "gid": look.get("gid")}
+        outline = Polygon(points, closed=True, fc=face, zorder=order, **edge)
+        axis.add_patch(outline)
+        return outline
+    look = look | {"ls": MARKED if piece.role == "guide" else COMPUTED}
+    if piece.role == "dot":
+        look |= {"ls": "", "marker": "o", "ms": 4.0, "color": paper(), "mec": look["color"], "mew": 1.2}
+    return axis.plot(*points.T, **look, lw=width, solid_joinstyle="round", zorder=order)[0]

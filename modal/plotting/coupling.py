@@ -237,27 +237,27 @@ def span(omega: Floats, poles: Floats) -> tuple[float, float, bool]:
 def _grid(poles: Floats, zeros: Floats, low: float, high: float, is_logarithmic: bool) -> Floats:
     """Points evenly spaced along the axis and closer near poles and zeros."""
     axis_points = np.geomspace(low, high, CURVE_POINTS) if is_logarithmic else np.linspace(low, high, CURVE_POINTS)
-    poles_and_zeros = np.concatenate([poles, zeros])
     aside = np.geomspace(1e-7, 0.05, 120)
-    close_points = np.outer(poles_and_zeros, np.concatenate([1 - aside, 1 + aside])).ravel()
-    return np.unique(
-        np.concatenate(
-            [axis_points[axis_points > 0], close_points[(close_points > low) & (close_points < high)], poles]
-        )
-    )
+    close_points = np.outer(np.concatenate([poles, zeros]), np.concatenate([1 - aside, 1 + aside])).ravel()
+    inside = close_points[(close_points > low) & (close_points < high)]
+    return np.unique(np.concatenate([axis_points[axis_points > 0], inside, poles]))
 
 
 def _labels(axis: Axes, places: Floats, words: Sequence[str], hue: str, *, is_above: bool) -> None:
     """Words above the axis or next to the points on its zero line, omitting any that would touch a previous one."""
     height, offset, side = (1.0, (0, 4), "center") if is_above else (0.0, (6, -11), "left")
-    heights: Any = axis.get_xaxis_transform() if is_above else axis.transData
-    look: dict[str, Any] = {"ha": side, "fontsize": SMALL, "color": hue, "zorder": 5, "bbox": plain() | {"pad": 0.5}}
-    drop_overlapping(
-        [
-            axis.annotate(word, (place, height), offset, heights, "offset points", annotation_clip=False, **look)
-            for place, word in zip(places.tolist(), words, strict=True)
-        ]
-    )
+    coordinates = axis.get_xaxis_transform() if is_above else axis.transData
+    marks = [(place, height, word) for place, word in zip(places.tolist(), words, strict=True)]
+    _annotate(axis, marks, hue, offset, coordinates, ha=side, annotation_clip=False)
+
+
+def _annotate(
+    axis: Axes, marks: list[tuple[float, float, str]], hue: str, offset: tuple[int, int], coordinates: Any, **look: Any
+) -> None:
+    """Words beside places, omitting any that would touch a previous one."""
+    look |= {"fontsize": SMALL, "color": hue, "zorder": 5, "bbox": plain() | {"pad": 0.5}}
+    offsets = "offset points"
+    drop_overlapping([axis.annotate(word, (x, y), offset, coordinates, offsets, **look) for x, y, word in marks])
 
 
 def close_families(coupling: Coupling) -> list[int]:
@@ -351,8 +351,10 @@ def draw_limits(axis: Axes, coupling: Coupling) -> None:
     axis.plot(masses, omega[:, chosen], color=zero(), lw=1.6 * _thinner(len(chosen)))
     _mark_scene(axis, cart_mass, spot, now[chosen[chosen < len(now)]])
     if not crowd:
-        _ends(axis, low, [(value, f"{value:.5g}") for value in light[np.isfinite(light)].tolist()], zero(), (4, 4))
-        _ends(axis, right, [(value, _letter(coupling, value)) for value in poles.tolist()], pole(), (5, -3))
+        limits = [(low, value, f"{value:.5g}") for value in light[np.isfinite(light)].tolist()]
+        _annotate(axis, limits, zero(), (4, 4), "data")
+        letters = [(right, value, _letter(coupling, value)) for value in poles.tolist()]
+        _annotate(axis, letters, pole(), (5, -3), "data")
     axis.set_title("massless cart  ←  modes that move the cart, as its mass changes  →  fixed support")
 
 
@@ -370,12 +372,6 @@ def _reach(poles: Floats, now: Floats, omega: Floats, light: Floats) -> tuple[fl
     is_logarithmic = is_logarithmic or (top > LOG_RATIO * lowest and not _fits_linear(poles))
     room = 0.12 * (top - lowest)
     return (lowest / 1.5 if is_logarithmic else max(0.0, bottom, lowest - room)), top, is_logarithmic
-
-
-def _ends(axis: Axes, x: float, marks: list[tuple[float, str]], hue: str, offset: tuple[int, int]) -> None:
-    """Words at the ends of the lines, omitting any that would touch a previous one."""
-    look: dict[str, Any] = {"fontsize": SMALL, "color": hue, "zorder": 5, "bbox": plain() | {"pad": 0.5}}
-    drop_overlapping([axis.annotate(word, (x, y), offset, textcoords="offset points", **look) for y, word in marks])
 
 
 def _masses(coupling: Coupling, cart_mass: float) -> tuple[float, float]:

@@ -60,11 +60,11 @@ def coinciding(curves: Floats, limit: float = inf) -> list[list[int]]:
 
 
 def common_name(names: Sequence[str]) -> str:
-    """One name for curves that coincide: "pendulum 1–3, 7 coincide"."""
+    """One name for curves that coincide: "pendula 1–3, 7 coincide"."""
     if len(names) < 2:
         return names[0]
     runs = _runs(names)
-    text = runs[0]
+    text = runs[0].replace("pendulum ", "pendula ")
     for k, word in enumerate(runs[1:], 1):
         if len(text) + len(word) > GROUP_LETTERS:
             return f"{text}, … ({len(runs) - k} more) coincide"

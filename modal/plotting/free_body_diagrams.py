@@ -198,6 +198,15 @@ def _turn(
     yield Lettering(f"${text}$", float(x), float(y), look, "right" if cos(middle) > 0 else "left")
 
 
+def _joint(place: Any, effort: Effort) -> Iterator[Stroke | Lettering]:
+    """What a joint exerts on the part below it or on its pin: a moment, or forces above and to the left."""
+    if effort.turning:
+        yield from _turn(place, -42.0, 75.0, effort.sign > 0, in_latex(effort.turning), "joint")
+        return
+    yield from _force(place, np.array([0.0, 1.0]), effort.sign < 0, in_latex(effort.down), "joint")
+    yield from _force(place, np.array([-1.0, 0.0]), effort.sign < 0, in_latex(effort.along), "joint")
+
+
 def _diagram(title: str, pieces: Sequence[Stroke | Lettering], columns: int = 1) -> Diagram:
     strokes = tuple(piece for piece in pieces if isinstance(piece, Stroke))
     return Diagram(title, strokes, tuple(piece for piece in pieces if isinstance(piece, Lettering)), columns)
@@ -259,14 +268,11 @@ def _effort(
         yield from _oblique(part, centre, normal_direction, 0.62)
     elif effort.kind == "applied":
         yield from _applied_force(part, effort, centre, end)
-    elif effort.turning:
-        begin, stop = (-42.0, 75.0) if effort.at == "upper" else (135.0, 215.0) if bob else (145.0, 250.0)
-        place = TOP if effort.at == "upper" else end
-        yield from _turn(place, begin, stop, effort.sign > 0, in_latex(effort.turning), "joint")
     elif effort.at == "upper":
-        up, left = np.array([0.0, 1.0]), np.array([-1.0, 0.0])
-        yield from _force(TOP, up, effort.sign < 0, in_latex(effort.down), "joint")
-        yield from _force(TOP, left, effort.sign < 0, in_latex(effort.along), "joint")
+        yield from _joint(TOP, effort)
+    elif effort.turning:
+        begin, stop = (135.0, 215.0) if bob else (145.0, 250.0)
+        yield from _turn(end, begin, stop, effort.sign > 0, in_latex(effort.turning), "joint")
     else:
         down, right = np.array([0.0, -1.0]), np.array([1.0, 0.0])
         offset = np.array([0.07, -BOB / 2]) if bob else np.zeros(2)
@@ -352,15 +358,8 @@ def _on_pins(bodies: FreeBodies, height: float) -> Iterator[Stroke | Lettering]:
         for effort in (acting for acting in bodies.support.efforts if acting.at == "support" and acting.pendulum == p):
             if effort.kind == "applied":
                 yield from _turn(pin, -38.0, 60.0, effort.sign > 0, in_latex(effort.turning), "force", radius=0.38)
-                continue
-            if effort.kind != "joint":
-                continue
-            if effort.turning:
-                yield from _turn(pin, -42.0, 75.0, effort.sign > 0, in_latex(effort.turning), "joint")
-                continue
-            up, left = np.array([0.0, 1.0]), np.array([-1.0, 0.0])
-            yield from _force(pin, up, effort.sign < 0, in_latex(effort.down), "joint")
-            yield from _force(pin, left, effort.sign < 0, in_latex(effort.along), "joint")
+            elif effort.kind == "joint":
+                yield from _joint(pin, effort)
         yield Stroke("ring", (point(pin), point(pin + np.array([0.045, 0]))), "ink", 1.0)
     if len(numbers) < len(bodies.pendula):
         yield Lettering(r"$\ldots$", (places[1] + places[2]) / 2, height)
@@ -472,11 +471,7 @@ def _pendulum(bodies: FreeBodies, chain: Sequence[FreeBody]) -> Diagram:
     pieces, centres, _ = _chain(chain, top, scale)
     first = chain[0]
     for effort in (acting for acting in first.efforts if acting.at == "upper"):
-        if effort.turning:
-            pieces += _turn(top, -42.0, 75.0, effort.sign > 0, in_latex(effort.turning), "joint")
-            continue
-        pieces += _force(top, np.array([0.0, 1.0]), effort.sign < 0, in_latex(effort.down), "joint")
-        pieces += _force(top, np.array([-1.0, 0.0]), effort.sign < 0, in_latex(effort.along), "joint")
+        pieces += _joint(top, effort)
     has_push = any(acting.kind == "applied" and acting.along for part in chain for acting in part.efforts)
     pieces += _weights(chain, centres, TILT if has_push else radians(5.0))
     return _diagram(f"pendulum {first.place[0] + 1}", pieces)

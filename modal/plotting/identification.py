@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from modal.plotting.layout import SMALL, TICKS_MAX, even_choice, headline, legend
+from modal.plotting.layout import SMALL, TICKS_MAX, colour_bar, even_choice, headline, legend
 from modal.plotting.style import (
     HUES,
     MARKED,
@@ -21,6 +21,7 @@ from modal.plotting.style import (
     rest,
     secondary_colour,
     sheet_of_rows,
+    stack,
 )
 from modal.scene import title_of
 from modal.types import Floats
@@ -31,8 +32,7 @@ if TYPE_CHECKING:
 
 def poles_figure(identification: Identified, title: str = "") -> Figure:
     """Poles over the order of the model, the stable ones filled, above the damping ratios with error bars."""
-    figure = sheet_of_rows(2)
-    top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
+    figure, (top, bottom) = stack(2, sharex=True, height_ratios=(3, 2))
     for stable, face, words in ((False, "none", "new at this order"), (True, colour(0), "stable")):
         poles = [pole for pole in identification.stabilization if pole.stable == stable]
         top.plot(
@@ -75,7 +75,7 @@ def assurance_figure(assurance: Assurance) -> Figure:
     figure = sheet_of_rows(1, WIDE if has_shapes else WIDTH)
     panels = figure.subplots(1, 1 + has_shapes, squeeze=False)[0]
     if has_shapes:
-        _matrix(figure, panels[0], assurance)
+        _matrix(panels[0], assurance)
     axis = panels[-1]
     computed_hertz = np.array([pair.frequency for pair in assurance.pairs])
     measured_hertz = np.array([pair.measured.frequency for pair in assurance.pairs])
@@ -96,23 +96,20 @@ def assurance_figure(assurance: Assurance) -> Figure:
     return figure
 
 
-def _matrix(figure: Figure, axis: Axes, assurance: Assurance) -> None:
+def _matrix(axis: Axes, assurance: Assurance) -> None:
     known_values: Floats = np.ma.masked_invalid(assurance.mac)
     mesh = axis.imshow(known_values, cmap="cividis", vmin=0, vmax=1, aspect="auto")
     columns, rows = ([str(mode.number) for mode in modes] for modes in (assurance.rows, assurance.measured.modes))
     axis.set_xticks(*_thin_ticks(columns))
     axis.set_yticks(*_thin_ticks(rows))
     axis.set(xlabel="computed mode (–)", ylabel="measured mode (–)")
-    axis.grid(visible=False)
     if max(assurance.mac.shape) <= TICKS_MAX:
         for r, row in enumerate(assurance.mac):
             for s, value in enumerate(row):
                 if np.isfinite(value):
                     patch = {"facecolor": paper(), "edgecolor": "none", "pad": 1.5}
                     axis.text(s, r, f"{value:.2f}", ha="center", va="center", fontsize=SMALL, bbox=patch)
-    bar = figure.colorbar(mesh, ax=axis, pad=0.02)
-    bar.set_label("MAC (–)")
-    bar.outline.set_visible(False)
+    colour_bar(axis, mesh, "MAC (–)")
 
 
 def _thin_ticks(words: list[str], limit: int = TICKS_MAX) -> tuple[list[int], list[str]]:
@@ -123,21 +120,17 @@ def _thin_ticks(words: list[str], limit: int = TICKS_MAX) -> tuple[list[int], li
 
 def mode_fit_figure(fit: ModeFit) -> Figure:
     """Deviations of fitted from measured frequencies, and damping ratios, in standard deviations."""
-    figure = sheet_of_rows(1)
-    axis = figure.subplots()
+    figure, (axis,) = stack(1)
     at = np.arange(len(fit.modes))
     axis.axhspan(-2, 2, color=rest(), alpha=0.5, lw=0)
     axis.axhline(0.0, color=secondary_colour(), lw=0.8)
     axis.plot(at, [mode.deviation for mode in fit.modes], "o", ms=8, color=colour(0), label="frequency")
     damped_modes = [(k, mode) for k, mode in enumerate(fit.modes) if mode.damping_ratio_std]
     if damped_modes:
-        ratios = [
-            (mode.damping_ratio - (mode.measured.damping_ratio or 0.0)) / (mode.damping_ratio_std or 1)
-            for _, mode in damped_modes
-        ]
-        axis.plot(
-            [k for k, _ in damped_modes], ratios, "s", ms=6, mfc=paper(), mec=colour(1), mew=2, label="damping ratio"
-        )
+        differences = [mode.damping_ratio - (mode.measured.damping_ratio or 0.0) for _, mode in damped_modes]
+        ratios = np.array(differences) / [mode.damping_ratio_std or 1.0 for _, mode in damped_modes]
+        places = [k for k, _ in damped_modes]
+        axis.plot(places, ratios, "s", ms=6, mfc=paper(), mec=colour(1), mew=2, label="damping ratio")
     limit = max(3.0, 1.2 * max(abs(mode.deviation) for mode in fit.modes))
     names = [f"mode {mode.measured.number}\n{mode.measured.frequency:.4g} Hz" for mode in fit.modes]
     axis.set_xticks(*_thin_ticks(names, HUES))

@@ -14,6 +14,8 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
+from matplotlib.cm import ScalarMappable
+from matplotlib.colorbar import Colorbar
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.legend import Legend
@@ -23,6 +25,8 @@ from matplotlib.transforms import Bbox
 
 from modal.plotting.style import MARKED, Picture, any_letters, secondary_colour
 from modal.report import entitled, visible
+from modal.scene import Scene, number_label
+from modal.scene.parameters import Variation
 from modal.types import Floats, Ints
 
 SMALL = "small"
@@ -33,7 +37,7 @@ BREADTH = 0.92
 """Format: largest width of titles, captions and keys over the figure's; words differ in width with the resolution."""
 HEADLINE_LINES = 3
 """Format: most lines of a headline; a longer title of a scene is shortened."""
-NAME_LETTERS = 48
+NAME_LETTERS = 64
 """Format: most letters of a name in a legend."""
 TICKS_MAX = 12
 """Format: most numbers along an axis whose ticks are modes or whole numbers."""
@@ -210,6 +214,31 @@ def set_frame(axis: Axes, x_label: str, y_label: str, title: str = "") -> None:
     axis.set_title(title, loc="left")
 
 
+def set_values(
+    axis: Axes, scene: Scene, variation: Variation, which: str = "x", words: str = "", *, has_limits: bool = True
+) -> None:
+    """Make an axis one over a number of a scene, from its first value to its last, logarithmic where these are.
+
+    `words` stand below it in place of the name of the number.
+    """
+    values, side = variation.values, axis.xaxis if which == "x" else axis.yaxis
+    if variation.log:
+        axis.set(**{f"{which}scale": "log"})
+        log_ticks(side, values[-1] / values[0])
+    axis.set(**{f"{which}label": words or number_label(scene, variation.path)})
+    if has_limits:
+        axis.set(**{f"{which}lim": (values[0], values[-1])})
+
+
+def colour_bar(axis: Axes, mesh: ScalarMappable, words: str) -> Colorbar:
+    """A bar of the colours of a map beside it."""
+    bar = axis.figure.colorbar(mesh, ax=axis, pad=0.02)
+    bar.set_label(words)
+    bar.outline.set_visible(False)
+    axis.grid(visible=False)
+    return bar
+
+
 def legend(axis: Axes, columns: int = 6, title: str | None = None, least_count: int = 2) -> None:
     """A legend in room made above the curves of an axis, as wide as it; none for fewer curves than `least_count`.
 
@@ -221,18 +250,9 @@ def legend(axis: Axes, columns: int = 6, title: str | None = None, least_count: 
         return
 
     def make(words: list[str], count: int) -> Legend:
-        new_legend = axis.legend(
-            handles,
-            words,
-            ncols=count,
-            title=title,
-            loc="upper right",
-            fontsize=SMALL,
-            frameon=True,
-            edgecolor="none",
-            borderpad=0.2,
-            borderaxespad=0.2,
-        )
+        frame: dict[str, Any] = {"frameon": True, "edgecolor": "none", "borderpad": 0.2, "borderaxespad": 0.2}
+        place: dict[str, Any] = {"loc": "upper right", "ncols": count, "title": title, "fontsize": SMALL}
+        new_legend = axis.legend(handles, words, **place, **frame)
         new_legend.set_in_layout(False)
         return new_legend
 

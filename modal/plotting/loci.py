@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,10 +11,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from modal.errors import ComputationError
-from modal.plotting.layout import headline, key, log_ticks
-from modal.plotting.style import HUES, MOST_CURVES, colour, ink, paper, sheet_of_rows, spots
-from modal.scene import number_label, title_of
-from modal.scene.parameters import Variation
+from modal.plotting.layout import headline, key, set_values
+from modal.plotting.style import HUES, MOST_CURVES, colour, ink, paper, spots, stack
+from modal.scene import title_of
 
 if TYPE_CHECKING:
     from modal.loci import CloseApproach, Loci
@@ -31,15 +30,12 @@ def loci_figure(loci: Loci) -> Figure:
     columns = np.flatnonzero(loci.omega.any(axis=0)).tolist()
     if not 1 <= len(columns) <= MOST_CURVES:
         raise ComputationError(f"{len(columns)} loci do not fit in a figure: from 1 to {MOST_CURVES}")
-    figure = sheet_of_rows(2)
-    axis = figure.subplots()
+    figure, (axis,) = stack(1, 2)
     lines = [_locus(axis, loci, k) for k in columns]
     for meeting in loci.encounters:
         _mark(axis, meeting)
-    values = loci.variation.values
-    axis.set(xlabel=number_label(loci.scene, loci.variation.path), ylabel="angular frequency ω (rad/s)")
-    axis.set_xlim(values[0], values[-1])
-    scale(axis, "x", loci.variation)
+    axis.set_ylabel("angular frequency ω (rad/s)")
+    set_values(axis, loci.scene, loci.variation)
     headline(figure, title_of(loci.scene), "frequency loci")
     key(figure, [*lines, *_encounter_lines(loci)], columns=2 if len(columns) <= HUES else 4)
     return figure
@@ -78,11 +74,3 @@ def encounter_words(meeting: CloseApproach, loci: Loci) -> str:
     a, b = (loci.names[number] for number in meeting.loci)
     gap = "" if meeting.kind == "crossing" else f", gap {meeting.gap:.4g} rad/s"
     return f"{meeting.kind} {a} · {b} at {meeting.value:.5g} {loci.variation.unit}".rstrip() + gap
-
-
-def scale(axis: Axes, which: Literal["x", "y"], variation: Variation) -> None:
-    """An axis over a variation, logarithmic where its values are."""
-    if not variation.log:
-        return
-    (axis.set_xscale if which == "x" else axis.set_yscale)("log")
-    log_ticks(axis.xaxis if which == "x" else axis.yaxis, variation.values[-1] / variation.values[0])

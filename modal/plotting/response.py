@@ -28,8 +28,8 @@ from modal.plotting.style import (
     VISIBLE_SHARE,
     colour,
     secondary_colour,
-    sheet_of_rows,
     spots,
+    stack,
     thickness,
 )
 from modal.scene import title_of
@@ -72,8 +72,7 @@ def bode_figure(
     omega, G = _sample(form, numbers, source, low, high)
     size = np.abs(G)
     bottom, top, infinite = _limits(form, omega, size)
-    figure = sheet_of_rows(2 + len(numbers) / MOST_CURVES)
-    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
+    figure, (upper, lower) = stack(2, 2 + len(numbers) / MOST_CURVES, sharex=True, height_ratios=(3, 2))
     curves = [_whole_curve(omega, response, bottom - 4, top + 4) for response in G]  # what is cut leaves the picture
     turn = 2 * np.pi
     heights, hertz = [(w / turn, y) for w, y in curves], omega / turn
@@ -122,13 +121,11 @@ def impulse_figure(
     t = impulse_times(form, duration)
     h = impulse_response(form, t)[numbers, source]
     units = list(dict.fromkeys(form.model.outputs[output].unit for output in numbers))
-    figure = sheet_of_rows(len(units))
-    panels = figure.subplots(len(units), 1, sharex=True, squeeze=False)[:, 0]
+    figure, panels = stack(len(units), sharex=True)
     bands = False
     for panel, unit in zip(panels, units, strict=True):
         outputs_of_unit = [k for k, output in enumerate(numbers) if form.model.outputs[output].unit == unit]
         bands |= draw_curves(panel, [(t, h[k]) for k in outputs_of_unit], numbers=outputs_of_unit, bands=True)
-    for panel, unit in zip(panels, units, strict=True):
         panel.set_ylabel(f"response ({unit_words(f'{unit} per {form.model.inputs[source].unit} s')})")
         panel.axhline(0.0, color=secondary_colour(), lw=0.8, zorder=0)
     panels[-1].set(xlabel="time t (s)", xlim=(0.0, t[-1]))
@@ -284,8 +281,7 @@ def tuning_figure(tuning: Tuned) -> Figure:
         raise ComputationError("no peak was tuned: there are no curves to draw")
     if len(curves) > HUES - 1:
         raise ComputationError(f"{len(curves)} responses do not fit in a figure: choose at most {HUES - 1}")
-    figure = sheet_of_rows(len(curves))
-    panels = figure.subplots(len(curves), 1, squeeze=False)[:, 0]
+    figure, panels = stack(len(curves))
     for axis, response in zip(panels, curves, strict=True):
         _draw(axis, response)
     panels[-1].set_xlabel("frequency (Hz)")

@@ -42,6 +42,8 @@ from modal.scene.doors import require_type
 from modal.structure import Piece, Scaffold
 from modal.types import Floats, Ints
 
+UNBROKEN = "\N{NO-BREAK SPACE}=\N{NO-BREAK SPACE}"
+"""An equals sign at which no line ends."""
 MOVING_SHARE = 0.02
 """Format: angle over the largest from which a pendulum is seen to move."""
 
@@ -88,7 +90,7 @@ def letters_across(inches: float) -> int:
 
 def levels_of(scene: Scene) -> Ints:
     """The index of the link of each pendulum (rows) at each level (columns), −1 where it has none."""
-    counts = [sum(link.count for link in pendulum.links) for pendulum in scene.pendulum for _ in range(pendulum.count)]
+    counts = [pendulum.n_links for pendulum in scene.hanging]
     levels = np.full((len(counts), max(counts)), -1, dtype=np.int64)
     first = np.cumsum([0, *counts[:-1]])
     for k, (start, count) in enumerate(zip(first.tolist(), counts, strict=True)):
@@ -293,7 +295,7 @@ def layout_of(modes: Modes, rows: Sequence[Mode] = (), amplitude: float = 0.0) -
     """What is drawn of the pendula, and where, with room for all that these modes move at their amplitude (rad)."""
     scene, structure = modes.scene, modes.rig.on_structure.structure
     assert structure is not None
-    copies = [pendulum for pendulum in scene.pendulum for _ in range(pendulum.count)]
+    copies = scene.hanging
     first = np.cumsum([0, *(pendulum.n_links for pendulum in copies)])
     most = 5 * PENDULA_MAX // 2  # of equal pendula on a structure, which hang closer
     limit = PENDULA_MAX if len(copies) <= PENDULA_MAX else max(1, most // len(scene.pendulum))
@@ -303,7 +305,7 @@ def layout_of(modes: Modes, rows: Sequence[Mode] = (), amplitude: float = 0.0) -
         [begin + np.arange(min(count, limit)) for begin, count in zip(begins, counts, strict=True)]
     )
     numbers = indices[even_choice(len(indices), most)]
-    chains = tuple(tuple(link for link in copies[k].links for _ in range(link.count)) for k in numbers)
+    chains = tuple(copies[k].chain for k in numbers)
     rests = tuple(modes.rig.rest_angles[first[k] : first[k + 1]] for k in numbers)
     depth = max(_extent(chain) for chain in chains)
     scaffold = Scaffold(structure, numbers, first, depth)
@@ -388,8 +390,8 @@ def draw_translation(axis: Axes, layout: ShapeLayout) -> None:
 
 def panel_words(row: Mode, letters: int) -> str:
     """The title of a panel: number, frequencies or rates, and family."""
-    decay = f",  ζ = {row.damping_ratio:.3g}" if row.damping_ratio > 0 else ""
-    rate = "no digit certain" if row.is_uncertain else f"ω = {row.omega:.5g} rad/s{decay}"
+    decay = f", ζ = {row.damping_ratio:.3g}".replace(" = ", UNBROKEN) if row.damping_ratio > 0 else ""
+    rate = "no digit certain" if row.is_uncertain else f"ω{UNBROKEN}{row.omega:.5g}\N{NO-BREAK SPACE}rad/s{decay}"
     if row.growth_rate:
         rate = f"grows at {row.growth_rate:.5g} 1/s"
     elif row.is_overdamped:

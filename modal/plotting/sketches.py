@@ -141,8 +141,7 @@ def _pendulum_numbers(scene: Scene) -> list[int]:
 
 def _chains(scene: Scene) -> list[list[AnyLink]]:
     """The links of every pendulum that is drawn."""
-    copies = [pendulum for pendulum in scene.pendulum for _ in range(pendulum.count)]
-    return [[link for link in copies[k].links for _ in range(link.count)] for k in _pendulum_numbers(scene)]
+    return [list(scene.hanging[k].chain) for k in _pendulum_numbers(scene)]
 
 
 def _refuse(scene: Scene, chains: list[list[AnyLink]], push: str) -> None:
@@ -196,15 +195,8 @@ def _say(axis: Axes, symbol: str, x: float, y: float, **look: Any) -> None:
 def _arrow(
     axis: Axes, start: Sequence[float] | Floats, end: Sequence[float] | Floats, hue: str, style: str = "-|>"
 ) -> None:
-    look: dict[str, Any] = {
-        "arrowstyle": style,
-        "color": hue,
-        "lw": 1.5,
-        "shrinkA": 0,
-        "shrinkB": 0,
-        "mutation_scale": 11,
-    }
-    axis.add_patch(FancyArrowPatch((start[0], start[1]), (end[0], end[1]), **look, zorder=6))
+    look: dict[str, Any] = {"arrowstyle": style, "color": hue, "lw": 1.5, "mutation_scale": 11}
+    axis.add_patch(FancyArrowPatch((start[0], start[1]), (end[0], end[1]), **look, shrinkA=0, shrinkB=0, zorder=6))
 
 
 def _schematic(
@@ -226,7 +218,7 @@ def _schematic(
         for carrier, by in zip(structure.carriers, factors, strict=True)
     )
     ends = [CarrierEnd(pivot.carrier, _scale(pivot.where, factors[pivot.carrier])) for pivot in pivots]
-    starts = np.cumsum([0, *(pendulum.n_links for pendulum in scene.pendulum for _ in range(pendulum.count))])
+    starts = np.cumsum([0, *(pendulum.n_links for pendulum in scene.hanging)])
     links: dict[int, tuple[int, float]] = {}
     for k, chain, length in zip(numbers, chains, lengths, strict=True):
         for at, link in enumerate(chain):
@@ -327,52 +319,50 @@ def _labels(scaffold: Scaffold, pieces: list[Piece], push: str) -> Iterator[Labe
         yield Label(f"k_{{{number}}}" if len(springs) > 1 else "k", place)
 
 
-def _link(axis: Axes, sketched_link: _SketchedLink, lower_link: _SketchedLink | None, differ: dict[str, bool]) -> None:
+def _link(axis: Axes, sketch: _SketchedLink, lower_link: _SketchedLink | None, differ: dict[str, bool]) -> None:
     """One link with its angle, length and centre, and the weight at its centre of mass."""
-    side = 1.0 if sketched_link.tilt >= 0 else -1.0
-    normal, hue = side * np.array([np.cos(sketched_link.tilt), np.sin(sketched_link.tilt)]), colour(0)
-    thick = isinstance(sketched_link.link, Rod) or not isinstance(sketched_link.link, Bob)
+    side = 1.0 if sketch.tilt >= 0 else -1.0
+    normal, hue = side * np.array([np.cos(sketch.tilt), np.sin(sketch.tilt)]), colour(0)
+    thick = isinstance(sketch.link, Rod) or not isinstance(sketch.link, Bob)
     axis.plot(
-        *np.transpose([sketched_link.joint, sketched_link.end]),
+        *np.transpose([sketch.joint, sketch.end]),
         color=hue,
         lw=5.5 if thick else 1.8,
         solid_capstyle="round",
         zorder=3,
     )
-    axis.plot(*sketched_link.joint, "o", ms=4, color=paper(), mec=ink(), mew=1.1, zorder=7)
-    _angle(axis, sketched_link)
-    direction, middle = sketched_link.end - sketched_link.joint, sketched_link.link.centre / sketched_link.link.length
+    axis.plot(*sketch.joint, "o", ms=4, color=paper(), mec=ink(), mew=1.1, zorder=7)
+    _angle(axis, sketch)
+    direction, middle = sketch.end - sketch.joint, sketch.link.centre / sketch.link.length
     at = 0.5 if not thick else 0.8 if middle < 0.65 else 0.32
-    _say(axis, _symbol("l", sketched_link, differ["length"]), *(sketched_link.joint + at * direction + 0.17 * normal))
+    _say(axis, _symbol("l", sketch, differ["length"]), *(sketch.joint + at * direction + 0.17 * normal))
     if thick:
-        axis.plot(*sketched_link.centre, "o", ms=5, color=ink(), zorder=6)
-        _arrow(
-            axis, sketched_link.joint + 0.08 * normal, sketched_link.centre + 0.08 * normal, secondary_colour(), "<->"
-        )
-        place = sketched_link.joint + 0.85 * (sketched_link.centre - sketched_link.joint) + 0.19 * normal
-        _say(axis, _symbol("c", sketched_link, differ["centre"]), *place)
+        axis.plot(*sketch.centre, "o", ms=5, color=ink(), zorder=6)
+        _arrow(axis, sketch.joint + 0.08 * normal, sketch.centre + 0.08 * normal, secondary_colour(), "<->")
+        place = sketch.joint + 0.85 * (sketch.centre - sketch.joint) + 0.19 * normal
+        _say(axis, _symbol("c", sketch, differ["centre"]), *place)
     else:
-        axis.plot(*sketched_link.end, "o", ms=13, color=hue, mec=paper(), mew=0.8, zorder=4)
-    _arrow(axis, sketched_link.centre, sketched_link.centre - (0, ARROW), colour(4))
+        axis.plot(*sketch.end, "o", ms=13, color=hue, mec=paper(), mew=0.8, zorder=4)
+    _arrow(axis, sketch.centre, sketch.centre - (0, ARROW), colour(4))
     side_of_weight = -side if thick or (lower_link is not None and lower_link.tilt * side >= 0) else side
-    x, y = sketched_link.centre - (-0.2 * side_of_weight, ARROW - (0.0 if thick else 0.06))
-    _say(axis, f"{_symbol('m', sketched_link, differ['mass'])} g", x, y, color=colour(4))
+    x, y = sketch.centre - (-0.2 * side_of_weight, ARROW - (0.0 if thick else 0.06))
+    _say(axis, f"{_symbol('m', sketch, differ['mass'])} g", x, y, color=colour(4))
 
 
-def _symbol(letter: str, sketched_link: _SketchedLink, has_number: bool) -> str:
-    return f"{letter}_{{{sketched_link.number}}}" if has_number and sketched_link.number else letter
+def _symbol(letter: str, sketch: _SketchedLink, has_number: bool) -> str:
+    return f"{letter}_{{{sketch.number}}}" if has_number and sketch.number else letter
 
 
-def _angle(axis: Axes, sketched_link: _SketchedLink) -> None:
+def _angle(axis: Axes, sketch: _SketchedLink) -> None:
     """The vertical through the upper joint, and the arc of θ."""
-    x, y = sketched_link.joint
+    x, y = sketch.joint
     axis.plot([x, x], [y, y - 0.54], ls=MARKED, color=secondary_colour(), lw=1.0, zorder=1)
-    degrees = np.sort([270.0, 270.0 + np.degrees(sketched_link.tilt)])
+    degrees = np.sort([270.0, 270.0 + np.degrees(sketch.tilt)])
     axis.add_patch(
         Arc((x, y), 2 * ARROW, 2 * ARROW, theta1=degrees[0], theta2=degrees[1], color=ink(), lw=1.2, zorder=2)
     )
-    half = sketched_link.tilt / 2
-    symbol = rf"\theta_{{{sketched_link.number}}}" if sketched_link.number else r"\theta"
+    half = sketch.tilt / 2
+    symbol = rf"\theta_{{{sketch.number}}}" if sketch.number else r"\theta"
     _say(axis, symbol, x + (ARROW + 0.14) * np.sin(half), y - (ARROW + 0.14) * np.cos(half))
 
 

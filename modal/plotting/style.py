@@ -14,6 +14,7 @@ from typing import IO, Any
 
 import numpy as np
 from matplotlib import rc_context, rcParams, rcParamsDefault, style
+from matplotlib.axes import Axes
 from matplotlib.backend_bases import RendererBase
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_hex, to_rgb
@@ -97,6 +98,12 @@ def sheet(width: float, height: float) -> Picture:
 def sheet_of_rows(rows: float, width: float = WIDTH) -> Picture:
     """An empty picture as high as so many rows of panels need; one panel alone has one and a half."""
     return Picture(width, HEAD + ROW * max(rows, 3 / 2))
+
+
+def stack(count: int, rows: float | None = None, width: float = WIDTH, **options: Any) -> tuple[Picture, list[Axes]]:
+    """A picture of so many panels below each other, as high as `rows` of them, with the `options` of subplots."""
+    figure = sheet_of_rows(count if rows is None else rows, width)
+    return figure, figure.subplots(count, 1, squeeze=False, **options)[:, 0].tolist()
 
 
 def theme(name: str) -> AbstractContextManager[None]:

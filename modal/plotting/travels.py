@@ -20,8 +20,8 @@ from modal.plotting.style import (
     ink,
     paper,
     secondary_colour,
-    sheet_of_rows,
     spots,
+    stack,
 )
 from modal.scene import title_of
 
@@ -38,7 +38,6 @@ def hoist_figure(hoisting: Along) -> Figure:
     n_curves = max(hoisting.omega.shape[1], hoisting.lengths.shape[1])
     if n_curves > MOST_CURVES:
         raise ComputationError(f"{n_curves} curves do not fit in a figure: at most {MOST_CURVES}")
-    figure = sheet_of_rows(3)
     ropes = [f"link {i + 1} of pendulum {p + 1}" for p, i in hoisting.links]
     modes = [f"mode {name}" for name in hoisting.names]
     panels = [(hoisting.lengths, ropes, "length (m)")]
@@ -47,7 +46,7 @@ def hoist_figure(hoisting: Along) -> Figure:
             (hoisting.omega, modes, "angular frequency ω (rad/s)"),
             (hoisting.swing, modes, "relative swing (–)"),
         ]
-    axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
+    figure, axes = stack(len(panels), 3, sharex=True)
     for axis, (values, names, words) in zip(axes, panels, strict=True):
         for k, name in enumerate(names):
             axis.plot(hoisting.times, values[:, k], color=colour(k), label=name, **spots(k, values[:, k]))
@@ -76,8 +75,7 @@ def travel_figure(travel: ShapedTravel) -> Figure:
         panels = [(travel.command, place, "Cart, as prescribed"), (speeds, "speed (m/s)", "")]
         panels = panels[: 1 + (len(travel.ways[0].knots) > 2)]
     hoisting, labels = hoisting_of(travel.scene), link_names(coordinate_labels(rig_of(travel.scene)))
-    figure = sheet_of_rows(len(panels) + 2 + (hoisting is not None))
-    axes = figure.subplots(len(panels) + 2 + (hoisting is not None), 1, sharex=True)
+    figure, axes = stack(len(panels) + 2 + (hoisting is not None), sharex=True)
     axes[-1].sharey(axes[-2])
     if hoisting is not None:
         ropes = np.flatnonzero(hoisting.moving)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
+from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,17 +14,18 @@ from matplotlib.figure import Figure
 from modal.errors import ComputationError, SceneError
 from modal.plotting.curves import RANGE, draw_curves
 from modal.plotting.layout import headline, legend, log_ticks, mark_modes, set_frame, signal_words, unit_words
-from modal.plotting.response import DEPTH_DB
+from modal.plotting.response import PEAK_ROOM
 from modal.plotting.style import (
     CURVE_POINTS,
     HUES,
     MARKED,
     MOST_CURVES,
+    VISIBLE_SHARE,
     colour,
     ink,
     secondary_colour,
-    sheet_of_rows,
     spots,
+    stack,
     thickness,
 )
 from modal.scene import Scene, number_words, title_of
@@ -31,6 +33,7 @@ from modal.statespace import Signal
 from modal.types import Floats
 
 if TYPE_CHECKING:
+    from modal.modes import Modes
     from modal.vibration import RandomResponse, ShockResponse, ThermalNoise
 
 QUANTITIES = {
@@ -40,6 +43,7 @@ QUANTITIES = {
     "rad": "angle",
     "rad/s": "rate",
     "N": "force",
+    "N m": "torque",
 }
 """What a unit measures."""
 
@@ -54,27 +58,46 @@ def random_figure(response: RandomResponse) -> Figure:
     units = _units(response.outputs)
     f = response_frequencies(response)
     psd = response.psd(f)
-    figure = sheet_of_rows(len(units) + 1)
-    panels = figure.subplots(len(units) + 1, 1, sharex=True, height_ratios=(2, *[3] * len(units)))
-    panels[0].plot(f, np.where(response.input_psd(f) > 0, response.input_psd(f), np.nan), color=ink())
-    source = response.source
+    figure, panels = stack(len(units) + 1, sharex=True, height_ratios=(2, *[3] * len(units)))
+    panels[0].plot(f, _positive_values(response.input_psd(f)), color=ink())
+    source, sharp = response.source, _sharp_modes(response.modes)
     set_frame(panels[0], "", f"PSD ({_per_hertz(source.unit)})", f"driven by: {signal_words(source.name)}")
     for axis, unit in zip(panels[1:], units, strict=True):
         numbers = [k for k, signal in enumerate(response.outputs) if signal.unit == unit]
         for place, k in enumerate(numbers):
             words = f"{signal_words(response.outputs[k].name)}, RMS {_size(response.rms[k])} {unit_words(unit)}"
-            curve = np.where((psd[k] > 0) & np.isfinite(psd[k]), psd[k], np.nan)
+            curve = _positive_values(psd[k])
             axis.plot(f, curve, color=colour(place), lw=thickness(place), label=words, **spots(place, curve))
-        sizes = psd[numbers][np.isfinite(psd[numbers])]
-        if sizes.size and sizes.max() > 0:
-            axis.set_ylim(bottom=max(sizes[sizes > 0].min() / 2, 10 ** (-DEPTH_DB / 10) * sizes.max()))
-        set_frame(axis, "", f"PSD ({_per_hertz(unit)})", f"response: {QUANTITIES.get(unit, unit)}")
+        are_cut = _limit(axis, f, psd[numbers], sharp)
+        words = ", sharp peaks cut" if are_cut else ""
+        set_frame(axis, "", f"PSD ({_per_hertz(unit)})", f"response: {QUANTITIES.get(unit, unit)}{words}")
         _logarithmic(axis)
         legend(axis, 2, least_count=1)
     _logarithmic(panels[0])
     _over_frequency(panels, f, named_modes(response.modes), panels[1:])
     headline(figure, title_of(response.modes.scene), "random vibration")
     return figure
+
+
+def _sharp_modes(modes: Modes) -> Floats:
+    """The frequencies (Hz) of modes whose peaks are narrower than a line of a picture."""
+    damping_ratios = np.abs(modes.eigenvalue.real) / np.where(modes.omega > 0, modes.omega, np.inf)
+    return np.asarray(modes.omega[damping_ratios < PEAK_ROOM / 10] / (2 * np.pi))
+
+
+def _limit(axis: Axes, f: Floats, psd: Floats, sharp: Floats) -> bool:
+    """Set the limits of spectra (K, W) on a logarithmic axis; whether that cuts the peaks of `sharp` modes (Hz).
+
+    These end ten times in amplitude above all that is farther than PEAK_ROOM from them, or they alone would be seen.
+    """
+    is_beside = np.all(np.abs(f - sharp[:, None]) > PEAK_ROOM * sharp[:, None], axis=0)
+    is_drawn = np.isfinite(psd) & (psd > 0)
+    sizes, heights = psd[is_drawn], psd[is_drawn & is_beside]
+    if not heights.size:
+        return False
+    top = min(float(sizes.max()), 100 * float(heights.max()))
+    axis.set_ylim(max(sizes.min() / 2, VISIBLE_SHARE**3 * top), 2 * top)
+    return bool(top < sizes.max())
 
 
 def thermal_figure(noise: ThermalNoise, beside: RandomResponse | None = None, at: Sequence[float] = ()) -> Figure:
@@ -89,8 +112,7 @@ def thermal_figure(noise: ThermalNoise, beside: RandomResponse | None = None, at
         raise ComputationError(f"{len(noise.outputs)} outputs do not fit in a figure: choose at most 4 with `outputs`")
     f = thermal_frequencies(noise, beside, at)
     parts = np.sqrt(noise.budget(f))
-    figure = sheet_of_rows(len(noise.outputs))
-    panels = figure.subplots(len(noise.outputs), 1, sharex=True, squeeze=False)[:, 0]
+    figure, panels = stack(len(noise.outputs), sharex=True)
     driven = None if beside is None else np.sqrt(beside.psd(f))
     for k, (axis, signal) in enumerate(zip(panels, noise.outputs, strict=True)):
         total = np.sqrt((parts[:, k] ** 2).sum(0))
@@ -98,7 +120,7 @@ def thermal_figure(noise: ThermalNoise, beside: RandomResponse | None = None, at
         largest_shares = np.nan_to_num((parts[:, k] / np.where(total > 0, total, 1.0)).max(-1))
         loudest_places = np.argsort(-largest_shares)[:HUES]
         for place, j in enumerate(sorted(loudest_places.tolist())):
-            line = {"color": colour(place), "lw": 1.3}
+            line: dict[str, Any] = {"color": colour(place), "lw": 1.3}
             axis.plot(f, _positive_values(parts[j, k]), label=_place_words(noise.scene, noise.places[j]), **line)
         if driven is not None and beside is not None:
             words = f"from the PSD of the {signal_words(beside.source.name)}"
@@ -148,8 +170,7 @@ def shock_figure(response: ShockResponse) -> Figure:
     combined_outputs = np.flatnonzero(~response.follows_support & (response.peaks[:, 0] > 0)).tolist()
     rows = slice(None, None, -(-len(response.times) // CURVE_POINTS))
     times = response.times[rows]
-    figure = sheet_of_rows(1 + len(units) + bool(combined_outputs))
-    panels = figure.subplots(1 + len(units) + bool(combined_outputs), 1, squeeze=False)[:, 0]
+    figure, panels = stack(1 + len(units) + bool(combined_outputs))
     histories = panels[: 1 + len(units)]
     shaken = [(times, response.record.acceleration(times))]
     has_band = draw_curves(histories[0], shaken, bands=True, color=ink(), lw=1.0)
@@ -159,7 +180,7 @@ def shock_figure(response: ShockResponse) -> Figure:
         names = [signal_words(response.outputs[k].name) for k in numbers]
         draw_curves(axis, [(times, response.history[k, rows]) for k in numbers], names=names, bands=True)
         set_frame(axis, "", f"{QUANTITIES.get(unit, '')} ({unit_words(unit)})".strip(), "response")
-        legend(axis)
+        legend(axis, least_count=1)
     for axis in histories:
         axis.set_xlim(times[0], times[-1])
         axis.axvline(response.record.last, color=secondary_colour(), ls=MARKED, lw=0.9)
@@ -181,8 +202,8 @@ def _combinations(axis: Axes, response: ShockResponse, numbers: list[int]) -> No
         axis.bar(places + (k - 0.5) / 3, ratios, 1 / 3, color=colour(k), hatch=hatch, label=name)
     axis.axhline(1.0, color=ink(), lw=1.0)
     slope: dict[str, Any] = {"rotation": 30, "ha": "right", "rotation_mode": "anchor"}
-    names = [signal_words(response.outputs[k].name) for k in numbers]
-    axis.set_xticks(places, names, **slope if len(numbers) > 4 else {})
+    names = [fill(signal_words(response.outputs[k].name), 16) for k in numbers]
+    axis.set_xticks(places, names, **slope if len(numbers) > HUES else {})
     set_frame(axis, "", "over exact peak (–)", "peaks of modes, combined")
     legend(axis)
 

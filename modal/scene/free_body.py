@@ -10,7 +10,7 @@ from it, `modal.plotting.plot_free_body` the diagrams.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, NamedTuple
 
@@ -142,11 +142,7 @@ def free_bodies(scene: Scene, letters: str = "own") -> FreeBodies:
     if letters not in LETTERS:
         raise SceneError([f"letters {letters}: must be one of {', '.join(LETTERS)}"])
     require(scene, "a free-body diagram")
-    chains = [
-        [link for link in pendulum.links for _ in range(link.count)]
-        for pendulum in scene.pendulum
-        for _ in range(pendulum.count)
-    ]
+    chains = [pendulum.chain for pendulum in scene.hanging]
     has_pendulum_index = len(chains) > 1 or letters == "paper"
     parts = [
         _link(scene, chain, p, i, (p + 1, i + 1) if has_pendulum_index else (i + 1,), letters, len(chains) > 1)
@@ -220,7 +216,7 @@ def _joint(letters: str, index: tuple[int, ...], link: AnyLink, on_lower: bool, 
 
 
 def _link(
-    scene: Scene, chain: list[AnyLink], p: int, i: int, index: tuple[int, ...], letters: str, several: bool
+    scene: Scene, chain: Sequence[AnyLink], p: int, i: int, index: tuple[int, ...], letters: str, several: bool
 ) -> FreeBody:
     link, tail = chain[i], "_".join(map(str, index))
     efforts = [Effort("weight", "centre", 1, down=f"m_{tail} g"), *_joint(letters, index, link, True, "upper", p)]
@@ -249,7 +245,7 @@ def _down(letters: str) -> str:
     return "y" if letters == "paper" else "z"
 
 
-def _support(scene: Scene, chains: list[list[AnyLink]], letters: str, has_pendulum_index: bool) -> FreeBody:
+def _support(scene: Scene, chains: Sequence[Sequence[AnyLink]], letters: str, has_pendulum_index: bool) -> FreeBody:
     efforts: list[Effort] = []
     cart = scene.cart
     if cart is not None:
@@ -292,7 +288,7 @@ def joint_law(bodies: FreeBodies, part: FreeBody) -> JointMoment | None:
     link: Any = part.link
     if link is None or not has_moment(link):
         return None
-    pendula = [pendulum for pendulum in bodies.scene.pendulum for _ in range(pendulum.count)]
+    pendula = bodies.scene.hanging
     ways = [int(way == "up") for way in pendula[part.place[0]].ways]
     i = part.place[1]
     drives = isinstance(link.drive, VanDerPol)

@@ -121,6 +121,11 @@ class Pendulum(Part):
         return sum(link.count for link in self.links)
 
     @property
+    def chain(self) -> tuple[AnyLink, ...]:
+        """The links of one copy, each as often as it is there."""
+        return tuple(link for link in self.links for _ in range(link.count))
+
+    @property
     def ways(self) -> tuple[Way, ...]:
         """The direction of every link of one copy at equilibrium."""
         hanging: tuple[Way, ...] = ("down",)
@@ -134,7 +139,7 @@ class Pendulum(Part):
         if self.links[-1].centre == 0:
             at = f".links[{len(self.links) - 1}].centre = 0.0"
             yield f"{at}: must be positive in the last link, or gravity does not act on it"
-        wires = [link.wire_loss for link in self.links for _ in range(link.count)] if "up" in self.ways else []
+        wires = [link.wire_loss for link in self.chain] if "up" in self.ways else []
         for place, (way, loss) in enumerate(zip(self.ways, wires, strict=False)):
             if way == "up" and is_lossy(loss):
                 yield f'.equilibrium[{place}] = "up": this link has a wire_loss, and a wire hangs'
@@ -204,6 +209,11 @@ class Scene(Displayed, Part):
     def supports(self) -> tuple[Support | Moved, ...]:
         """All supports, also where there is one."""
         return self.support if isinstance(self.support, tuple) else (self.support,)
+
+    @property
+    def hanging(self) -> tuple[Pendulum, ...]:
+        """Its pendula, each as often as it is there."""
+        return tuple(pendulum for pendulum in self.pendulum for _ in range(pendulum.count))
 
     @property
     def support_names(self) -> tuple[str, ...]:

@@ -108,13 +108,8 @@ class Scaffold:
             if body.kind == "platform":
                 close_points = close_points[np.abs(close_points[:, 1]) < 0.5 * self.unit]
             half_width = 4 * HALF_HEIGHT * self.unit * (2.5 if body.kind == "platform" else 1.0)
-            extents = np.concatenate(
-                [
-                    close_points[:, 0] - BODY_MARGIN * self.unit,
-                    close_points[:, 0] + BODY_MARGIN * self.unit,
-                    [-half_width, half_width],
-                ]
-            )
+            margin, abscissas = BODY_MARGIN * self.unit, close_points[:, 0]
+            extents = np.concatenate([abscissas - margin, abscissas + margin, [-half_width, half_width]])
             bodies.append((float(extents.min()), float(extents.max()), level))
         if self.storeys:
             half = max(STOREY[0] * self.unit, *(max(-bodies[k][0], bodies[k][1]) for k in self.storeys))
@@ -276,22 +271,13 @@ class Scaffold:
             return
         half = HALF_HEIGHT * u
         if body.kind == "platform":
-            hull = [
-                (left_end, -half),
-                (right_end, -half),
-                (0.82 * right_end, 2.2 * half),
-                (0.82 * left_end, 2.2 * half),
-            ]
-            yield Piece("body", self._at(k, hull, eta), is_outline=True)
+            low_end, high_end, taper = -half, 2.2 * half, 0.82
         else:
             high = half if body.kind != "tilt" else 0.6 * half
-            box = [
-                (left_end, level - high),
-                (right_end, level - high),
-                (right_end, level + high),
-                (left_end, level + high),
-            ]
-            yield Piece("body", self._at(k, box, eta), is_outline=True)
+            low_end, high_end, taper = level - high, level + high, 1.0
+        upper_edge = [(left_end, low_end), (right_end, low_end)]
+        hull = [*upper_edge, (taper * right_end, high_end), (taper * left_end, high_end)]
+        yield Piece("body", self._at(k, hull, eta), is_outline=True)
         for s, h in self._points[k].tolist():
             if abs(h - level) > BODY_MARGIN * u:
                 foot = (0.3 * s if body.kind == "platform" else s, level)
@@ -355,10 +341,9 @@ class Scaffold:
         share = np.linspace(0.0, 1.0, 13)[:, None]
         for s in (left_end + 0.1 * self.unit, right_end - 0.1 * self.unit):
             top = self.place(k, (s, half), eta)
+            foot = self._ground_points(k, [(s, self.shifts[k, 1])])[:, 0]
             if number:
                 foot = self.place(self.storeys[number - 1], (s, -half), eta)
-            else:
-                foot = np.broadcast_to(self._ground_points(k, [(s, self.shifts[k, 1])])[:, 0], top.shape)
             bend = np.concatenate([share**2 * (3 - 2 * share), share], axis=1)
             yield Piece("line", foot[:, None] + bend * (top - foot)[:, None])
         if not number:
@@ -413,7 +398,7 @@ class Scaffold:
         wall = end + side * WALL_GAP * self.unit
         yield from self._wall(k, wall, level, side)
         body_end = self.place(k, (end, level), eta)
-        wall_end = np.broadcast_to(self._ground_points(k, [(wall, level)])[:, 0], body_end.shape)
+        wall_end = self._ground_points(k, [(wall, level)])[:, 0]
         yield Piece("spring", _zigzag(wall_end, body_end, self.unit, is_damper=not stiffness))
 
     def _side(self, k: int) -> float:
@@ -440,7 +425,7 @@ class Scaffold:
         floor = low + 0.42 * u
         yield from _hatch(self._ground_points(k, [(s - 0.12 * u, floor), (s + 0.12 * u, floor)]), u, 1.0)
         body_end = self.place(k, (s, low), eta)
-        floor_end = np.broadcast_to(self._ground_points(k, [(s, floor)])[:, 0], body_end.shape)
+        floor_end = self._ground_points(k, [(s, floor)])[:, 0]
         yield Piece("spring", _zigzag(floor_end, body_end, u))
 
     # --------------------------------------------------------------------------------------------------- springs
@@ -511,10 +496,7 @@ class Scaffold:
             fixed_end = np.array([float(ground.place[0]), -float(ground.place[1])])
             fixed_end = fixed_end + (self.shifts[carrier] if carrier is not None else 0.0)
             yield from _hatch(fixed_end + np.array([[[-0.08, 0.0], [0.08, 0.0]]]) * self.unit, self.unit, 1.0)
-            yield Piece(
-                "spring",
-                _zigzag(np.broadcast_to(fixed_end, moving_end.shape), moving_end, self.unit, is_damper=is_damper),
-            )
+            yield Piece("spring", _zigzag(fixed_end[None], moving_end, self.unit, is_damper=is_damper))
         elif carrier is not None and not isinstance(end.where, int):  # type: ignore[union-attr]
             level = self._bodies[carrier][2] if end.where == (0.0, 0.0) else float(end.where[1])  # type: ignore[union-attr]
             yield from self._to_wall(carrier, not is_damper, is_damper, eta, level)
@@ -523,9 +505,7 @@ class Scaffold:
             rest_end = self._end(end, np.zeros((1, self.structure.size)), rest_joints, torsion=False)
             wall = (moving_end if rest_end is None else rest_end)[0] + np.array([-WALL_GAP * self.unit, 0.0])
             yield Piece("ground", wall + np.array([[[0.0, -0.11], [0.0, 0.11]]]) * self.unit)
-            yield Piece(
-                "spring", _zigzag(np.broadcast_to(wall, moving_end.shape), moving_end, self.unit, is_damper=is_damper)
-            )
+            yield Piece("spring", _zigzag(wall[None], moving_end, self.unit, is_damper=is_damper))
 
     def _end(self, end: End, eta: Floats, joints: Mapping[int, Floats], *, torsion: bool) -> Floats | None:
         """Where an end is drawn, (F, 2); None of the ground, and of pendula that are not drawn."""
@@ -565,7 +545,7 @@ def _direction(line: Floats) -> Floats:
 
 
 def _zigzag(start: Floats, end: Floats, unit: float, *, is_damper: bool = False) -> Floats:
-    """A spring from `start` to `end` (F, 2); of a damper alone a box across the line, (F, K, 2)."""
+    """A spring from `start` to `end` (F, 2), either of which may be one place; of a damper alone a box, (F, K, 2)."""
     line = end - start
     way = _direction(line)
     normal = np.stack((-way[:, 1], way[:, 0]), axis=-1)
@@ -573,14 +553,10 @@ def _zigzag(start: Floats, end: Floats, unit: float, *, is_damper: bool = False)
         shares = np.array([0.0, 0.4, 0.4, 0.6, 0.6, 0.4, 0.4, 0.6, 0.6, 1.0])
         aside = np.array([0.0, 0.0, 1.0, 1.0, -1.0, -1.0, 0.0, 0.0, 0.0, 0.0])
     else:
-        shares = np.concatenate(
-            [
-                [0.0, SPRING_LEAD],
-                SPRING_LEAD + (1 - 2 * SPRING_LEAD) * (np.arange(SPRING_TEETH) + 0.5) / SPRING_TEETH,
-                [1 - SPRING_LEAD, 1.0],
-            ]
-        )
-        aside = np.concatenate([[0.0, 0.0], np.where(np.arange(SPRING_TEETH) % 2, -1.0, 1.0), [0.0, 0.0]])
+        teeth = np.arange(SPRING_TEETH)
+        inner = SPRING_LEAD + (1 - 2 * SPRING_LEAD) * (teeth + 0.5) / SPRING_TEETH
+        shares = np.concatenate([[0.0, SPRING_LEAD], inner, [1 - SPRING_LEAD, 1.0]])
+        aside = np.concatenate([[0.0, 0.0], np.where(teeth % 2, -1.0, 1.0), [0.0, 0.0]])
     points: Floats = (
         start[:, None] + shares[:, None] * line[:, None] + 2 / 3 * HALF_HEIGHT * unit * aside[:, None] * normal[:, None]
     )

@@ -115,14 +115,10 @@ def structure_with(scene: Scene, letters: Letters) -> SymbolicStructure:
 def _laws_of(scene: Scene) -> tuple[tuple[tuple[JointPart, ...], ...], ...]:
     """The laws of every joint, chain by chain, but for drives."""
     chains = [
-        tuple(
-            tuple(part for part in link.laws if not part.law.is_drive)
-            for link in pendulum.links
-            for _ in range(link.count)
-        )
-        for pendulum in scene.pendulum
+        tuple(tuple(part for part in link.laws if not part.law.is_drive) for link in pendulum.chain)
+        for pendulum in scene.hanging
     ]
-    return tuple(laws for laws, pendulum in zip(chains, scene.pendulum, strict=True) for _ in range(pendulum.count))
+    return tuple(chains)
 
 
 def _carrier(support: Any, name: str, index: tuple[str, ...], letters: Letters) -> SymbolicCarrier:

@@ -47,9 +47,7 @@ def scene_data(scene: Scene) -> dict[str, Any]:
         data["support"] = describe(moved or scene.supports[0])
     for entry, pendulum in zip(data["pendulum"], scene.pendulum, strict=True):
         entry["links"] = [
-            {key: value for key, value in describe(link).items() if key != "count"}
-            for link in pendulum.links
-            for _ in range(link.count)
+            {key: value for key, value in describe(link).items() if key != "count"} for link in pendulum.chain
         ]
     return data
 

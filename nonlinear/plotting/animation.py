@@ -15,19 +15,9 @@ from matplotlib.artist import Artist
 from matplotlib.text import Text
 
 from modal.errors import SceneError
-from modal.plotting import (
-    SMALL,
-    WIDTH,
-    MovingFigure,
-    any_letters,
-    form_problems,
-    frame_rate,
-    require_writer,
-    secondary_colour,
-    sheet,
-    write_film,
-)
-from modal.plotting.films import DPI, Report
+from modal.plotting.films import DPI, MovingFigure, Report, form_problems, frame_rate, require_writer, write_film
+from modal.plotting.layout import SMALL
+from modal.plotting.style import WIDTH, any_letters, secondary_colour, sheet
 from modal.report import silent, visible
 from modal.scene import title_of
 from modal.types import Floats

@@ -6,7 +6,6 @@ the total against time.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import chain
 from typing import Any
 
@@ -20,10 +19,10 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon, Rectangle
 from matplotlib.ticker import MaxNLocator
 
-from modal.plotting import MARKED, QUIET, SMALL, colour, ink, paper, rest, secondary_colour, shade
-from modal.plotting.carriers import ORDER, WIDTHS
-from modal.plotting.layout import OBLIQUE
+from modal.plotting.carriers import draw_piece
+from modal.plotting.layout import OBLIQUE, SMALL
 from modal.plotting.shapes import MARKS_MAX
+from modal.plotting.style import MARKED, QUIET, colour, ink, paper, rest, secondary_colour, shade
 from modal.scene import Bob, Rod
 from modal.structure import Piece
 from modal.structure.outlines import HALF_HEIGHT
@@ -34,42 +33,32 @@ POTENTIAL = 0.52
 """Format: ink in the colour of potential energy: the palest that stands out 3:1 from its paper."""
 
 
-@dataclass(frozen=True)
-class ViewLimits:
-    """The limits of a panel relative to the camera (m)."""
+def limits_of(stage: Stage, ratio: float) -> tuple[Floats, Floats]:
+    """The lower left and the upper right corner, relative to the camera (m), of a panel of this aspect ratio.
 
-    left: float
-    right: float
-    bottom: float
-    top: float
-
-    @property
-    def width(self) -> float:
-        """Width of the panel (m)."""
-        return self.right - self.left
-
-
-def limits_of(stage: Stage, ratio: float) -> ViewLimits:
-    """ViewLimits that contain everything that moves, with a margin, in a panel of aspect ratio `ratio`."""
+    It contains everything that moves, with a margin.
+    """
     low, high = stage.extent
     middle, half = (low + high) / 2, (1 + 4 * rcParams["axes.xmargin"]) * (high - low) / 2
     half = np.maximum(half, (half[1] * ratio, half[0] / ratio))
-    return ViewLimits(middle[0] - half[0], middle[0] + half[0], middle[1] - half[1], middle[1] + half[1])
+    return middle - half, middle + half
 
 
 class Scenery:
     """A stage on an axis whose panel has the aspect ratio `ratio`; `trail` is the length of the trails in frames."""
 
     def __init__(self, axis: Axes, stage: Stage, ratio: float, trail: int) -> None:
-        self.axis, self.stage, self.limits = axis, stage, limits_of(stage, ratio)
-        axis.set(xlim=(self.limits.left, self.limits.right), ylim=(self.limits.bottom, self.limits.top))
+        self.axis, self.stage = axis, stage
+        (left, bottom), (right, top) = limits_of(stage, ratio)
+        self.ends = np.array([left, right])
+        axis.set(xlim=self.ends, ylim=(bottom, top))
         axis.set_aspect("equal")
         if stage.has_rail:
             _rail(axis, -3 * HALF_HEIGHT * stage.depth)
         else:
             axis.set_axis_off()
         self.drawn = [_piece(axis, piece) for piece in stage.pieces]
-        points = float(72 * axis.get_window_extent().width / axis.figure.dpi / self.limits.width)  # of a metre
+        points = float(72 * axis.get_window_extent().width / axis.figure.dpi / (right - left))  # of a metre
         self.players = [_Player(axis, actor, colour(k), points, trail) for k, actor in enumerate(stage.actors)]
         if stage.floor is not None:
             _floor(axis, stage)
@@ -86,8 +75,7 @@ class Scenery:
 
     def show(self, frame: int) -> None:
         """Update everything to a frame."""
-        camera = float(self.stage.camera[frame])
-        self.axis.set_xlim(camera + self.limits.left, camera + self.limits.right)
+        self.axis.set_xlim(*self.stage.camera[frame] + self.ends)
         for artist, piece in zip(self.drawn, self.stage.pieces, strict=True):
             if len(piece.points) == 1:
                 continue
@@ -112,18 +100,8 @@ def _rail(axis: Axes, height: float) -> None:
 
 
 def _piece(axis: Axes, piece: Piece) -> Polygon | Line2D:
-    """A piece where it is first."""
-    points, order, width = piece.points[0], ORDER[piece.role], WIDTHS[piece.role]
-    if piece.is_outline:
-        face = rcParams["grid.color"] if piece.role == "body" else paper()
-        body = Polygon(points, closed=True, facecolor=face, edgecolor=ink(), lw=width, joinstyle="round", zorder=order)
-        axis.add_patch(body)
-        return body
-    look: dict[str, Any] = {"color": ink() if piece.role in {"ground", "line"} else secondary_colour(), "lw": width}
-    if piece.role == "dot":
-        look = {"marker": "o", "ms": 4.0, "color": paper(), "mec": ink(), "mew": 1.2, "ls": ""}
-    look |= {"ls": MARKED} if piece.role == "guide" else {}
-    return axis.plot(*points.T, **look, solid_joinstyle="round", zorder=order)[0]
+    hue = ink() if piece.role in {"body", "dot", "ground", "line"} else secondary_colour()
+    return draw_piece(axis, piece, {"color": hue}, rcParams["grid.color"] if piece.role == "body" else paper())
 
 
 def _floor(axis: Axes, stage: Stage) -> None:
@@ -276,13 +254,6 @@ def _lines(axis: Axes, energies: FilmEnergies, times: Floats) -> tuple[list[Line
     axis.set_xlabel("time (s)", fontsize=SMALL, labelpad=1)
     axis.xaxis.set_major_locator(MaxNLocator(5))
     axis.xaxis.set_major_formatter("{x:.4g}")
-    axis.legend(
-        fontsize=SMALL,
-        ncols=3,
-        loc="lower left",
-        bbox_to_anchor=(-0.02, 0.985),
-        borderpad=0.1,
-        handlelength=1.2,
-        columnspacing=1.0,
-    )
+    place: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (-0.02, 0.985), "ncols": 3, "fontsize": SMALL}
+    axis.legend(**place, borderpad=0.1, handlelength=1.2, columnspacing=1.0)
     return lines, dot

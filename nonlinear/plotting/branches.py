@@ -9,7 +9,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from modal.errors import ComputationError
-from modal.plotting import HUES, headline, key
+from modal.plotting.layout import headline, key
+from modal.plotting.style import HUES
 from modal.scene import title_of
 from nonlinear.plotting.stability import LABELS, DrawnBranch, branch_keys, figure_along, mark, stability_keys
 

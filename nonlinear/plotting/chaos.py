@@ -10,18 +10,19 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from modal.plotting import (
+from modal.plotting.layout import headline, legend
+from modal.plotting.style import (
+    BAND_OPACITY,
     MARKED,
     MOST_CURVES,
     PREDICTED,
     QUIET,
     WIDE,
     colour,
-    headline,
-    legend,
     secondary_colour,
+    sheet_of_rows,
+    stack,
 )
-from modal.plotting.style import BAND_OPACITY, sheet_of_rows
 from modal.scene import title_of
 
 if TYPE_CHECKING:
@@ -36,8 +37,7 @@ CART_OFFSET_RATIO = 1.06
 
 def exponent_figure(exponent: Exponent) -> Figure:
     """λ against averaging time: each start, their mean with its interval, and the limit for regular motion."""
-    figure = sheet_of_rows(1)
-    axis = figure.subplots()
+    figure, (axis,) = stack(1)
     times, running = exponent.running()
     since, mean = times - exponent.transient, running.mean(1)
     if exponent.ensemble > 1:
@@ -82,15 +82,12 @@ def _chains(finding: Finding) -> Figure:
 
 
 def _carts(finding: Finding) -> Figure:
-    figure = sheet_of_rows(1)
-    axis = figure.subplots()
+    figure, (axis,) = stack(1)
     for k, (name, rows) in enumerate(finding.series().items()):
-        fixed_exponent = next(exponent for case, exponent in rows if case.at is None)
-        half = fixed_exponent.half_width
-        axis.axhspan(
-            fixed_exponent.value - half, fixed_exponent.value + half, color=colour(k), alpha=BAND_OPACITY / 2, lw=0
-        )
-        axis.axhline(fixed_exponent.value, color=colour(k), ls=MARKED, lw=1.4)
+        fixed_support = next(exponent for case, exponent in rows if case.at is None)
+        low, high = (fixed_support.value + sign * fixed_support.half_width for sign in (-1, 1))
+        axis.axhspan(low, high, color=colour(k), alpha=BAND_OPACITY / 2, lw=0)
+        axis.axhline(fixed_support.value, color=colour(k), ls=MARKED, lw=1.4)
         carts = [(case, exponent) for case, exponent in rows if case.at is not None]
         masses = [(case.at or 0.0) * CART_OFFSET_RATIO ** (k - 1) for case, _ in carts]
         _points(axis, masses, carts, [1.0] * len(carts), k, name)

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from modal.plotting import MARKED, colour, legend, rest, scale
-from modal.plotting.style import BAND_OPACITY, sheet_of_rows
+from modal.plotting.layout import legend, set_values
+from modal.plotting.style import BAND_OPACITY, MARKED, colour, rest, stack
 from nonlinear.chaos import regular_exponent, usual_duration
 from nonlinear.plotting.sweeps import label
 from nonlinear.sweeps import CHAOTIC, LYAPUNOV
@@ -26,8 +25,7 @@ def energies_figure(sweep: Sweep) -> Figure:
     (variation,) = study.variations
     medians = [name for name in sweep.columns if MEDIAN in name]
     shares = [name for name in sweep.columns if name == CHAOTIC]
-    figure = sheet_of_rows(len(medians) + len(shares))
-    axes = np.atleast_1d(figure.subplots(len(medians) + len(shares), 1, sharex=True))
+    figure, axes = stack(len(medians) + len(shares), sharex=True)
     for axis, name in zip(axes, medians, strict=False):
         low, middle, high = (sweep.values(name.replace(MEDIAN, part)) for part in ("_q05", MEDIAN, "_q95"))
         axis.fill_between(
@@ -36,14 +34,12 @@ def energies_figure(sweep: Sweep) -> Figure:
         axis.plot(variation.values, middle, ".-", color=colour(0), label="median")
         if name.startswith(LYAPUNOV):
             _limit(axis, sweep)
-        words = label(name.replace(MEDIAN, ""))
-        axis.set(ylabel=words.replace(LYAPUNOV, "largest Lyapunov exponent"))
+        axis.set_ylabel(label(name.replace(MEDIAN, "")))
         legend(axis, 3)
     for axis, name in zip(axes[len(medians) :], shares, strict=True):
         axis.plot(variation.values, 100 * sweep.values(name), ".-", color=colour(1))
         axis.set(ylabel="chaotic starts (%)", ylim=(-3, 103))
-    scale(axes[-1], "x", variation)
-    axes[-1].set(xlabel="energy above rest (J)", xlim=(variation.values[0], variation.values[-1]))
+    set_values(axes[-1], study.scene, variation, words="energy above rest (J)")
     return figure
 
 

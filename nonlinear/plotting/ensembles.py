@@ -6,16 +6,24 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import BoundaryNorm, ListedColormap, LogNorm, Normalize, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from modal.plotting import HUES, colour, headline, key, legend, mixture, rest, scale, thickness
-from modal.plotting.layout import symbols_in
-from modal.plotting.style import BAND_OPACITY, LOG_RATIO, dot_size, sheet_of_rows
-from modal.scene import number_label, number_words, title_of
+from modal.plotting.layout import headline, key, legend, symbols_in
+from modal.plotting.style import (
+    BAND_OPACITY,
+    HUES,
+    LOG_RATIO,
+    colour,
+    dot_size,
+    mixture,
+    rest,
+    stack,
+    thickness,
+)
+from modal.scene import number_words, title_of
 from modal.types import Floats, Ints
-from nonlinear.plotting.sweeps import edges, label
+from nonlinear.plotting.sweeps import colours_of, draw_map, draw_shades, label
 
 if TYPE_CHECKING:
     from nonlinear.ensembles import Basins, PoincareSection
@@ -31,55 +39,32 @@ TITLES = {
 
 def basins_figure(basins: Basins) -> Figure:
     """The measure over both numbers: a colour each for configurations, else shades; what never happens stays blank."""
-    figure = sheet_of_rows(2)
-    axis = figure.subplots()
-    scene, (y, x) = basins.ensemble.question.scene, basins.axes
-    axis.patch.set(edgecolor=rest(), hatch="" if basins.column == "first_turn_s" else "////", lw=0)
+    figure, (axis,) = stack(1, 2)
+    scene = basins.ensemble.question.scene
     (_kinds if basins.names else _shades)(figure, axis, basins)
-    scale(axis, "x", x)
-    scale(axis, "y", y)
-    axis.set(xlabel=number_label(scene, x.path), ylabel=number_label(scene, y.path))
-    axis.grid(visible=False)
     words = TITLES.get(basins.column, label(basins.column))
     headline(figure, title_of(scene), f"{words}, within {basins.ensemble.question.duration:.3g} s")
     return figure
 
 
 def _kinds(figure: Figure, axis: Axes, basins: Basins) -> None:
-    y, x = basins.axes
-    kinds = len(basins.names)
-    hues = [rest(), *(colour(k) for k in range(kinds - 1))]
-    norm = BoundaryNorm(np.arange(kinds + 1) - 0.5, kinds)
-    values = np.ma.masked_invalid(basins.values)
-    axis.pcolormesh(
-        edges(x), edges(y), values, cmap=ListedColormap([to_rgb(hue) for hue in hues]), norm=norm, rasterized=True
-    )
-    shares = basins.shares()
+    hues, shares = [rest(), *(colour(k) for k in range(len(basins.names) - 1))], basins.shares()
+    draw_map(axis, basins.ensemble.question.scene, basins.axes, basins.values, **colours_of(hues))
     handles = [
         Patch(color=hue, label=f"{name}: {100 * shares[name]:.3g} %")
         for hue, name in zip(hues, basins.names, strict=True)
     ]
-    key(figure, handles, columns=min(3, kinds))
+    key(figure, handles, columns=min(3, len(hues)))
 
 
-def _shades(figure: Figure, axis: Axes, basins: Basins) -> None:
-    y, x = basins.axes
-    values = np.ma.masked_invalid(basins.values)
-    numbers = values.compressed()
-    if not numbers.size:
-        return
-    low, high = float(numbers.min()), float(numbers.max())
-    if basins.column == "first_turn_s":
-        low = max(low, high / (2 * LOG_RATIO))  # some begin at the top, and would take all colours
-    ratio = low > 0 and high > LOG_RATIO * low
-    norm = (LogNorm if ratio else Normalize)(low, high)
-    mesh = axis.pcolormesh(edges(x), edges(y), values, norm=norm, rasterized=True, lw=0)
-    bar = figure.colorbar(mesh, ax=axis, pad=0.02)
-    bar.set_label(label(basins.column))
-    bar.outline.set_visible(False)
-    if ratio:
-        bar.ax.yaxis.set_major_formatter("{x:g}")
-        bar.ax.yaxis.set_minor_formatter("{x:g}")
+def _shades(_: Figure, axis: Axes, basins: Basins) -> None:
+    is_turn = basins.column == "first_turn_s"
+    # some begin at the top, and would take all colours
+    lowest = np.nanmax(basins.values, initial=0.0) / (2 * LOG_RATIO) if is_turn else -np.inf
+    scene = basins.ensemble.question.scene
+    draw_shades(axis, scene, basins.axes, basins.values, label(basins.column), lowest=lowest)
+    if is_turn:
+        axis.patch.set_hatch("")
 
 
 def section_figure(section: PoincareSection) -> Figure:
@@ -87,8 +72,7 @@ def section_figure(section: PoincareSection) -> Figure:
 
     A regular motion crosses on one closed curve, or on a ring of them.
     """
-    figure = sheet_of_rows(2)
-    axis = figure.subplots()
+    figure, (axis,) = stack(1, 2)
     angle, rate = section.points()
     orbits = [section.orbit == number for number in range(section.ensemble.size)]
     places = np.column_stack((angle, rate))
@@ -157,8 +141,7 @@ def _crossing(text: str) -> str:
 def spread_figure(spread: Spread) -> Figure:
     """The deviation of every frequency with what explains it, and above it bands of the motion where there is one."""
     motion = spread.ensemble is not None
-    figure = sheet_of_rows(1 + motion)
-    panels = np.atleast_1d(figure.subplots(1 + motion, 1))
+    figure, panels = stack(1 + motion)
     if motion:
         _bands(panels[0], spread)
     _deviations(panels[-1], spread)
@@ -189,7 +172,7 @@ def _deviations(axis: Axes, spread: Spread) -> None:
         ylabel="relative standard deviation of ω (–)", ylim=(0, 1.3 * max(float(deviation.max(initial=0.0)), 1e-12))
     )
     axis.grid(visible=False, axis="x")
-    legend(axis, 2)
+    legend(axis, 2, least_count=1)
 
 
 def _parts(records: list[dict[str, dict[str, float]]], path: str) -> Floats:

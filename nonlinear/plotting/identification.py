@@ -8,8 +8,8 @@ import numpy as np
 from matplotlib import rcParams
 from matplotlib.figure import Figure
 
-from modal.plotting import HUES, MARKED, colour, headline, legend, rest
-from modal.plotting.style import sheet_of_rows
+from modal.plotting.layout import headline, legend
+from modal.plotting.style import HUES, MARKED, colour, ink, rest, stack
 from modal.scene import title_of
 
 if TYPE_CHECKING:
@@ -30,8 +30,7 @@ def fit_figure(fit: Fit) -> Figure:
 
     recording = fit.recording
     sensors, segments = recording.sensors[:HUES], recording.segments[:4]
-    figure = sheet_of_rows((len(sensors) + 1) / 2)
-    axes = figure.subplots(len(sensors) + 1, 1, sharex=True)
+    figure, axes = stack(len(sensors) + 1, (len(sensors) + 1) / 2, sharex=True)
     gap = rcParams["axes.xmargin"] * max(segment.times[-1] - segment.times[0] for segment in segments)
     at = 0.0
     for s, segment in enumerate(segments):
@@ -39,13 +38,12 @@ def fit_figure(fit: Fit) -> Figure:
         at = times[-1] + gap
         for c, sensor in enumerate(sensors):
             factor = FACTORS[sensor.unit]
-            label = {"label": "measured"} if s == c == 0 else {}
-            axes[c].plot(times, factor * segment.values[:, c], ".", ms=2.5, color=rcParams["text.color"], **label)
-            label = {"label": "fitted"} if s == c == 0 else {}
-            axes[c].plot(times, factor * fit.readings[s][:, c], color=colour(c), lw=1.1, **label)
-            miss = segment.values[:, c] - fit.readings[s][:, c]
-            label = {"label": sensor.name} if s == 0 else {}
-            axes[-1].plot(times, 1e3 * miss, color=colour(c), lw=0.8, **label)
+            names = ("measured", "fitted") if s == c == 0 else ("_", "_")
+            measured_values, fitted_values = segment.values[:, c], fit.readings[s][:, c]
+            axes[c].plot(times, factor * measured_values, ".", ms=2.5, color=ink(), label=names[0])
+            axes[c].plot(times, factor * fitted_values, color=colour(c), lw=1.1, label=names[1])
+            miss = 1e3 * (measured_values - fitted_values)
+            axes[-1].plot(times, miss, color=colour(c), lw=0.8, label="_" if s else sensor.name)
         if s:
             for axis in axes:
                 axis.axvline(times[0] - gap / 2, color=rest(), lw=0.6, ls=MARKED)

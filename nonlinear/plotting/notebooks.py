@@ -5,7 +5,8 @@ from __future__ import annotations
 from io import BytesIO
 from typing import Any
 
-from modal.plotting import ThemedPicture, theme
+from modal.plotting.style import theme
+from modal.plotting.themes import ThemedPicture
 from modal.report import visible
 from modal.scene import title_of
 from modal.scene.doors import require_type

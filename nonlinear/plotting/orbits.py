@@ -2,35 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib import rcParams
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from modal.errors import ComputationError, SceneError
 from modal.modes import Mode, natural_modes
-from modal.plotting import HUES, MARKED, PREDICTED, headline, key, scale, secondary_colour
-from modal.plotting.style import SOLVED_POINTS, sheet_of_rows
-from modal.scene import Scene, number_label, title_of
+from modal.plotting.layout import headline, key, set_values
+from modal.plotting.style import HUES, MARKED, PREDICTED, SOLVED_POINTS, secondary_colour, stack
+from modal.scene import Scene, title_of
 from modal.scene.parameters import Variation, vary
 from modal.types import Floats
 from nonlinear.plotting.stability import (
     LABELS,
     DrawnBranch,
     branch_keys,
-    draw_branch,
     figure_along,
     mark,
     stability_keys,
 )
 
 if TYPE_CHECKING:
-    from nonlinear.orbits import Branch, Orbit, Special
+    from nonlinear.orbits import Branch, Orbit
 
 MARKS = {"fold": "o", "branch point": "D", "period doubling": "s", "torus": "^", "collision": "v"}
 BACKBONE_DEG = 170.0
@@ -61,10 +59,11 @@ def orbits_figure(scene: Scene, branches: Sequence[Branch], mode: Mode | None = 
 
 
 def _backbones(branches: Sequence[Branch], mode: Mode) -> Figure:
-    figure = sheet_of_rows(2)
-    axis = figure.subplots()
+    figure, (axis,) = stack(1, 2)
     for number, branch in enumerate(branches):
-        _curve(axis, branch, branch.omega, np.rad2deg(branch.amplitude), number)
+        _drawn(branch, branch.omega, lambda orbit: orbit.omega, lambda orbit: [np.rad2deg(orbit.amplitude)]).draw(
+            [axis], number
+        )
     widest = float(max(branch.amplitude.max() for branch in branches))
     a = np.linspace(0, widest, SOLVED_POINTS)
     slow, fast = axis.get_xlim()
@@ -82,15 +81,21 @@ def _backbones(branches: Sequence[Branch], mode: Mode) -> Figure:
 def _along(scene: Scene, branches: Sequence[Branch]) -> Figure:
     """Angle, frequency and growth rate along a number."""
     assert branches[0].variation is not None
-    return figure_along(scene, branches[0].variation, LABELS, [_drawn(branch) for branch in branches])
+    drawn_branches = [_drawn(branch, branch.value, _value, _heights) for branch in branches]
+    return figure_along(scene, branches[0].variation, LABELS, drawn_branches)
 
 
-def _drawn(branch: Branch) -> DrawnBranch:
-    points = [
-        (MARKS[special.kind], float(special.orbit.value or 0.0), _heights(special.orbit)) for special in branch.special
-    ]
-    curves = np.array([_heights(orbit) for orbit in branch.orbits]).T
-    return DrawnBranch(branch.value, branch.is_stable, list(curves), points)
+def _value(orbit: Orbit) -> float:
+    return float(orbit.value or 0.0)
+
+
+def _drawn(
+    branch: Branch, places: Floats, place: Callable[[Orbit], float], heights: Callable[[Orbit], Sequence[float]]
+) -> DrawnBranch:
+    """A branch over the `places` of its orbits, with a curve for each of the `heights`."""
+    points = [(MARKS[special.kind], place(special.orbit), heights(special.orbit)) for special in branch.special]
+    curves = np.array([heights(orbit) for orbit in branch.orbits]).T
+    return DrawnBranch(places, branch.is_stable, list(curves), points)
 
 
 def _heights(orbit: Orbit) -> tuple[float, float, float]:
@@ -103,21 +108,21 @@ def _heights(orbit: Orbit) -> tuple[float, float, float]:
 
 def _resonance(scene: Scene, branches: Sequence[Branch]) -> Figure:
     """The largest angle and its phase along a number, with the linear response and the backbones of modes beside."""
-    figure = sheet_of_rows(2)
-    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
+    figure, (upper, lower) = stack(2, sharex=True, height_ratios=(3, 2))
     variation = branches[0].variation
     assert variation is not None
     for number, branch in enumerate(branches):
-        _curve(upper, branch, branch.value, np.rad2deg(branch.amplitude), number)
         phase = np.array([orbit.phase for orbit in branch.orbits])
         swings = np.isfinite(phase)
         phase[swings] = np.unwrap(phase[swings])
         phase -= 2 * np.pi * np.round(np.mean(phase[swings]) / (2 * np.pi)) if swings.any() else 0.0
-        draw_branch(lower, branch.value, np.rad2deg(phase), branch.is_stable, number)
+        points = []
         for special in branch.special:
-            phase_before = phase[special.after]
-            phase_at = np.rad2deg(phase_before + np.angle(np.exp(1j * (special.orbit.phase - phase_before))))
-            lower.plot([special.orbit.value], [phase_at], **mark(MARKS[special.kind]))
+            phase_before, orbit = phase[special.after], special.orbit
+            phase_at = phase_before + np.angle(np.exp(1j * (orbit.phase - phase_before)))
+            points.append((MARKS[special.kind], _value(orbit), np.rad2deg([orbit.amplitude, phase_at]).tolist()))
+        curves = [np.rad2deg(branch.amplitude), np.rad2deg(phase)]
+        DrawnBranch(branch.value, branch.is_stable, curves, points).draw([upper, lower], number)
     widest = max(float(np.rad2deg(branch.amplitude.max())) for branch in branches)
     clock = getattr(branches[0].problem, "clock", None)
     is_frequency = clock is not None and clock.value is not None
@@ -125,12 +130,9 @@ def _resonance(scene: Scene, branches: Sequence[Branch]) -> Figure:
     upper.plot(values, linear, color=secondary_colour(), lw=1.3, ls=PREDICTED, zorder=1, label="linear response")
     for k, (hertz, angles) in enumerate(_backbones_of(scene, variation, widest) if is_frequency else ()):
         upper.plot(hertz, angles, color=secondary_colour(), lw=1.0, zorder=2, label="_" if k else "backbone")
-    upper.set(
-        ylabel="largest angle (°)", xlim=(variation.values[0], variation.values[-1]), ylim=(0, 1.08 * widest or 1)
-    )
-    words = "frequency of the drive (Hz)" if is_frequency else number_label(scene, variation.path)
-    lower.set(xlabel=words, ylabel="phase against the drive (°)")
-    scale(lower, "x", variation)
+    upper.set(ylabel="largest angle (°)", ylim=(0, 1.08 * widest or 1))
+    lower.set_ylabel("phase against\nthe drive (°)")
+    set_values(lower, scene, variation, words="frequency of the drive (Hz)" if is_frequency else "")
     return figure
 
 
@@ -158,22 +160,6 @@ def _backbones_of(scene: Scene, variation: Variation, widest: float) -> Iterator
         with suppress(ComputationError, SceneError):
             branch = nonlinear_mode(free, number, np.deg2rad(min(widest, BACKBONE_DEG)), locate=False)
             yield branch.omega / (2 * np.pi), np.rad2deg(branch.amplitude)
-
-
-def _curve(axis: Axes, branch: Branch, x: Floats, y: Floats, number: int) -> None:
-    """One branch, with its special points."""
-    draw_branch(axis, x, y, branch.is_stable, number)
-    for special in branch.special:
-        place = [_coordinate(special, branch, x), _coordinate(special, branch, y)]
-        axis.plot(place[:1], place[1:], **mark(MARKS[special.kind]))
-
-
-def _coordinate(special: Special, branch: Branch, values: Floats) -> float:
-    """The coordinate of a special point on the axis of these values."""
-    orbit = special.orbit
-    if values is branch.omega:
-        return orbit.omega
-    return float(np.rad2deg(orbit.amplitude)) if values is not branch.value else float(orbit.value or 0.0)
 
 
 def _style_keys(branches: Sequence[Branch], mode: Mode | None) -> list[Line2D]:

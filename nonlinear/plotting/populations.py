@@ -10,23 +10,16 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from modal.errors import ComputationError
-from modal.plotting import (
-    PREDICTED,
-    colour,
-    headline,
-    ink,
-    key,
-    narrowing,
-    scale,
-    secondary_colour,
-    set_frame,
-)
-from modal.plotting.style import sheet_of_rows
-from modal.scene import number_label, title_of
+from modal.plotting.layout import headline, key, set_frame, set_values
+from modal.plotting.style import PREDICTED, colour, ink, narrowing, secondary_colour, stack
+from modal.scene import title_of
 from nonlinear.plotting.stability import mark
 
 if TYPE_CHECKING:
     from nonlinear.synchronization import MotionBranch, PopulationDiagram
+
+SECTORS = {"own": "within its symmetry", "other": "towards the other motion"}
+"""What perturbations are called that leave a motion."""
 
 
 def populations_figure(diagram: PopulationDiagram) -> Figure:
@@ -37,16 +30,11 @@ def populations_figure(diagram: PopulationDiagram) -> Figure:
     branches = [branch for branch in diagram.branches if len(branch.values)]
     if not branches:
         raise ComputationError("no symmetric motion of the populations exists in this range")
-    figure = sheet_of_rows(len(branches))
-    axes = figure.subplots(len(branches), 1, sharex=True, squeeze=False)[:, 0]
+    figure, axes = stack(len(branches), sharex=True)
     names = list(dict.fromkeys(name for branch in branches for name in branch.sectors))
     for axis, branch in zip(axes, branches, strict=True):
         _panel(axis, diagram, branch, names)
-    axes[-1].set(
-        xlabel=number_label(diagram.scene, diagram.variation.path),
-        xlim=(diagram.variation.values[0], diagram.variation.values[-1]),
-    )
-    scale(axes[-1], "x", diagram.variation)
+    set_values(axes[-1], diagram.scene, diagram.variation)
     headline(figure, title_of(diagram.scene), "motions of populations")
     key(figure, _handles(names, any(not threshold.sector for threshold in diagram.thresholds)), columns=3)
     return figure
@@ -75,7 +63,8 @@ def _panel(axis: Axes, diagram: PopulationDiagram, branch: MotionBranch, names: 
 
 
 def _handles(names: list[str], ends: bool) -> list[Line2D]:
-    lines = [Line2D([], [], color=colour(k), lw=narrowing(k), label=name) for k, name in enumerate(names)]
+    words = [SECTORS.get(name, name) for name in names]
+    lines = [Line2D([], [], color=colour(k), lw=narrowing(k), label=word) for k, word in enumerate(words)]
     return [
         *lines,
         Line2D([], [], color=ink(), lw=1.0, ls=PREDICTED, label="averaged equations"),

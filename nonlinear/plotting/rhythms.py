@@ -7,15 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import BoundaryNorm, ListedColormap, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from modal.plotting import HUES, colour, headline, key, rest, scale
-from modal.plotting.style import ink, secondary_colour, sheet_of_rows
-from modal.scene import number_label, title_of
-from nonlinear.plotting.sweeps import edges
+from modal.plotting.layout import headline, key, set_values
+from modal.plotting.style import HUES, colour, ink, rest, secondary_colour, stack
+from modal.scene import title_of
+from nonlinear.plotting.sweeps import colours_of, draw_map
 
 if TYPE_CHECKING:
     from nonlinear.ensembles import RhythmGrid, RhythmMap
@@ -26,8 +25,7 @@ def rhythm_figure(rhythms: RhythmMap) -> Figure:
 
     Births and deaths are vertical lines, thresholds of averaged equations dashed ones.
     """
-    figure = sheet_of_rows(2)
-    axis = figure.subplots()
+    figure, (axis,) = stack(1, 2)
     values, names = np.array(rhythms.variation.values), rhythms.names
     for number, name in enumerate(names):
         shares = 100 * np.array(rhythms.shares(name))
@@ -41,9 +39,8 @@ def rhythm_figure(rhythms: RhythmMap) -> Figure:
     if undecided.any():
         axis.plot(values, undecided, color=rest())
         handles.append(Line2D([], [], color=rest(), label="undecided"))
-    axis.set(ylabel="starts (%)", ylim=(-3, 118), xlim=(values[0], values[-1]), yticks=range(0, 101, 20))
-    axis.set_xlabel(number_label(rhythms.scene, rhythms.variation.path))
-    scale(axis, "x", rhythms.variation)
+    axis.set(ylabel="starts (%)", ylim=(-3, 118), yticks=range(0, 101, 20))
+    set_values(axis, rhythms.scene, rhythms.variation)
     marks = [
         (e.value, f"{e.kind}: {e.name} {'born' if e.is_birth else 'dies'}", "-")
         for e in rhythms.births
@@ -67,9 +64,7 @@ def _mark(axis: Axes, marks: Sequence[tuple[float, str, str]]) -> None:
 
 def grid_figure(grid: RhythmGrid) -> Figure:
     """The rhythm in which most starts end, a colour each, and the borders along each row, joined from row to row."""
-    figure = sheet_of_rows(2)
-    axis = figure.subplots()
-    first, second = grid.axes
+    figure, (axis,) = stack(1, 2)
     names = [*grid.names, "undecided"]
     most = [
         [v.rhythms[0].name if v.rhythms and v.rhythms[0].count >= v.undecided else "undecided" for v in row.values]
@@ -77,16 +72,11 @@ def grid_figure(grid: RhythmGrid) -> Figure:
     ]
     kinds = np.array([[names.index(name) for name in row] for row in most])
     hues = [*(colour(k % HUES) for k in range(len(names) - 1)), rest()]
-    norm = BoundaryNorm(np.arange(len(names) + 1) - 0.5, len(names))
-    colours = ListedColormap([to_rgb(hue) for hue in hues])
-    axis.pcolormesh(edges(first), edges(second), kinds, cmap=colours, norm=norm, rasterized=True, alpha=0.75)
+    first, second = grid.axes
+    draw_map(axis, grid.scene, (second, first), kinds, alpha=0.75, **colours_of(hues))
     for chains in grid.borders().values():
         for chain in chains:
             axis.plot(*np.array(chain).T, "o-", ms=2.5, lw=1.4, color=ink())
-    scale(axis, "x", first)
-    scale(axis, "y", second)
-    axis.set(xlabel=number_label(grid.scene, first.path), ylabel=number_label(grid.scene, second.path))
-    axis.grid(visible=False)
     headline(figure, title_of(grid.scene), "the rhythm in which most starts end, and where rhythms are born and die")
     handles: list[Patch | Line2D] = [Patch(color=hues[k], label=names[k]) for k in sorted(set(kinds.ravel().tolist()))]
     if grid.borders():

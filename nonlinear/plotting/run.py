@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,31 +11,38 @@ from matplotlib.figure import Figure
 
 from modal.errors import ComputationError, MultipendulaError
 from modal.modes import natural_modes
-from modal.plotting import (
-    HUES,
-    WIDE,
+from modal.plotting.curves import draw_curves, is_blob, pick
+from modal.plotting.layout import (
     caption,
-    colour,
-    draw_curves,
     even_choice,
     headline,
-    ink,
-    is_blob,
     legend,
+    link_names,
     mark_modes,
-    pick,
+    set_frame,
+    signal_words,
+)
+from modal.plotting.style import (
+    CURVE_POINTS,
+    HUES,
+    VISIBLE_SHARE,
+    WIDE,
+    colour,
+    ink,
     rest,
     secondary_colour,
-    set_frame,
+    sheet_of_rows,
 )
-from modal.plotting.layout import link_names
-from modal.plotting.style import CURVE_POINTS, VISIBLE_SHARE, sheet_of_rows
+from modal.plotting.vibration import QUANTITIES
 from modal.scene import Scene, title_of
 from modal.scene.doors import require_type
+from modal.statespace.loops import loops_of
 from modal.types import Floats
+from nonlinear.dynamics.feedback import HeldInputs, input_of
 from nonlinear.integration import Trajectory
 from nonlinear.plotting.scene import ANGLES_AT_ONCE, carrier_name
 from nonlinear.postprocessing import WINDOW_NAME, power_spectrum, resample, resolution
+from nonlinear.system import Layout
 
 SPECTRUM_SAMPLES = 32
 """Limit: fewest samples of a spectrum: "too few or uneven samples"."""
@@ -45,6 +52,14 @@ STILL_METRES = 1e-9
 """Format: motion of a cart that is at rest but for rounding, which is not magnified."""
 SPECTRUM_DEPTH = 1e-10
 """Format: smallest power that a spectrum shows over the strongest line: below are the side lobes of its window."""
+
+
+class _CurvePanel(NamedTuple):
+    """A title, the label of the axis, and curves (T,) by their names."""
+
+    title: str
+    label: str
+    curves: dict[str, Floats]
 
 
 @dataclass(frozen=True)
@@ -70,25 +85,27 @@ def run_figure(trajectory: Trajectory) -> Figure:
     require_type("trajectory", trajectory, "Trajectory")
     if len(trajectory.times) < 2:
         raise ComputationError("a run with a single sample cannot be drawn")
-    carrier_panels = _carrier_panels(trajectory) + _prescribed_panels(trajectory)
-    figure = sheet_of_rows(max(5 + len(carrier_panels), 6) / 2, WIDE)
-    rows = 6 if len(carrier_panels) < 2 else 2 * (2 + len(carrier_panels))
+    smooth = _smooth(trajectory)
+    panels, notes = [*_carrier_panels(smooth), *_prescribed_panels(smooth)], list[str]()
+    try:
+        panels += _feedback_panels(smooth)
+    except ComputationError:
+        notes = ["no sampled feedback drawn: samples of the run are too far apart"]
+    figure = sheet_of_rows(max(5 + len(panels), 6) / 2, WIDE)
+    rows = 6 if len(panels) < 2 else 2 * (2 + len(panels))
     grid = figure.add_gridspec(rows, 2, width_ratios=(3, 2))
-    tall = 2 if carrier_panels else 3
+    tall = 2 if panels else 3
     angles = figure.add_subplot(grid[:tall, 0])
     energies = figure.add_subplot(grid[-tall:, 0], sharex=angles)
     links = _DrawnLinks.of(trajectory)
-    smooth = _smooth(trajectory)
     _angles(angles, smooth, links)
-    for k, (title, unit, curves) in enumerate(carrier_panels):
-        _draw_carriers(
-            figure.add_subplot(grid[2 + 2 * k : 4 + 2 * k, 0], sharex=angles), trajectory, title, unit, curves
-        )
+    for k, panel in enumerate(panels):
+        _draw_panel(figure.add_subplot(grid[2 + 2 * k : 4 + 2 * k, 0], sharex=angles), smooth.times, panel)
     _energies(energies, trajectory)
     _portrait(figure.add_subplot(grid[: rows // 2, 1]), smooth, links)
     _spectrum(figure.add_subplot(grid[rows // 2 :, 1]), trajectory, links)
     headline(figure, title_of(trajectory.scene), "motion")
-    caption(figure, _caption(trajectory, links))
+    caption(figure, "; ".join([_caption(trajectory, links), *notes]))
     return figure
 
 
@@ -134,51 +151,68 @@ def _angles(axis: Axes, trajectory: Trajectory, chosen_links: _DrawnLinks) -> No
     legend(axis, least_count=1 if has_band else 2)
 
 
-def _carrier_panels(trajectory: Trajectory) -> list[tuple[str, str, dict[str, Floats]]]:
-    """What carries the pendula: for each unit a title, the label of its axis, and curves (T,) by their names."""
-    system, motion = trajectory.system, trajectory.motion
-    if system.cart is not None:
-        return [("Cart", "position x (m)", {"x": motion.cart})]
-    carriers: dict[str, dict[str, Floats]] = {}
-    for name, values in zip(system.labels, motion.supports.T, strict=False):
+def _carrier_panels(trajectory: Trajectory) -> list[_CurvePanel]:
+    """What carries the pendula, a panel for each unit."""
+    system, carriers = trajectory.system, dict[str, dict[str, Floats]]()
+    coordinates = Layout.of(system, works=False).carrier_coordinates(trajectory.motion)[0].T
+    for name, values in zip(system.labels, coordinates, strict=False):
         unit = "rad" if name.endswith("_rad") else "m" if name == "x" or name.endswith("_m") else "each unit"
         column = np.rad2deg(values) if unit == "rad" else values
         carriers.setdefault(unit, {})[name.removesuffix(f"_{unit}").replace("_", " ")] = column
     words = {"rad": "angle (°)", "m": "displacement (m)", "each unit": "coordinate (each unit)"}
-    return [("Structure", words[unit], curves) for unit, curves in carriers.items()]
+    if system.cart is not None:
+        return [_CurvePanel("Cart", "position x (m)", curves) for curves in carriers.values()]
+    return [_CurvePanel("Structure", words[unit], curves) for unit, curves in carriers.items()]
 
 
-def _prescribed_panels(trajectory: Trajectory) -> list[tuple[str, str, dict[str, Floats]]]:
-    """What moves as prescribed, the support or the ground and hoisted lengths: as in `_carrier_panels`."""
-    system, times, panels = trajectory.system, trajectory.times, []
+def _feedback_panels(trajectory: Trajectory) -> list[_CurvePanel]:
+    """What loops of feedback exert, a panel for each unit; those that act on one place are added."""
+    system, times, exerted = trajectory.system, trajectory.times, dict[str, dict[str, Floats]]()
+    if not system.loops:
+        return []
+    layout, held = Layout.of(system, works=False), HeldInputs(system.loops)
+    if system.is_sampled:
+        samples = held.begin(float(times[0]), float(times[-1]))
+        sampled_states = layout.rows(resample(times, trajectory.motion, np.array(samples)))
+        for time, state in zip(samples, sampled_states, strict=True):
+            held.take(time, state.tolist())
+    states, held_inputs = layout.rows(trajectory.motion).T, iter(held.beside(times))
+    for loop, acting in zip(loops_of(trajectory.scene), system.loops, strict=True):
+        values = next(held_inputs) if acting.sample_time else input_of(acting, states)
+        curves, name = exerted.setdefault(loop.signal.unit, {}), signal_words(loop.signal.name)
+        curves[name] = curves.get(name, 0.0) + values
+    return [_CurvePanel("Feedback", f"{QUANTITIES[unit]} ({unit})", curves) for unit, curves in exerted.items()]
+
+
+def _prescribed_panels(trajectory: Trajectory) -> list[_CurvePanel]:
+    """What moves as prescribed, the support or the ground and hoisted lengths."""
+    system, times, panels = trajectory.system, trajectory.times, list[_CurvePanel]()
     if system.support:
         right, *_, down = system.support.displacements(times, 2).T
         ways = {"to the right": right, "upwards": -down}
         curves = {name: values for name, values in ways.items() if np.any(values)}
         owner = "Ground" if system.structure is not None else "Support"
-        panels.append((f"{owner}, as prescribed", "displacement (m)", curves or {"to the right": right}))
+        panels.append(_CurvePanel(f"{owner}, as prescribed", "displacement (m)", curves or {"to the right": right}))
     if system.hoisting is not None:
         lengths, moving = system.hoisting.at(times)[0], system.hoisting.moving
         names = link_names(system.labels)
         curves = {names[link]: lengths[:, link] for link in np.flatnonzero(moving).tolist()}
-        panels.append(("Hoist, as prescribed", "length (m)", curves))
+        panels.append(_CurvePanel("Hoist, as prescribed", "length (m)", curves))
     return panels
 
 
-def _draw_carriers(axis: Axes, trajectory: Trajectory, title: str, label: str, curves: dict[str, Floats]) -> None:
-    if title == "Cart":
-        has_band = _carrier(axis, trajectory.times, curves["x"], "x")
-        set_frame(axis, "time (s)", label, title)
-        if np.ptp(curves["x"]) < STILL_METRES:
-            axis.set_ylim(curves["x"][0] - 1, curves["x"][0] + 1)
-        legend(axis, least_count=1 if has_band else 2)
-        return
-    numbers, names, stand_for = pick(np.array(list(curves.values())), list(curves), HUES)
-    values = list(curves.values())
-    draw_curves(axis, [(trajectory.times, values[k]) for k in numbers], names=names, bands=True)
-    part = f": {stand_for} of {len(curves)}" if stand_for < len(curves) else ""
-    set_frame(axis, "time (s)", label, title + part)
-    legend(axis, least_count=2 if "prescribed" in title else 1)
+def _draw_panel(axis: Axes, times: Floats, panel: _CurvePanel) -> None:
+    names, values = list(panel.curves), list(panel.curves.values())
+    numbers, labels, stand_for = pick(np.array(values), names, HUES)
+    if len(names) == 1:
+        has_band = _carrier(axis, times, values[0], names[0])
+    else:
+        has_band = draw_curves(axis, [(times, values[k]) for k in numbers], names=labels, bands=True)
+    part = f": {stand_for} of {len(names)}" if stand_for < len(names) else ""
+    set_frame(axis, "time (s)", panel.label, panel.title + part)
+    if np.ptp(values, axis=1).max() < STILL_METRES:
+        axis.set_ylim(values[0][0] - 1, values[0][0] + 1)
+    legend(axis, least_count=2 if panel.title == "Cart" and not has_band else 1)
 
 
 def _carrier(axis: Axes, times: Floats, values: Floats, name: str) -> bool:
@@ -191,24 +225,17 @@ def _energies(axis: Axes, trajectory: Trajectory) -> None:
     mechanics, times = trajectory.mechanics, trajectory.times
     kinetic = mechanics.of_pendula(mechanics.kinetic)
     potential = mechanics.of_pendula(mechanics.potential)
-    carrier = carrier_name(trajectory.system)
-    if trajectory.system.n_pendula == 1 and not carrier:
-        curves = {"kinetic": kinetic[:, 0], "potential": potential[:, 0], "total": (kinetic + potential)[:, 0]}
-        left_out = False
-    else:
-        energy_of_each = kinetic + potential
-        numbers, labels, stand_for = pick(
-            energy_of_each.T, [f"pendulum {k}" for k in range(1, energy_of_each.shape[1] + 1)], HUES
-        )
-        curves, left_out = (
-            dict(zip(labels, energy_of_each[:, numbers].T, strict=True)),
-            stand_for < energy_of_each.shape[1],
-        )
+    carrier, energy = carrier_name(trajectory.system), kinetic + potential
+    curves, stand_for = {"kinetic": kinetic[:, 0], "potential": potential[:, 0], "total": energy[:, 0]}, 1
+    if energy.shape[1] > 1 or carrier:
+        names = [f"pendulum {k}" for k in range(1, energy.shape[1] + 1)]
+        numbers, labels, stand_for = pick(energy.T, names, HUES)
+        curves = dict(zip(labels, energy[:, numbers].T, strict=True))
     draw_curves(axis, [(times, energy) for energy in curves.values()], names=list(curves), bands=True)
     if carrier:
         _carrier(axis, times, mechanics.cart_kinetic + mechanics.cart_potential, carrier)
-    if left_out:
-        _range(axis, times, kinetic + potential, "pendula")
+    if stand_for < energy.shape[1]:
+        _range(axis, times, energy, "pendula")
     set_frame(axis, "time (s)", "energy (J)", "Energy above equilibrium")
     axis.set_ylim(min(0.0, axis.get_ylim()[0]), None)
     legend(axis)
@@ -245,6 +272,7 @@ def _top_view(axis: Axes, trajectory: Trajectory) -> None:
     curves = [tuple(trajectory.mechanics.joints[:, tips[k], :2].T) for k in choice]
     draw_curves(axis, curves, names=[f"pendulum {k + 1}" for k in choice], first=1)
     axis.set_aspect("equal", adjustable="datalim")
+    axis.locator_params(axis="x", nbins=5)
     part = f" of {len(choice)} of {len(tips)} pendula" if len(choice) < len(tips) else ""
     set_frame(axis, "along the rail (m)", "across (m)", f"Tips{part} from above")
     legend(axis, 3)

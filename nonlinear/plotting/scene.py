@@ -12,8 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from modal.plotting import even_choice
-from modal.plotting.layout import OBLIQUE
+from modal.plotting.layout import OBLIQUE, even_choice
 from modal.plotting.shapes import PENDULA_MAX
 from modal.scene import AnyLink
 from modal.structure import STILL, Piece, Scaffold, structure_of
@@ -21,7 +20,7 @@ from modal.types import Floats, Ints
 from nonlinear.dynamics import Mechanics, vectors
 from nonlinear.integration import Trajectory
 from nonlinear.postprocessing import pick_links, resample
-from nonlinear.system import Motion, System
+from nonlinear.system import Layout, Motion, System
 
 TRAIL_POINTS = 3
 """Format: points of a trail in each frame, so that fast tips have no corners."""
@@ -116,15 +115,16 @@ def stage_of(trajectory: Trajectory, at: Floats) -> Stage:
     depth = max(float(length[..., place].sum(-1).max()) for place in places)
     first = np.searchsorted(system.pendulum, np.arange(system.n_pendula + 1))
     scaffold = Scaffold(structure_of(trajectory.scene), pendula, first, depth, has_rails=system.cart is None)
-    eta = _coordinates(system, motions[0])
+    eta = Layout.of(system, works=False).carrier_coordinates(motions[0])[0]
     hangers = scaffold.pivots(eta).transpose(1, 0, 2) * (1.0, -1.0)
     shapes = [
         _shape(motion, length[..., place], centre[..., place], pivot, shaken)
         for motion, place, pivot in zip(motions, places, hangers, strict=True)
     ]
     floor = max(float(joints[..., -1].max()) for joints, _ in shapes) + 0.3 * depth if system.spatial else None
+    hanging = trajectory.scene.hanging
     actors = tuple(
-        _actor(_links(trajectory, pendulum), joints, centres, floor)
+        _actor(hanging[pendulum].chain, joints, centres, floor)
         for pendulum, (joints, centres) in zip(pendula, shapes, strict=True)
     )
     support = np.column_stack((shaken[:, 0], -shaken[:, -1]))[::TRAIL_POINTS]
@@ -138,13 +138,6 @@ def stage_of(trajectory: Trajectory, at: Floats) -> Stage:
         cart, (left, right, _) = motions[0].cart[::TRAIL_POINTS] + support[:, 0], scaffold.body(0)
         camera = cart if np.ptp(cart) > 0.75 * depth + (right - left) / 4 else camera
     return Stage(actors, pieces, camera, depth, floor, system.cart is not None, scaffold.notes)
-
-
-def _coordinates(system: System, motion: Motion) -> Floats:
-    """The coordinates η (F, d) of what the pendula hang from."""
-    if system.structure is not None:
-        return motion.supports
-    return motion.cart[:, None] if system.cart is not None else np.zeros((len(motion.cart), 0))
 
 
 def _shape(motion: Motion, length: Floats, centre: Floats, pivots: Floats, support: Floats) -> tuple[Floats, Floats]:
@@ -165,12 +158,6 @@ def _actor(links: tuple[AnyLink, ...], joints: Floats, centres: Floats, floor: f
         floor_points[..., -1] = floor
         shadow = flat(floor_points)
     return Actor(links, flat(joints[::TRAIL_POINTS]), flat(centres[::TRAIL_POINTS]), flat(joints[:, -1]), shadow)
-
-
-def _links(trajectory: Trajectory, pendulum: int) -> tuple[AnyLink, ...]:
-    entries = trajectory.scene.pendulum
-    entry = entries[int(np.searchsorted(np.cumsum([entry.count for entry in entries]), pendulum, side="right"))]
-    return tuple(link for link in entry.links for _ in range(link.count))
 
 
 def energies_of(trajectory: Trajectory, at: Floats) -> FilmEnergies:

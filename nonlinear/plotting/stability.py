@@ -12,9 +12,18 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from modal.plotting import COMPUTED, UNSTABLE, colour, ink, narrowing, paper, scale, secondary_colour
-from modal.plotting.style import sheet_of_rows
-from modal.scene import Scene, number_label
+from modal.plotting.layout import set_values
+from modal.plotting.style import (
+    COMPUTED,
+    UNSTABLE,
+    colour,
+    ink,
+    narrowing,
+    paper,
+    secondary_colour,
+    stack,
+)
+from modal.scene import Scene
 from modal.scene.parameters import Variation
 from modal.types import EPS, Floats
 
@@ -35,22 +44,25 @@ class DrawnBranch(NamedTuple):
     curves: Sequence[Floats]
     points: Sequence[tuple[str, float, Sequence[float]]]
 
+    def draw(self, axes: Sequence[Axes], number: int) -> None:
+        """Draw the branch by its number, its points above it."""
+        for k, (axis, curve) in enumerate(zip(axes, self.curves, strict=True)):
+            draw_branch(axis, self.values, curve, self.is_stable, number)
+            for shape, value, places in self.points:
+                axis.plot([value], [places[k]], **mark(shape))
+
 
 def figure_along(scene: Scene, variation: Variation, labels: Sequence[str], branches: Sequence[DrawnBranch]) -> Figure:
     """A panel for each of the `labels`, the first from 0 on, with all branches along a number of the scene."""
-    figure = sheet_of_rows(len(labels))
-    axes = figure.subplots(len(labels), 1, sharex=True)
-    for k, (axis, label) in enumerate(zip(axes, labels, strict=True)):
-        for number, branch in enumerate(branches):
-            draw_branch(axis, branch.values, branch.curves[k], branch.is_stable, number)
-            for shape, value, places in branch.points:
-                axis.plot([value], [places[k]], **mark(shape))
+    figure, axes = stack(len(labels), sharex=True)
+    for number, branch in enumerate(branches):
+        branch.draw(axes, number)
+    for axis, label in zip(axes, labels, strict=True):
         axis.set_ylabel(label)
         if label.startswith("growth"):
             axis.axhline(0.0, color=secondary_colour(), lw=0.8, zorder=1)
-    axes[0].set(xlim=(variation.values[0], variation.values[-1]), ylim=(0, 1.05 * axes[0].get_ylim()[1]))
-    axes[-1].set_xlabel(number_label(scene, variation.path))
-    scale(axes[-1], "x", variation)
+    axes[0].set_ylim(0, 1.05 * axes[0].get_ylim()[1])
+    set_values(axes[-1], scene, variation)
     return figure
 
 

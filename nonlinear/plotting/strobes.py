@@ -6,17 +6,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from modal.plotting import colour, headline, scale
-from modal.plotting.layout import symbols_in
-from modal.plotting.style import dot_size, sheet_of_rows
-from modal.scene import number_label, title_of
+from modal.plotting.layout import headline, set_values, symbols_in
+from modal.plotting.style import colour, dot_size, stack
+from modal.scene import title_of
 from nonlinear.ensembles import BifurcationDiagram, StroboscopicSection
 
 
 def strobes_figure(section: StroboscopicSection) -> Figure:
     """The rate of every named link over its angle, once a period, a colour for each motion."""
-    figure = sheet_of_rows(2 * len(section.shown))
-    axes = np.atleast_1d(figure.subplots(len(section.shown), 1))
+    figure, axes = stack(len(section.shown), 2 * len(section.shown))
     for axis, link in zip(axes, section.shown, strict=True):
         angles, rates = section.points(link)
         size = dot_size(angles.size)
@@ -32,15 +30,13 @@ def strobes_figure(section: StroboscopicSection) -> Figure:
 
 def bifurcation_figure(diagram: BifurcationDiagram) -> Figure:
     """The angles of every named link at the last strobes, over the number that is varied."""
-    figure = sheet_of_rows(1.5 * len(diagram.shown))
-    axes = np.atleast_1d(figure.subplots(len(diagram.shown), 1, sharex=True))
+    figure, axes = stack(len(diagram.shown), 1.5 * len(diagram.shown), sharex=True)
     for axis, link in zip(axes, diagram.shown, strict=True):
         values, angles = diagram.points(link)
         axis.plot(values, angles, ".", ms=dot_size(angles.size), mew=0, color=colour(0), rasterized=True)
         axis.set(ylabel=f"{link_name(diagram, link)} at {diagram.phase_deg:g}° of the drives (°)")
         _turn(axis, "y", angles)
-    scale(axes[-1], "x", diagram.variation)
-    axes[-1].set(xlabel=number_label(diagram.scene, diagram.variation.path))
+    set_values(axes[-1], diagram.scene, diagram.variation, has_limits=False)
     headline(
         figure, title_of(diagram.scene), f"bifurcation diagram: the last {diagram.times.shape[1]} strobes of each value"
     )

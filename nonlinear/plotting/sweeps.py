@@ -4,38 +4,37 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib import rcParams
+from matplotlib import colormaps, rcParams
 from matplotlib.axes import Axes
-from matplotlib.colors import BoundaryNorm, ListedColormap, LogNorm, Normalize
+from matplotlib.collections import QuadMesh
+from matplotlib.colors import BoundaryNorm, ListedColormap, LogNorm, Normalize, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patheffects import Normal, Stroke
 
 from modal.errors import ComputationError
-from modal.plotting import (
+from modal.plotting.curves import draw_curves
+from modal.plotting.layout import NUMBER, TICKS_MAX, colour_bar, headline, legend, log_ticks, set_values
+from modal.plotting.style import (
     HUES,
+    LOG_RATIO,
     MOST_CURVES,
-    NUMBER,
+    VISIBLE_SHARE,
     WIDE,
     WIDTH,
     colour,
-    draw_curves,
-    headline,
     ink,
-    legend,
-    log_ticks,
     mixture,
     paper,
     rest,
-    scale,
     shade,
+    sheet_of_rows,
+    stack,
 )
-from modal.plotting.layout import TICKS_MAX
-from modal.plotting.style import LOG_RATIO, VISIBLE_SHARE, sheet_of_rows
 from modal.report import deferred
-from modal.scene import number_label, title_of
+from modal.scene import Scene, number_label, title_of
 from modal.scene.parameters import Variation
 from modal.types import Floats
 from modal.vibration import KINDS
@@ -47,6 +46,14 @@ KIND_COLOURS = 0, 1, 2
 """Of growth at the frequency, at half of it and at a combination."""
 FRACTIONS = {"order", "survivor_share"}
 """Quantities from 0 to 1, whose scales are linear however small they get."""
+WORDS = {
+    "omega": "ω",
+    "survivor": "surviving mode",
+    "survivor share": "its share of the energy",
+    "order": "order parameter R",
+    "lyapunov": "largest Lyapunov exponent",
+}
+"""What quantities are called whose columns do not say it."""
 UNITS = (
     ("_rad_per_s", "rad/s"),
     ("_deg_per_s", "°/s"),
@@ -103,9 +110,16 @@ def words(column: str) -> tuple[str, str]:
 
 def label(column: str) -> str:
     """An axis label for a column."""
-    name, unit = words(column)
-    symbol = re.sub(r"^omega (\d+[a-z]*)$", r"ω$_{\1}$", name) if name != "omega" else "ω"
-    return f"{symbol} ({unit or NUMBER})"
+    return f"{name_of(column)} ({words(column)[1] or NUMBER})"
+
+
+def name_of(column: str) -> str:
+    """What a column is called in a figure: ω₁ or words."""
+    name = words(column)[0]
+    numbered = re.fullmatch(r"(omega|beat) (\d+[a-z]*)", name)
+    if numbered:
+        return rf"ω$_{{{numbered[2]}}}$" if numbered[1] == "omega" else f"beat of mode {numbered[2]}"
+    return WORDS.get(name, name)
 
 
 # ------------------------------------------------------------------------------------------------------- curves
@@ -116,15 +130,14 @@ def _curves(sweep: Sweep, columns: list[str]) -> Figure:
     panels: dict[str, list[str]] = {}
     for name in columns:
         panels.setdefault(re.sub(r"_\d+[a-z]*(?=_|$)", "", name), []).append(name)
-    figure = sheet_of_rows(len(panels))
     variation = sweep.study.variations[0]
-    axes = np.atleast_1d(figure.subplots(len(panels), 1, sharex=True))
+    figure, axes = stack(len(panels), sharex=True)
     for axis, (kind, names) in zip(axes, panels.items(), strict=True):
         values = [sweep.values(name) for name in names]
         curves = [(np.array(variation.values), np.where(np.isfinite(y), y, np.nan)) for y in values]
         _range(axis, np.array([y for _, y in curves]), kind)
         log = ("x" if variation.log else "") + ("y" if axis.get_yscale() == "log" else "")
-        draw_curves(axis, curves, names=[label(name) for name in names], log=log, marker=".", ms=4.0)
+        draw_curves(axis, curves, names=[name_of(name) for name in names], log=log, marker=".", ms=4.0)
         if len(names) > 1:
             legend(axis, 4)
         axis.set(ylabel=label(kind if len(names) > 1 else names[0]))
@@ -134,10 +147,7 @@ def _curves(sweep: Sweep, columns: list[str]) -> Figure:
         for boundary in sweep.boundaries:
             over = boundary.frequency_hz if variation.path.endswith("_hz") else boundary.amplitude
             axis.axvline(over[0], color=rest(), lw=1.0, zorder=0)
-    scale(axes[-1], "x", variation)
-    axes[-1].set(
-        xlabel=number_label(sweep.study.scene, variation.path), xlim=(variation.values[0], variation.values[-1])
-    )
+    set_values(axes[-1], sweep.study.scene, variation)
     return figure
 
 
@@ -161,61 +171,77 @@ def _maps(sweep: Sweep, names: list[str]) -> Figure:
     rows = -(-len(names) // columns)
     figure = sheet_of_rows(1.5 * rows, WIDTH if columns == 1 else WIDE)
     panels = np.atleast_1d(figure.subplots(rows, columns, sharex=True, sharey=True)).ravel()
-    y, x = sweep.study.variations
     for place, (axis, name) in enumerate(zip(panels, names, strict=False)):
-        _map(figure, axis, sweep, name)
-        axis.set(xlabel=number_label(sweep.study.scene, x.path), ylabel=number_label(sweep.study.scene, y.path))
+        _map(axis, sweep, name)
         axis.label_outer()
         if place + columns >= len(names):
-            axis.set_xlabel(number_label(sweep.study.scene, x.path))
+            axis.set_xlabel(number_label(sweep.study.scene, sweep.study.variations[1].path))
             axis.tick_params(which="both", labelbottom=True)
     for axis in panels[len(names) :]:
         axis.remove()
     return figure
 
 
-def _map(figure: Figure, axis: Axes, sweep: Sweep, name: str) -> None:
-    y, x = sweep.study.variations
-    values = sweep.values(name)
-    numbers = values[np.isfinite(values)]
+def _map(axis: Axes, sweep: Sweep, name: str) -> None:
+    where, values = (axis, sweep.study.scene, sweep.study.variations), sweep.values(name)
     if name == "kind" and "growth_rate_per_s" in sweep.columns:
-        _kinds(figure, axis, sweep, values)
+        numbers = sorted(KINDS)
+        hues = [shade(0.04), shade(0.16), *(mixture(colour(k), 0.75) for k in KIND_COLOURS)]
+        bar = colour_bar(axis, draw_map(*where, values, **colours_of(hues, numbers[0])), "")
+        bar.set_ticks(numbers, labels=[KINDS[number].replace(" at ", "\nat ") for number in numbers])
+    else:
+        draw_shades(*where, values, label(name), is_linear=name in FRACTIONS)
+    _boundaries(axis, sweep)
+
+
+def draw_map(axis: Axes, scene: Scene, variations: Sequence[Variation], values: Floats, **look: Any) -> QuadMesh:
+    """Colours of values (Y, X) over two numbers of a scene, hatched where there is none; `look` is of `pcolormesh`."""
+    y, x = variations
+    axis.patch.set(edgecolor=rest(), hatch="////", lw=0)
+    mesh = axis.pcolormesh(edges(x), edges(y), np.ma.masked_invalid(values), rasterized=True, lw=0, **look)
+    set_values(axis, scene, x, has_limits=False)
+    set_values(axis, scene, y, "y", has_limits=False)
+    axis.grid(visible=False)
+    return mesh
+
+
+def colours_of(hues: Sequence[str], first: int = 0) -> dict[str, Any]:
+    """The look of a map whose values are whole numbers from the first on, a hue each."""
+    bounds = first - 0.5 + np.arange(len(hues) + 1)
+    return {"cmap": ListedColormap([to_rgb(hue) for hue in hues]), "norm": BoundaryNorm(bounds, len(hues))}
+
+
+def draw_shades(
+    axis: Axes,
+    scene: Scene,
+    variations: Sequence[Variation],
+    values: Floats,
+    words: str,
+    *,
+    is_linear: bool = False,
+    lowest: float = -np.inf,
+) -> None:
+    """A map of values in shades with a bar: logarithmic where they range widely, steps where they are few numbers.
+
+    What is less than the `lowest` has its shade.
+    """
+    numbers = np.unique(values[np.isfinite(values)])
+    low, high = (max(lowest, float(numbers[0])), float(numbers[-1])) if len(numbers) else (0.0, 1.0)
+    is_log = low > 0 and high > LOG_RATIO * low and not is_linear
+    has_steps = bool(np.all(numbers == np.round(numbers))) and high - low < TICKS_MAX and not is_linear
+    if has_steps:
+        steps = round(high - low) + 1
+        look = {"cmap": colormaps[rcParams["image.cmap"]].resampled(steps), "norm": Normalize(low - 0.5, high + 0.5)}
+    else:
+        look = {"norm": (LogNorm if is_log else Normalize)(low, high)}
+    mesh = draw_map(axis, scene, variations, values, **look)
+    if not len(numbers):
         return
-    by_ratio = numbers.min() > 0 and numbers.max() > LOG_RATIO * numbers.min() and name not in FRACTIONS
-    norm = (LogNorm if by_ratio else Normalize)(numbers.min(), numbers.max())
-    axis.patch.set(edgecolor=rest(), hatch="////", lw=0)
-    image = np.ma.masked_invalid(values)
-    mesh = axis.pcolormesh(edges(x), edges(y), image, norm=norm, rasterized=True, lw=0)
-    scale(axis, "x", x)
-    scale(axis, "y", y)
-    axis.grid(visible=False)
-    bar = figure.colorbar(mesh, ax=axis, pad=0.02)
-    bar.set_label(label(name))
-    if by_ratio:
-        log_ticks(bar.ax.yaxis, numbers.max() / numbers.min())
-    elif np.all(numbers == np.round(numbers)) and len(rows := np.unique(numbers)) <= TICKS_MAX:
-        bar.set_ticks(rows.tolist(), labels=[f"{row:g}" for row in rows])
-    bar.outline.set_visible(False)
-    _boundaries(axis, sweep)
-
-
-def _kinds(figure: Figure, axis: Axes, sweep: Sweep, values: Floats) -> None:
-    """What small motion does, a colour for each kind, named in the colour bar."""
-    y, x = sweep.study.variations
-    numbers = sorted(KINDS)
-    colours = ListedColormap([shade(0.04), shade(0.16), *(mixture(colour(k), 0.75) for k in KIND_COLOURS)])
-    norm = BoundaryNorm([number - 0.5 for number in (*numbers, numbers[-1] + 1)], len(numbers))
-    axis.patch.set(edgecolor=rest(), hatch="////", lw=0)
-    mesh = axis.pcolormesh(
-        edges(x), edges(y), np.ma.masked_invalid(values), cmap=colours, norm=norm, rasterized=True, lw=0
-    )
-    scale(axis, "x", x)
-    scale(axis, "y", y)
-    axis.grid(visible=False)
-    bar = figure.colorbar(mesh, ax=axis, pad=0.02)
-    bar.set_ticks(numbers, labels=[KINDS[number].replace(" at ", "\nat ") for number in numbers])
-    bar.outline.set_visible(False)
-    _boundaries(axis, sweep)
+    bar = colour_bar(axis, mesh, words)
+    if has_steps:
+        bar.set_ticks(numbers.tolist(), labels=[f"{number:g}" for number in numbers])
+    elif is_log:
+        log_ticks(bar.ax.yaxis, high / low)
 
 
 def _boundaries(axis: Axes, sweep: Sweep) -> None:

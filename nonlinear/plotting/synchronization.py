@@ -14,26 +14,22 @@ from matplotlib.ticker import MaxNLocator
 
 from modal.errors import ComputationError
 from modal.modes import Mode, table_numbers
-from modal.plotting import (
+from modal.plotting.curves import CURVE_GAP_MAX, draw_curves
+from modal.plotting.layout import SMALL, headline, key, legend, set_frame
+from modal.plotting.style import (
+    CURVE_POINTS,
     HUES,
     QUIET,
-    SMALL,
     WIDE,
     colour,
-    draw_curves,
-    headline,
     ink,
-    key,
-    legend,
     narrowing,
     paper,
     rest,
     secondary_colour,
-    set_frame,
+    sheet_of_rows,
     thickness,
 )
-from modal.plotting.curves import CURVE_GAP_MAX
-from modal.plotting.style import CURVE_POINTS, sheet_of_rows
 from modal.report import counted
 from modal.scene import title_of
 from modal.scene.doors import require_type
@@ -209,10 +205,7 @@ def _finish(figure: Figure, trajectory: Trajectory, pendula: Ints) -> None:
     headline(figure, title_of(trajectory.scene), "synchronization")
     lines = [Line2D([], [], color=colour(k), lw=thickness(k)) for k in range(len(pendula))]
     names = [f"pendulum {number + 1}" for number in pendula]
-    is_selection = len(pendula) < trajectory.system.n_pendula
-    notes = (
-        f"{len(pendula)} of {trajectory.system.n_pendula} pendula drawn; grey dots: the phases of all"
-        if is_selection
-        else ""
-    )
+    count, notes = trajectory.system.n_pendula, ""
+    if len(pendula) < count:
+        notes = f"{len(pendula)} of {count} pendula drawn; grey dots: the phases of all"
     key(figure, lines, names, columns=HUES, notes=notes)

@@ -12,28 +12,25 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from modal.errors import ComputationError
-from modal.plotting import (
+from modal.plotting.layout import SMALL, headline, key, log_ticks, mark_modes
+from modal.plotting.style import (
     HUES,
     MARKED,
     PREDICTED,
     QUIET,
-    SMALL,
     colour,
     dashes_of_prediction,
-    headline,
-    key,
-    log_ticks,
-    mark_modes,
     paper,
     secondary_colour,
+    stack,
 )
-from modal.plotting.style import sheet_of_rows
 from modal.scene import title_of
 from modal.types import Floats
 from nonlinear.plotting.run import SPECTRUM_DEPTH
 from nonlinear.postprocessing import ORDER
 from nonlinear.verification import ONE_PERCENT, Check, Comparison, ModeCheck, ModeInMotion
 
+SUPERSCRIPTS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 MARKERS, SIZES = ("o", "s", "D"), (9.5, 5.5)
 MOST_CURVES = HUES * len(MARKERS)
 
@@ -53,8 +50,7 @@ def check_figure(check: Check) -> Figure:
         raise ComputationError("no mode was measured: there is nothing to draw")
     if len(rows) > MOST_CURVES:
         raise ComputationError(f"{len(rows)} modes do not fit in a figure: choose at most {MOST_CURVES} with `modes`")
-    figure = sheet_of_rows(1)
-    axis = figure.subplots()
+    figure, (axis,) = stack(1)
     angles = [degrees(measurement.effective) for row in rows for measurement in row.measurements]
     high = min(2 * max(angles), 180.0)
     low = min(min(angles) / 2, high / 12)  # more than a decade, so that several ticks have numbers
@@ -104,14 +100,9 @@ def _shifts(axis: Axes, row: ModeCheck, low: float, high: float, k: int) -> None
         size, shift = np.rad2deg(row.backbone.amplitude), np.abs(row.backbone.omega / row.backbone.linear - 1)
         axis.plot(size, shift, color=colour(k), lw=2.4, alpha=0.35, gid=QUIET, zorder=1.5)
     steady = [measurement for measurement in row.measurements if not measurement.irregular]
+    x = np.degrees([measurement.effective for measurement in steady])
+    y = np.array([measurement.shift for measurement in steady])
     for falls in (True, False):
-        x, y = (
-            np.array(v)
-            for v in (
-                [degrees(measurement.effective) for measurement in steady],
-                [measurement.shift for measurement in steady],
-            )
-        )
         is_branch = (y < 0) == falls
         face, edge = (colour(k), paper()) if falls else (paper(), colour(k))
         axis.plot(x[is_branch], np.abs(y[is_branch]), _marker(k), ms=_size(k), mfc=face, mec=edge, mew=1.0, zorder=4)
@@ -125,8 +116,7 @@ def spectrum_figure(comparison: Comparison) -> Figure:
     Dotted lines with numbers mark the table's frequencies.  Raises ComputationError where nothing oscillates.
     """
     rows = _strongest(comparison)
-    figure = sheet_of_rows(1)
-    axis = figure.subplots()
+    figure, (axis,) = stack(1)
     omega, sizes = _spectra(comparison, rows)
     top = float(sizes.max())
     for k, size in enumerate(sizes):
@@ -139,7 +129,8 @@ def spectrum_figure(comparison: Comparison) -> Figure:
     handles = [Line2D([], [], color=colour(k)) for k in range(len(rows))]
     names = [f"mode {row.mode.number}: {row.mode.omega:.5g} rad/s" for row in rows]
     headline(figure, title_of(comparison.modes.scene), "spectra of the modal coordinates")
-    notes = f"window (1 + cos πs)^{ORDER}, s from −1 to 1 over the motion, with zeros to 4 times its length"
+    power = str(ORDER).translate(SUPERSCRIPTS)
+    notes = f"window (1 + cos πs){power}, s from −1 to 1 over the motion, with zeros to 4 times its length"
     key(figure, handles, names, notes=notes)
     return figure
 

@@ -11,9 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from modal.errors import ComputationError
-from modal.plotting import HUES, QUIET, SMALL, colour, headline, ink, key, paper, rest
-from modal.plotting.layout import decade_limits
-from modal.plotting.style import sheet_of_rows
+from modal.plotting.layout import SMALL, decade_limits, headline, key
+from modal.plotting.style import HUES, QUIET, colour, ink, paper, rest, stack
 from modal.scene import title_of
 from nonlinear.reduction import CORRECTED, LINEAR
 
@@ -34,8 +33,7 @@ def tradeoff_figure(work_precision: WorkPrecision) -> Figure:
     rows = [row for row in work_precision.rows if row.candidate != work_precision.reference.candidate]
     if not rows:
         raise ComputationError("no candidate was measured: there is nothing to draw")
-    figure = sheet_of_rows(2)
-    axis = figure.subplots()
+    figure, (axis,) = stack(1, 2)
     _bounds(axis, work_precision, rows)
     _front(axis, work_precision)
     for _, members in groupby(rows, key=lambda row: row.candidate.family):
@@ -63,10 +61,8 @@ def _front(axis: Axes, work_precision: WorkPrecision) -> None:
 
 
 def _family(axis: Axes, work_precision: WorkPrecision, rows: list[WorkPrecisionRow]) -> None:
-    points, candidate = (
-        zip(*((row.seconds, work_precision.measurable_error(row)) for row in rows), strict=True),
-        rows[0].candidate,
-    )
+    candidate = rows[0].candidate
+    points = [row.seconds for row in rows], [work_precision.measurable_error(row) for row in rows]
     if candidate.modal:
         axis.plot(*points, MODAL[candidate.kind], color=ink(), ms=11, mec=paper(), label=candidate.kind, zorder=5)
         return
@@ -81,13 +77,11 @@ def _label(candidate: Candidate) -> str:
 
 
 def _decorate(figure: Figure, axis: Axes, work_precision: WorkPrecision) -> None:
-    horizon, tolerances = (
-        work_precision.reference.horizon,
-        [row.candidate.tolerance for row in work_precision.rows[1:] if not row.candidate.modal],
-    )
+    horizon = work_precision.reference.horizon
+    tolerances = [row.candidate.tolerance for row in work_precision.rows[1:] if not row.candidate.modal]
     axis.set(xlabel="time of a run, once prepared (s)", ylabel=f"largest error of an angle in {horizon:.4g} s (rad)")
     if tolerances:
-        words = f"along each line: tolerances from {max(tolerances):.0e} to at most {min(tolerances):.0e}"
+        words = f"along each line: tolerances from {max(tolerances):g} to at most {min(tolerances):g}"
         axis.set_title(words, loc="right")
     headline(figure, title_of(work_precision.scene), "time against accuracy")
     key(figure, *axis.get_legend_handles_labels())
@@ -99,8 +93,7 @@ def frequencies_figure(result: FrequencyTradeoff) -> Figure:
     A way that gives up is left out; an error below the spacing of numbers is drawn there.
     """
     rows = [row for row in result.rows if isfinite(row.error)]
-    figure = sheet_of_rows(2)
-    axis = figure.subplots()
+    figure, (axis,) = stack(1, 2)
     spacing = float(np.finfo(np.float64).epsneg)
     for index, row in enumerate(rows):
         marker, hue = [*MARKERS.values()][index % len(MARKERS)], colour(index % HUES)

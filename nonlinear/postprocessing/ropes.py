@@ -147,22 +147,15 @@ def _ropes(scene: Scene) -> Ints:
     """The links, counted with copies, that may be ropes: those of bobs that hang."""
     is_rope = [
         isinstance(link, Bob) and way == "down"
-        for pendulum in scene.pendulum
-        for _ in range(pendulum.count)
-        for link, way in zip((link for link in pendulum.links for _ in range(link.count)), pendulum.ways, strict=True)
+        for pendulum in scene.hanging
+        for link, way in zip(pendulum.chain, pendulum.ways, strict=True)
     ]
     return np.flatnonzero(is_rope)
 
 
 def _weights(scene: Scene) -> Floats:
     """The weight (N) of every link."""
-    masses = [
-        link.mass
-        for pendulum in scene.pendulum
-        for _ in range(pendulum.count)
-        for link in pendulum.links
-        for _ in range(link.count)
-    ]
+    masses = [link.mass for pendulum in scene.hanging for link in pendulum.chain]
     return scene.gravity * np.array(masses)
 
 

@@ -146,8 +146,7 @@ def joint_terms(pendula: Sequence[Pendulum], where: str = "placed_laws") -> tupl
     """The laws at the joints of pendula with equally many links, one column each, or the forces on their centres."""
     places: dict[tuple[type[JointLaw], int], list[tuple[int, int, dict[str, float]]]] = {}
     for column, pendulum in enumerate(pendula):
-        links = [link for link in pendulum.links for _ in range(link.count)]
-        for row, link in enumerate(links):
+        for row, link in enumerate(pendulum.chain):
             for k, (_, part) in enumerate(getattr(link, where)):
                 places.setdefault((type(part.law), k), []).append((row, column, part.numbers))
     terms = []
@@ -160,9 +159,7 @@ def joint_terms(pendula: Sequence[Pendulum], where: str = "placed_laws") -> tupl
 
 def _link_numbers(pendula: Sequence[Pendulum], name: str) -> Floats | None:
     """A number of every link, (n, P), of pendula with equally many links; None where all are 0."""
-    numbers = np.array(
-        [[getattr(link, name) for link in pendulum.links for _ in range(link.count)] for pendulum in pendula]
-    ).T
+    numbers = np.array([[getattr(link, name) for link in pendulum.chain] for pendulum in pendula]).T
     return np.ascontiguousarray(numbers) if numbers.any() else None
 
 
@@ -508,7 +505,7 @@ def system_of(scene: Scene, hoists: Hoists | None = None) -> System:
     validate_scene(scene)
     lawless = scene.without_laws
     rig = rig_of(lawless.replace(force=()) if scene.force else lawless)
-    hanging = [pendulum for pendulum in scene.pendulum for _ in range(pendulum.count)]
+    hanging = scene.hanging
     sizes = np.array([rig.blocks[block].n for block, _, copies in rig.members for _ in range(copies)])
     columns = np.array([(block, column) for block, column, copies in rig.members for _ in range(copies)])
     first = np.concatenate(([0], np.cumsum(sizes)[:-1]))

@@ -288,8 +288,7 @@ def test_no_panel_is_empty_and_nothing_touches_the_edge(
     from matplotlib.colors import to_rgb
     from matplotlib.image import imread
 
-    from modal.plotting import colour
-    from modal.plotting.style import theme
+    from modal.plotting.style import colour, theme
 
     with theme("light"):
         front = np.array(to_rgb(colour(0)))

@@ -8,7 +8,9 @@ from matplotlib.collections import PolyCollection
 from seen import flaws
 
 import modal
-from modal.plotting import draw_curves, envelope, legend, sheet
+from modal.plotting import sheet
+from modal.plotting.curves import draw_curves, envelope
+from modal.plotting.layout import legend
 from modal.plotting.style import theme
 from nonlinear.integration import Trajectory
 from nonlinear.plotting.run import run_figure

@@ -15,21 +15,10 @@ from seen import flaws, hidden_curves
 
 from modal import Bob, Cart, Pendulum, Scene, matrices, natural_modes
 from modal.coupling import explain
-from modal.plotting import (
-    bode_figure,
-    colour,
-    coupling_figure,
-    draw_curves,
-    headline,
-    key,
-    legend,
-    pick,
-    shapes_figure,
-    sheet,
-)
-from modal.plotting.curves import CURVE_GAP_MAX, coinciding, common_name
-from modal.plotting.layout import HEADLINE_LINES, shorten
-from modal.plotting.style import theme
+from modal.plotting import bode_figure, coupling_figure, shapes_figure, sheet
+from modal.plotting.curves import CURVE_GAP_MAX, coinciding, common_name, draw_curves, pick
+from modal.plotting.layout import HEADLINE_LINES, headline, key, legend, shorten
+from modal.plotting.style import colour, theme
 from modal.statespace import state_space, to_modal_form
 from nonlinear.plotting import check_figure
 from nonlinear.postprocessing import power_spectrum, resolution
@@ -69,11 +58,11 @@ def test_gaps_coincide_with_gaps_only() -> None:
     ("names", "expected"),
     [
         (["link 4"], "link 4"),
-        (["pendulum 1", "pendulum 2", "pendulum 3", "pendulum 7"], "pendulum 1–3, 7 coincide"),
+        (["pendulum 1", "pendulum 2", "pendulum 3", "pendulum 7"], "pendula 1–3, 7 coincide"),
         (["1.1", "2.1", "3.1"], "1.1–3.1 coincide"),
         (["1.1", "2.2"], "1.1, 2.2 coincide"),
         (["kinetic", "total"], "kinetic, total coincide"),
-        ([f"pendulum {k}" for k in range(1, 100, 2)], "pendulum 1, 3, 5, 7, 9, 11, 13, … (43 more) coincide"),
+        ([f"pendulum {k}" for k in range(1, 100, 2)], "pendula 1, 3, 5, 7, 9, 11, 13, … (43 more) coincide"),
     ],
 )
 def test_coinciding_curves_are_named_together(names: list[str], expected: str) -> None:

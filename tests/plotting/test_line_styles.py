@@ -11,8 +11,10 @@ from matplotlib.colors import to_hex
 
 import modal
 import nonlinear
-from modal.plotting import COMPUTED, HUES, MARKED, MOST_CURVES, PREDICTED, UNSTABLE, draw_curves, legend, sheet, spots
-from modal.plotting.style import theme
+from modal.plotting import sheet
+from modal.plotting.curves import draw_curves
+from modal.plotting.layout import legend
+from modal.plotting.style import COMPUTED, HUES, MARKED, MOST_CURVES, PREDICTED, UNSTABLE, spots, theme
 from nonlinear.orbits import nonlinear_mode
 from nonlinear.plotting import orbits_figure
 

@@ -12,9 +12,9 @@ from seen import flaws
 
 from modal import Bob, Cart, Pendulum, Scene, matrices, natural_modes
 from modal.coupling import explain
-from modal.plotting import USUAL_PANELS, colour, coupling_figure, shapes_figure
+from modal.plotting import USUAL_PANELS, coupling_figure, shapes_figure
 from modal.plotting.shapes import AMPLITUDE_DEG, FEW_LINKS, SIDEWAYS
-from modal.plotting.style import theme
+from modal.plotting.style import colour, theme
 
 
 def chain(count: int, **support: object) -> Scene:

@@ -26,27 +26,11 @@ from modal import Bob, Cart, Pendulum, Rod, Scene, natural_modes
 from modal.coupling import Coupling, explain
 from modal.loci import Loci, follow_loci
 from modal.modes import Modes
-from modal.plotting import (
-    HUES,
-    QUIET,
-    bode_figure,
-    colour,
-    coupling_figure,
-    headline,
-    in_both_themes,
-    ink,
-    key,
-    paper,
-    save,
-    secondary_colour,
-    shade,
-    shapes_figure,
-    sheet,
-    thickness,
-)
+from modal.plotting import bode_figure, coupling_figure, in_both_themes, save, shapes_figure, sheet
+from modal.plotting.layout import headline, key
 from modal.plotting.loci import loci_figure
 from modal.plotting.response import impulse_figure
-from modal.plotting.style import theme
+from modal.plotting.style import HUES, QUIET, colour, ink, paper, secondary_colour, shade, theme, thickness
 from modal.plotting.travels import hoist_figure
 from modal.scene import InitialCondition, VanDerPol
 from modal.scene.parameters import parse_variations

@@ -16,7 +16,8 @@ from scipy.signal import periodogram
 import modal
 from modal import Bob, Cart, Pendulum, Scene
 from modal.errors import ComputationError
-from modal.plotting import headline, save
+from modal.plotting import save
+from modal.plotting.layout import headline
 from modal.plotting.style import CURVE_POINTS
 from nonlinear.integration import Trajectory
 from nonlinear.plotting.run import run_figure
@@ -167,3 +168,30 @@ def test_a_title_stays_within_its_figure(words: str) -> None:
     assert box.x0 >= 0
     assert box.x1 <= figure.bbox.width
     assert title.get_text().split() == f"{words}: motion".split()
+
+
+PUSHES = (
+    {"input": "cart_force", "output": "x_dot", "gain": 6.0, "limit": 1.0, "sample_time": 0.05, "delay": 0.1},
+    {"input": "cart_force", "output": "x", "gain": 2.0},
+    {"input": "joint_torques", "output": "theta_dot_1_1", "gain": 0.5},
+)
+
+
+def test_the_forces_of_loops_are_drawn_and_change_the_momentum_by_their_integral() -> None:
+    hook = Pendulum(links=[Bob(mass=1.0, length=1.0)], start={"angles_deg": [30.0]})
+    scene = Scene(gravity=9.81, support=Cart(mass=3.0), pendulum=[hook], feedback=PUSHES)
+    trajectory = simulate(scene, 4.0, tolerance=1e-10, output=2001)
+    figure = run_figure(trajectory)
+    force, torque = (axis for axis in figure.axes if axis.get_title(loc="left") == "Feedback")
+    assert (force.get_ylabel(), torque.get_ylabel()) == ("force (N)", "torque (N m)")
+    times, pushes = (np.asarray(values, dtype=float) for values in force.lines[0].get_data())
+    impulse = np.append(0.0, np.cumsum(np.diff(times) * (pushes[1:] + pushes[:-1]) / 2))
+    change = trajectory.mechanics.momentum - trajectory.mechanics.momentum[0]
+    assert np.abs(change).max() > 0.1
+    # Each held push is drawn up to half a step off.
+    assert np.abs(np.interp(trajectory.times, times, impulse) - change).max() < 2e-3
+    turning = np.asarray(torque.lines[0].get_ydata(), dtype=float)
+    drawn_rates = -2.0 * np.interp(trajectory.times, times, turning)
+    assert np.abs(drawn_rates - trajectory.motion.link_rates[:, 0]).max() < 1e-3
+    coarse = run_figure(simulate(scene, 4.0, output=5))
+    assert "no sampled feedback drawn" in coarse.get_supxlabel()

@@ -75,6 +75,16 @@ def test_pictures_of_linear_models_have_no_identifiers_and_units_once() -> None:
     assert titles == ["driven by: support acceleration", "response: position", "response: angle"]
 
 
+def test_peaks_of_hardly_damped_modes_are_cut_and_said_so() -> None:
+    """A mode of ζ = 1e-7 rises seven decades of power above all else, as one line."""
+    white = Spectrum((0.05, 30.0), (1e-12, 1e-12), "acceleration")
+    for name, are_cut in (("suspension", True), ("damped-suspension", False)):
+        axis = random_figure(random_response(load(name), white, ("tip_positions",))).axes[1]
+        curve = np.asarray(axis.lines[0].get_ydata(), dtype=float)
+        assert (np.nanmax(curve) > axis.get_ylim()[1]) == are_cut
+        assert axis.get_title(loc="left").endswith("sharp peaks cut") == are_cut
+
+
 # ---------------------------------------------------------------------------------------------------- sections
 
 

@@ -14,8 +14,8 @@ from seen import flaws, hidden_curves
 import modal
 from modal import Bob, Cart, Pendulum, Scene, load
 from modal.errors import SceneError
-from modal.plotting import MARKED, travel_figure
-from modal.plotting.style import theme
+from modal.plotting import travel_figure
+from modal.plotting.style import MARKED, theme
 from modal.scene import Moved, RecordMotion
 from modal.statespace import shaper_for
 from modal.statespace.hoisting import Travel, travel_residuals

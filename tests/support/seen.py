@@ -21,7 +21,7 @@ from matplotlib.text import Text
 from matplotlib.ticker import FixedFormatter, FuncFormatter
 from matplotlib.transforms import Bbox
 
-from modal.plotting import QUIET
+from modal.plotting.style import QUIET
 
 LEAST = 3.0
 """Contrast of words and lines with what is behind them, as the Web Content Accessibility Guidelines count it."""

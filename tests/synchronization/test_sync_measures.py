@@ -21,7 +21,8 @@ from modal import Bob, Cart, Fixed, Pendulum, Scene
 from modal.assembly import rig_of
 from modal.coupling.reduced import fixed_base_modes
 from modal.errors import ComputationError
-from modal.plotting import HUES, save
+from modal.plotting import save
+from modal.plotting.style import HUES
 from modal.scene import InitialCondition, VanDerPol
 from nonlinear.dynamics import Mechanics
 from nonlinear.ensembles.measures import ending_times
