@@ -194,7 +194,7 @@ class LivePage {
   remember() {
     const { player } = this;
     const places = player.view.places(player.y);
-    player.view.follow(places, player.view.drift(player.y, places));
+    player.view.follow(places);
     if (this.trails.length !== places.length) this.trails = places.map(() => []);
     if (!player.playing) return;
     places.forEach(({ joints }, i) => {

@@ -17,8 +17,7 @@ export function paint(canvas, colours, draw) {
 }
 
 export function drawScene(ink, view, { y, predicted, trails, selected, tool, colours }) {
-  if (view.system.structure) drawStructure(ink, view, y, colours, tool);
-  else drawSupport(ink, view, y, colours, tool);
+  drawSupports(ink, view, y, colours, tool);
   if (predicted) drawPredicted(ink, view, predicted, colours);
   const places = view.places(y);
   places.forEach(({ joints, centres }, number) => {
@@ -41,47 +40,11 @@ export function hueOf(system, number, colours) {
   return colours.hues[number % colours.hues.length];
 }
 
-function drawSupport(ink, view, y, colours, tool) {
-  const half = view.half * view.scale;
-  const [x, top] = view.pixel([y[0] + view.shift[0], view.shift[1]]);
-  ink.lineWidth = 1.5;
-  ink.strokeStyle = colours.line;
-  if (!view.system.cart) {
-    ink.fillStyle = colours.line;
-    ink.fillRect(x - half, top - 7, 2 * half, 7);
-    ink.beginPath();
-    for (let at = x - half + 6; at <= x + half; at += 9) ink.moveTo(at - 6, top - 8) || ink.lineTo(at, top - 15);
-    ink.stroke();
-    return;
-  }
-  const height = Math.max(16, 0.07 * view.reach * view.scale);
-  ink.beginPath();
-  ink.moveTo(0, top + 6.5);
-  ink.lineTo(view.width, top + 6.5);
-  const step = view.reach / 4;
-  for (let k = Math.ceil(view.metre([0, 0])[0] / step); k * step < view.metre([view.width, 0])[0]; k++) {
-    const at = view.pixel([k * step, 0])[0];
-    ink.moveTo(at, top + 6.5);
-    ink.lineTo(at, top + (k ? 11 : 16));
-  }
-  ink.stroke();
-  if (view.system.cart.stiffness) drawSpring(ink, [0, top - height / 2], [x - half, top - height / 2], colours);
-  ink.fillStyle = colours.cart;
-  ink.beginPath();
-  ink.roundRect(x - half, top - height, 2 * half, height, 5);
-  ink.fill();
-  const inset = Math.min(12, 0.06 * view.reach * view.scale);
-  for (const side of [-1, 1]) dot(ink, [x + side * (half - inset), top + 6.5 - 0.45 * inset], 0.45 * inset, colours.ink);
-  if (tool !== "mass") return;
-  ink.fillStyle = colours.accent;
-  ink.fillRect(x + half - 5, top - height - 5, 10, 10);
-}
-
-// The pieces of a structure: what is still below, then bodies, what holds them, springs and dots.
+// The pieces of supports: what is still below, then bodies, what holds them, springs and dots.
 const LAYERS = [["guide", "hatch", "ground"], ["body", "line"], ["spring"], ["dot"]];
 const WIDTHS = { guide: 1, hatch: 1, ground: 2, body: 1.5, line: 2, spring: 1.5 };
 
-function drawStructure(ink, view, y, colours, tool) {
+function drawSupports(ink, view, y, colours, tool) {
   const pieces = view.pieces(y);
   for (const layer of LAYERS) {
     for (const piece of pieces) if (layer.includes(piece.role)) drawPiece(ink, view, piece, colours);
@@ -107,15 +70,6 @@ function drawPiece(ink, view, { role, closed, points }, colours) {
     ink.fillStyle = colours.cart;
     ink.fill();
   }
-  ink.stroke();
-}
-
-function drawSpring(ink, from, to, colours) {
-  ink.strokeStyle = colours.line;
-  ink.beginPath();
-  ink.moveTo(...from);
-  for (let k = 1; k < 24; k++) ink.lineTo(from[0] + ((to[0] - from[0]) * k) / 24, from[1] + (k % 2 ? -5 : 5));
-  ink.lineTo(...to);
   ink.stroke();
 }
 

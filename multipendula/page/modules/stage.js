@@ -35,7 +35,7 @@ export class Stage {
     this.canvas.focus({ preventScroll: true });
     this.canvas.setPointerCapture(event.pointerId);
     const point = this.point(event);
-    this.held = { ...grabbed, point, scene: player.scene, cart0: player.y[0], moved: false };
+    this.held = { ...grabbed, point, scene: player.scene, moved: false };
     if (grabbed.link === undefined) return;
     player.choose(grabbed.link);
     const { entry, index } = player.home(grabbed.link);
@@ -53,7 +53,6 @@ export class Stage {
     if (!held.moved && Math.hypot(point[0] - held.point[0], point[1] - held.point[1]) < 3) return;
     held.moved = true;
     if (this.tool === "mass") this.weigh(point);
-    else if (held.cart) this.slide(point);
     else if (held.carrier !== undefined) this.haul(point);
     else if (this.tool === "length") this.lengthen(point);
     else player.place(player.view.pulled(player.y, held.link, player.view.metre(point)));
@@ -66,8 +65,7 @@ export class Stage {
     if (held.carrier !== undefined) {
       const { mass } = supportOf(held.scene, held.carrier);
       if (mass) player.change((scene) => (supportOf(scene, held.carrier).mass = rounded(mass * factor)));
-    } else if (held.cart) player.change((scene) => (scene.support.mass = rounded(held.scene.support.mass * factor)));
-    else player.changeLink(held.link, "mass", rounded(held.first.mass * factor));
+    } else player.changeLink(held.link, "mass", rounded(held.first.mass * factor));
   }
 
   lengthen(point) {
@@ -78,14 +76,6 @@ export class Stage {
     const [along, down] = player.view.metre(point);
     const length = clamp(Math.hypot(along - pivot[0], down - pivot[1]), 0.1 * held.first.length, 10 * held.first.length);
     player.changeLink(held.link, "length", rounded(length));
-  }
-
-  slide(point) {
-    const { held, player } = this;
-    const y = Float64Array.from(player.y);
-    y[0] = held.cart0 + (point[0] - held.point[0]) / player.view.scale;
-    y.fill(0, player.system.size);
-    player.place(y);
   }
 
   // The held corner of a carrier goes with the hand.
