@@ -189,7 +189,7 @@ def test_friction_is_shown_and_changed(browser: Chromium, tmp_path: Path) -> Non
     browser.click("kick")
     browser.frames(6)
     assert text(browser, "stuck") == "rail"
-    enter(browser, "Rail friction", 0.1)
+    enter(browser, "Cart friction", 0.1)
     browser.frames(12)
     assert text(browser, "stuck") == "nothing"
     enter(browser, "Friction", 30.0)

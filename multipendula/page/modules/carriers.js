@@ -32,39 +32,40 @@ export function placed(scene, place) {
   return place.reduce((part, key) => part?.[key], scene);
 }
 
-// The support of a scene by its number.
-export function supportOf(scene, number) {
-  return Array.isArray(scene.support) ? scene.support[number] : scene.support;
-}
+// The place in a scene of the support of a number.
+export const supportPlace = ({ support }, number) => (Array.isArray(support) ? ["support", number] : ["support"]);
 
 // The numbers of supports and springs that may change: those that are not 0, which the text has, and all dampers.
 export function numbersOf(scene) {
-  const units = { mass: "kg", inertia: "kg m²" };
-  const ofCarrier = (support, place, number) => {
-    const own = coordinatesOf().filter(({ carrier }) => carrier === number);
-    const laws = ["stiffness", "damping"].flatMap((law) =>
-      own.flatMap(({ name, unit, kind }) => {
-        const way = kind === "platform" ? name.split(" ").at(-1) : null;
-        return unit ? [{ label: named(law, way), unit: unitOf(law, unit), place: [...place, law, ...(way ? [way] : [])] }] : [];
-      }),
-    );
-    const masses = Object.keys(units).map((key) => ({ label: named(key), unit: units[key], place: [...place, key] }));
-    return { name: support.name ?? support.kind, numbers: [...masses, ...laws].filter((one) => isThere(scene, one.place)) };
-  };
-  const several = Array.isArray(scene.support);
-  const supports = [scene.support].flat().map((support, k) => ofCarrier(support, several ? ["support", k] : ["support"], k));
-  const springs = (scene.spring ?? []).map(({ kind }, k) => ({
-    name: `Spring ${k + 1}`,
-    numbers: ["stiffness", "damping"]
-      .map((law) => ({ label: named(law), unit: unitOf(law, kind === "torsion" ? "rad" : "m"), place: ["spring", k, law] }))
-      .filter((one) => isThere(scene, one.place)),
-  }));
-  return [...supports, ...springs].filter(({ numbers }) => numbers.length);
+  const supports = [scene.support].flat().map(({ name, kind }, k) => {
+    const place = supportPlace(scene, k);
+    const ofWhole = Object.keys(UNITS).map((key) => ({ label: key.replace("_", " "), unit: UNITS[key], place: [...place, key] }));
+    return { name: name ?? (kind === "cart" ? kind : "support"), numbers: [...ofWhole, ...lawsOf(k, place)] };
+  });
+  const springs = (scene.spring ?? []).map(({ kind }, k) => {
+    const numbers = Object.keys(LAWS).map((law) => ({ label: law, unit: LAWS[law][kind === "torsion" ? "rad" : "m"], place: ["spring", k, law] }));
+    return { name: `Spring ${k + 1}`, numbers };
+  });
+  const parts = [...supports, ...springs].map(({ name, numbers }) => ({ name, numbers: numbers.filter(({ place }) => isThere(scene, place)) }));
+  return parts.filter(({ numbers }) => numbers.length);
+}
+
+const UNITS = { mass: "kg", inertia: "kg m²", friction: "N", friction_coefficient: "" };
+const LAWS = { stiffness: { m: "N/m", rad: "N m/rad" }, damping: { m: "N s/m", rad: "N m s/rad" } };
+
+// Stiffness and damping of every coordinate of a support.
+function lawsOf(number, place) {
+  const own = coordinatesOf().filter(({ carrier, unit }) => carrier === number && unit);
+  return Object.keys(LAWS).flatMap((law) =>
+    own.map(({ name, unit, kind }) => {
+      const way = kind === "platform" ? name.split(" ").at(-1) : null;
+      return { label: way ? `${law} in ${way}` : law, unit: LAWS[law][unit], place: [...place, law, ...(way ? [way] : [])] };
+    }),
+  );
 }
 
 const isThere = (scene, place) => placed(scene, place) > 0 || (place.includes("damping") && placed(scene, place.slice(0, -1)) !== undefined);
-const named = (law, way = null) => `${law[0].toUpperCase()}${law.slice(1)}${way ? ` in ${way}` : ""}`;
-const unitOf = (law, unit) => ({ stiffness: { m: "N/m", rad: "N m/rad" }, damping: { m: "N s/m", rad: "N m s/rad" } })[law][unit];
+export const capital = (words) => words[0].toUpperCase() + words.slice(1);
 
 // How many inputs of the text come before the forces on its coordinates.
 export const leadingCount = () => structure.leading;

@@ -238,8 +238,7 @@ class LivePage {
     const { stuck } = player;
     element("sticking").hidden = !stuck;
     if (stuck) element("stuck").textContent = stuck.map((link) => (link < 0 ? "rail" : `link ${link + 1}`)).join(", ") || "nothing";
-    const { chain, index } = player.home(player.selected);
-    element("strip-name").textContent = `Pendulum ${player.system.chains.indexOf(chain) + 1}, link ${index + 1}`;
+    element("strip-name").textContent = player.nameOf(player.selected);
     if (player.replaying) element("scrub").value = Math.round((1000 * player.time) / (player.recording.duration || 1));
   }
 

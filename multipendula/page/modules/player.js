@@ -1,6 +1,6 @@
 // What hangs there and what it does now: a scene, its modes, a motion or a recording.
 
-import { isPushed, motionsIn } from "./carriers.js";
+import { isPushed, motionsIn, placed } from "./carriers.js";
 import { amplitudesOf, inShape, Motion } from "./motion.js";
 import { modesOf } from "./modes.js";
 import { mannerOf } from "./shapes.js";
@@ -246,15 +246,21 @@ export class Player {
     this.tell("scene");
   }
 
-  // Where a link stands in the scene's file: its pendulum's entry and its index there.
-  home(number) {
-    const chain = this.system.chains.findLast((one) => one.first <= number);
-    return { chain, entry: chain.entry, index: number - chain.first };
+  // A number of the scene, by its place.
+  set(place, value) {
+    this.change((scene) => (placed(scene, place.slice(0, -1))[place.at(-1)] = value));
   }
 
-  changeLink(number, key, value) {
-    const { entry, index } = this.home(number);
-    this.change((scene) => (scene.pendulum[entry].links[index][key] = value));
+  // Where a link is: its chain, its index there, and its place in the scene.
+  home(number) {
+    const chain = this.system.chains.findLast((one) => one.first <= number);
+    const index = number - chain.first;
+    return { chain, index, place: ["pendulum", chain.entry, "links", index] };
+  }
+
+  nameOf(number) {
+    const { chain, index } = this.home(number);
+    return `Pendulum ${this.system.chains.indexOf(chain) + 1}, link ${index + 1}`;
   }
 
   choose(number) {
