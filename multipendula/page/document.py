@@ -27,7 +27,7 @@ from multipendula.page.whole import whole_module
 HERE = Path(__file__).parent
 MODAL = (
     *("steps", "structure", "drawing", "whole", "prescribed", "courses", "carriers", "tableau", "dop853", "switched"),
-    *("system", "matrices", "amplitude", "quadratic", "shapes", "families", "structure_modes", "modes"),
+    *("system", "matrices", "amplitude", "quadratic", "shapes", "families", "words", "structure_modes", "modes"),
 )
 PHYSICS = (*MODAL, "equations", "kicks", "motion", "scene_file", "recording")
 """The modules that touch no document; `steps`, `structure`, `drawing`, `whole`, `prescribed`, `tableau` are written."""
