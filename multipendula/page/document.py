@@ -29,11 +29,11 @@ MODAL = (
     *("steps", "structure", "drawing", "whole", "prescribed", "courses", "carriers", "tableau", "dop853", "switched"),
     *("system", "matrices", "amplitude", "quadratic", "shapes", "families", "words", "structure_modes", "modes"),
 )
-PHYSICS = (*MODAL, "equations", "kicks", "motion", "scene_file", "recording")
+PHYSICS = (*MODAL, "equations", "kicks", "motion", "numbers", "scene_file", "recording")
 """The modules that touch no document; `steps`, `structure`, `drawing`, `whole`, `prescribed`, `tableau` are written."""
 MODULES = (
     *PHYSICS,
-    *("numbers", "view", "picture", "sound", "player", "stage", "table", "controls", "challenges", "main"),
+    *("view", "picture", "sound", "player", "stage", "table", "controls", "challenges", "main"),
 )
 LARGEST = 350_000
 """Limit: bytes of a page, which mail and forums take as an attachment."""

@@ -62,7 +62,6 @@ def structure_module(scene: Scene) -> str:
         "leading": leading(system),
         "bases": _bases(structure),
         "start": _start(scene, system),
-        "pushed": bool(system.forces) or any(motion.direction == "horizontal" for motion in scene.motions),
     }
     return _written("structure", data, steps=steps.module)
 
@@ -74,8 +73,12 @@ def drawing_module(scene: Scene) -> str:
     system = replace(system_of(scene), is_structured=True)
     assert system.structure is not None
     drawing, pieces = _drawing(system, system.structure)
-    coordinates, pendula = list(_coordinates(system.structure)), len(system.structure.pivots)
-    data = {"coordinates": coordinates, "pendula": pendula, "pieces": pieces}
+    data = {
+        "coordinates": list(_coordinates(system.structure)),
+        "pendula": len(system.structure.pivots),
+        "pieces": pieces,
+        "pushed": bool(system.forces) or any(motion.direction == "horizontal" for motion in scene.motions),
+    }
     return _written("drawing", data, functions=drawing)
 
 

@@ -167,7 +167,7 @@ def answers() -> dict[str, Any]:
             "seconds": SECONDS,
         }
         question = QUESTION % {key: json.dumps(value) for key, value in asked_with.items()}
-        modules = joined((*PHYSICS, "numbers", "view"), scene)
+        modules = joined((*PHYSICS, "view"), scene)
         scripts.append(f"{json.dumps(name)}: (() => {{ {modules}\n{question} }})()")
     return said_by_node(f"process.stdout.write(JSON.stringify({{ {', '.join(scripts)} }}));")
 

@@ -158,5 +158,5 @@ function paired(values) {
 }
 
 // Whether what is prescribed sets off what hangs at rest, and the state at which the scene starts, null at rest.
-export const isPushed = () => structure.pushed;
+export const isPushed = () => drawing.pushed;
 export const startGiven = () => structure.start;

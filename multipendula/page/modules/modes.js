@@ -44,8 +44,7 @@ function plainModes(system) {
   parts.sort((one, other) => one.omega - other.omega || one.rate - other.rate);
   const isSame = (own, first) => first.still && own.still && Math.hypot(own.rate - first.rate, own.turn - first.turn) <= SAME * own.omega;
   const rows = gathered(parts, isSame).map(rowOf);
-  const words = wordsOf(system, kinds);
-  for (const row of rows) row.words = words(row);
+  for (const row of rows) row.words = wordsOf(system, kinds, row);
   judged(system, rows);
   return rows;
 }
@@ -74,7 +73,7 @@ function alone(system, kind) {
   return solved(problem, vectors).map((mode) => {
     const copies = Array.from({ length: fold }, (_, copy) => (x) => {
       const shape = new Float64Array(system.size);
-      const share = (chain, factor) => x.slice(1).forEach((value, i) => (shape[1 + chain.first + i] = factor * value));
+      const share = ({ first }, factor) => shape.set(x.slice(1).map((value) => factor * value), 1 + first);
       if (!system.cart) share(kind[copy], 1);
       else {
         for (let other = 0; other <= copy; other++) share(kind[other], 1 / (copy + 1));
@@ -115,8 +114,8 @@ function spreadOver(system, kinds, x) {
   shape[0] = x[0];
   let at = 1;
   for (const kind of kinds) {
-    for (const chain of kind) for (let i = 0; i < chain.links.length; i++) shape[1 + chain.first + i] = x[at + i];
-    at += kind[0].links.length;
+    const angles = x.slice(at, (at += kind[0].links.length));
+    for (const { first } of kind) shape.set(angles, 1 + first);
   }
   return shape;
 }
@@ -174,18 +173,16 @@ function judged(system, rows) {
 // -------------------------------------------------------------------------------------------------------- words
 // As in `modal.modes.rows`.
 
-function wordsOf(system, kinds) {
-  return (row) => {
-    if (row.rigid) return "rigid translation";
-    const [head] = row.parts;
-    const folds = row.multiplicity > 1 ? ` (${row.multiplicity} degenerate modes)` : "";
-    const where = `${!system.cart ? "fixed support" : row.still ? "cart still" : "cart moves"}${folds}`;
-    const antiphase = row.parts.some((own) => own.alone && system.cart) ? "antiphase" : "";
-    const x = { real: row.shapes[0], twist: row.twists?.[0] ?? null };
-    const agreement = head.alone ? whose(system, kinds, row) : agreementOf(system, kinds, row, x);
-    const motion = [antiphase, agreement, orderIn(system, x), decayOf(row)].filter(Boolean);
-    return motion.length ? `${where}: ${motion.join(", ")}` : where;
-  };
+function wordsOf(system, kinds, row) {
+  if (row.rigid) return "rigid translation";
+  const [head] = row.parts;
+  const folds = row.multiplicity > 1 ? ` (${row.multiplicity} degenerate modes)` : "";
+  const where = `${!system.cart ? "fixed support" : row.still ? "cart still" : "cart moves"}${folds}`;
+  const antiphase = row.parts.some((own) => own.alone && system.cart) ? "antiphase" : "";
+  const x = { real: row.shapes[0], twist: row.twists?.[0] ?? null };
+  const agreement = head.alone ? whose(system, kinds, row) : agreementOf(system, kinds, row, x);
+  const motion = [antiphase, agreement, orderIn(system, x), decayOf(row)].filter(Boolean);
+  return motion.length ? `${where}: ${motion.join(", ")}` : where;
 }
 
 function named(system, kind) {

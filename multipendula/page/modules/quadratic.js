@@ -4,7 +4,7 @@
 // Van Loan, Matrix Computations, 7.5), then each vector by inverse iteration, from which λ follows anew: a symmetric
 // problem has a' as its left vector, so that the root of a'(λ² + λ Z + κ)a is wrong by the square of the vector's error.
 
-import { dot, gathered } from "./matrices.js";
+import { dot, gathered, zeros } from "./matrices.js";
 
 const EPS = 2 ** -52;
 const [TOGETHER, MOST_ROUNDS, NULL] = [1e-9, 3, 1e-7];
@@ -22,7 +22,7 @@ function firstOrder(kappa, Z) {
   const n = kappa.length;
   const places = kappa.flatMap((value, i) => (value ? [i] : []));
   const size = n + places.length;
-  const A = Array.from({ length: size }, () => new Float64Array(size));
+  const A = zeros(size);
   places.forEach((i, at) => {
     const scale = Math.sqrt(Math.abs(kappa[i]));
     A[at][places.length + i] = scale;

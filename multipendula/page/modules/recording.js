@@ -3,10 +3,7 @@
 export class Recording {
   // `times` and `rows` are base64 of little-endian 32-bit floats; a row is (x, angles, x', rates, work).
   constructor({ times, rows, width, begin }) {
-    this.times = floats(times);
-    this.rows = floats(rows);
-    this.width = width;
-    this.begin = begin;
+    Object.assign(this, { times: floats(times), rows: floats(rows), width, begin });
   }
 
   get duration() {
