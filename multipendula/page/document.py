@@ -26,10 +26,21 @@ from multipendula.page.whole import whole_module
 
 HERE = Path(__file__).parent
 MODAL = (
-    *("steps", "structure", "drawing", "whole", "prescribed", "courses", "carriers", "tableau", "dop853", "switched"),
-    *("system", "matrices", "amplitude", "quadratic", "shapes", "families", "words", "structure_modes", "modes"),
+    *("steps", "structure", "drawing", "whole", "prescribed", "numbers", "courses", "carriers", "tableau", "dop853"),
+    *(
+        "switched",
+        "system",
+        "matrices",
+        "amplitude",
+        "quadratic",
+        "shapes",
+        "families",
+        "words",
+        "structure_modes",
+        "modes",
+    ),
 )
-PHYSICS = (*MODAL, "equations", "kicks", "motion", "numbers", "scene_file", "recording")
+PHYSICS = (*MODAL, "equations", "kicks", "motion", "scene_file", "recording")
 """The modules that touch no document; `steps`, `structure`, `drawing`, `whole`, `prescribed`, `tableau` are written."""
 MODULES = (
     *PHYSICS,

@@ -58,8 +58,10 @@ export class Challenges {
     list.append(...this.tasks.map(({ line }) => line));
   }
 
-  // The words of a task that has just been solved.
+  // The words of a task that has just been solved, by more than what the page does by itself.
   solved() {
+    this.given ??= this.player.motion ?? "at rest";
+    if (this.player.motion === this.given) return "";
     const task = this.tasks.find(({ line, isDone, memory }) => line.className !== "done" && isDone(this.player, memory));
     if (!task) return "";
     task.line.className = "done";

@@ -12,20 +12,18 @@ const STEPS = 600;
 class Slider {
   // `there` tells whether it applies at all.
   constructor(box, { label, unit, read, write, range, linear = false, there = () => true }) {
-    Object.assign(this, { read, write, range, linear, unit, there });
+    Object.assign(this, { label, read, write, range, linear, unit, there });
     const id = `slider-${Slider.count++}`;
     const name = document.createElement("label");
     name.htmlFor = id;
-    name.append(label, " ");
     const small = document.createElement("small");
     small.textContent = unit;
-    name.append(small);
+    name.append(label, " ", small);
     this.bar = Object.assign(document.createElement("input"), { type: "range", id, min: 0, max: STEPS, step: 1 });
     this.number = Object.assign(document.createElement("input"), { type: "number", step: "any", min: 0 });
     this.number.setAttribute("aria-label", `${label}, ${unit}`);
     this.refusal = Object.assign(document.createElement("p"), { className: "refused", id: `${id}-refused`, hidden: true });
     this.refusal.setAttribute("role", "alert");
-    this.label = label;
     this.bar.addEventListener("input", () => this.enter(rounded(this.valueAt(Number(this.bar.value) / STEPS))));
     this.number.addEventListener("change", () => this.typed());
     this.name = name;
@@ -60,7 +58,6 @@ class Slider {
   }
 
   accept() {
-    if (this.refusal.hidden) return;
     this.refusal.hidden = true;
     this.refusal.textContent = "";
     this.number.removeAttribute("aria-invalid");
@@ -92,8 +89,10 @@ class Slider {
     if (always || document.activeElement !== this.number) this.number.value = written(value);
   }
 
+  // For another number that it stands for now.
   forget() {
     this.limits = null;
+    this.accept();
   }
 }
 
@@ -118,6 +117,7 @@ export class Controls {
       new Slider(boxes.scene, {
         label: "Damping",
         unit: "% critical",
+        there: () => player.system.links.some(({ s }) => s > 0),
         linear: true,
         read: () => this.dampingOf(),
         write: (value) => this.damp(value),
@@ -182,7 +182,7 @@ export class Controls {
     const { boxes, player } = this;
     const ends = { sine: { frequency_hz: "" }, sweep: { from_hz: ", first", to_hz: ", last" } }[placed(player.scene, place).kind];
     if (!ends) return [];
-    const of = (key, label, unitOfKey, range) => this.number(boxes.scene, label, unitOfKey, () => [...place, key], range);
+    const of = (key, label, unitOfKey, range) => this.number(boxes.time, label, unitOfKey, () => [...place, key], range);
     return [of("amplitude", amplitude, unit, more), ...Object.entries(ends).map(([key, end]) => of(key, `${frequency}${end}`, "Hz"))];
   }
 
@@ -235,10 +235,7 @@ export class Controls {
 
   // After another choice the sliders of a link have other limits.
   chose() {
-    for (const slider of this.ofLink) {
-      slider.forget();
-      slider.accept();
-    }
+    for (const slider of this.ofLink) slider.forget();
     this.show();
   }
 

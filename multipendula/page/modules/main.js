@@ -25,7 +25,7 @@ function begin() {
   const player = held ?? new Player(given.scene, given.recording ? new Recording(given.recording) : null);
   const stage = new Stage(element("scene"), player);
   const table = new ModeTable(element("rows"), { frequency: element("head-f"), damped: element("note-damped"), beat: element("note-beat"), angle: element("note-angle"), star: element("note-star") }, player);
-  const boxes = { chooser: element("chooser"), link: element("of-link"), cart: element("of-cart"), scene: element("of-scene"), drive: element("of-drive") };
+  const boxes = { chooser: element("chooser"), link: element("of-link"), cart: element("of-cart"), time: element("of-time"), scene: element("of-scene"), drive: element("of-drive") };
   const controls = new Controls(boxes, player);
   const page = new LivePage({ player, stage, table, controls, challenges: new Challenges(element("tasks"), player), sound: new Sound(), given });
   if (word && !held) page.say("The link holds no scene: this is the page's own.");

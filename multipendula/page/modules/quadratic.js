@@ -46,7 +46,7 @@ function refined(kappa, Z, { re, im }) {
   let value = { re, im };
   let vector = null;
   for (let round = 0; round < MOST_ROUNDS; round++) {
-    [vector] = nullVectors(kappa, Z, value.re, value.im, 1, vector && [vector]) ?? [vector ?? unit(kappa.length)];
+    [vector] = nullVectors(kappa, Z, value.re, value.im, 1, vector && [vector]) ?? [vector ?? started(kappa.length, 0)];
     const next = rootOf(kappa, Z, value.re, value.im, vector);
     const change = Math.hypot(next.re - value.re, next.im - value.im);
     if (!(change <= 1e-3 * Math.hypot(re, im))) break;
@@ -54,10 +54,6 @@ function refined(kappa, Z, { re, im }) {
     if (change <= 8 * EPS * Math.hypot(re, im)) break;
   }
   return { ...value, vectors: [vector] };
-}
-
-function unit(n) {
-  return { a: Float64Array.from({ length: n }, (_, i) => 1 + 0.37 * Math.sin(3 * i + 1)), b: new Float64Array(n) };
 }
 
 // The root next to λ of a'(λ² + λ Z + κ)a = 0; for a real λ with real numbers.

@@ -163,9 +163,12 @@ export class View {
     return state;
   }
 
+  // By the mass, but so that the bobs of a long chain do not touch.
   radius(link) {
-    const heaviest = Math.max(...this.system.links.map(({ m }) => m));
-    return clamp(0.075 * this.reach * this.scale * Math.cbrt(link.m / heaviest), 4.5, 30);
+    const { links, chains } = this.system;
+    const size = this.reach * this.scale;
+    const most = clamp((0.4 * size) / Math.max(...chains.map((chain) => chain.links.length)), 3, 30);
+    return clamp(0.075 * size * Math.cbrt(link.m / Math.max(...links.map(({ m }) => m))), Math.min(4.5, most), most);
   }
 }
 
