@@ -163,9 +163,12 @@ class SymbolicStructure(Displayed):
 
     @cached_property
     def angles(self) -> list[Coordinate]:
-        """θ_i of a single chain, θ_p,i of several."""
-        several = len(self.chains) > 1
-        return [coordinate("theta", *([p + 1] if several else []), i + 1) for p, i in self.links]
+        """θ of a single link, θ_i of a single chain, θ_p of several of one link each, θ_p,i of others."""
+        has_numbers = len(self.chains) > 1, len(self.links) > len(self.chains)
+        return [
+            coordinate("theta", *(k + 1 for k, is_numbered in zip(link, has_numbers, strict=True) if is_numbered))
+            for link in self.links
+        ]
 
     @cached_property
     def azimuths(self) -> list[Coordinate]:

@@ -367,8 +367,9 @@ def test_modes_have_the_numbers_of_the_table(capsys: pytest.CaptureFixture[str],
 def test_latex_sets_matrices_units_and_words(capsys: pytest.CaptureFixture[str]) -> None:
     latex = printed(capsys, "derive", "beam", "--format", "latex", "--show", "matrices,polynomial,modes")
     assert r"\subsection*{Linearized: $M \ddot{q} + D \dot{q} + K q = 0$}" in latex
-    assert r"q = \begin{bmatrix}\phi_{\mathrm{tilt}}\\\theta_{1,1}\\\theta_{2,1}\end{bmatrix}" in latex
-    assert r"Mode 3; $\omega = 12.5646\,\mathrm{rad\,s^{-1}}$, $\zeta = 0.0363967$:" in latex
+    assert r"q = \begin{bmatrix}\phi_{\mathrm{tilt}}\\\theta_{1}\\\theta_{2}\end{bmatrix}" in latex
+    assert r"Mode 3; board tilts: pendula in antiphase with the support; $\omega = 12.5646\,\mathrm{rad" in latex
+    assert r"$\zeta = 0.0363967$:" in latex
     assert r"s = -0.457312 \pm 12.5563\, i" in latex
     assert r"$\det(s^{2} M + s D + K)$:" in latex
 
