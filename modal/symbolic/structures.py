@@ -342,9 +342,20 @@ class SymbolicStructure(Displayed):
     def spring_energies(self) -> list[Energy]:
         """The energies of the springs between points, the length of a stretched one by its symbol ℓ."""
         return [
-            Energy(f"spring {spring.number + 1}", sp.S.Zero, spring.stiffness * spring.elongation_square / 2)
+            Energy(self._words_of(spring), sp.S.Zero, spring.stiffness * spring.elongation_square / 2)
             for spring in self.springs
         ]
+
+    def _words_of(self, spring: SymbolicSpring) -> str:
+        """A spring and what it joins."""
+        names = []
+        for end in self.spring_entries[spring.number].ends:
+            if isinstance(end, LinkEnd):
+                p, i = self.links[end.link]
+                names.append(f"pendulum {p + 1}" + f", link {i + 1}" * (len(self.chains[p].mass) > 1))
+            else:
+                names.append(self.carriers[end.carrier].name if isinstance(end, CarrierEnd) else "the ground")
+        return f"spring {spring.number + 1}, from {' to '.join(names)}"
 
     def _of_pendulum(self, p: int) -> Energy:
         """T = ½ m v_p² + Σ b_i v_p·n_i θ_i' + ½ Σ A_ij cos(θ_i − θ_j) θ_i'θ_j' of the pair (A, b), and V."""

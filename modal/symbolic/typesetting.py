@@ -13,6 +13,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from math import ceil
 from sys import float_info
 from typing import Any, NamedTuple
 
@@ -199,7 +200,7 @@ class Section(NamedTuple):
 
 
 def typeset(title: str, sections: Iterable[Section], form: str) -> str:
-    """The document; `form` is text, latex or markdown."""
+    """The document; `form` is text, latex, markdown or beamer."""
     return _WRITERS[form](title, list(sections))
 
 
@@ -343,24 +344,71 @@ def _markdown(title: str, sections: list[Section]) -> str:
     return "\n\n".join(blocks) + "\n"
 
 
+def _beamer(title: str, sections: list[Section]) -> str:
+    """Slides of the class beamer, a document by itself; remarks are the speaker's notes."""
+    lines = [
+        r"\documentclass{beamer}",
+        r"\usepackage{amsmath}",
+        r"\setbeamertemplate{navigation symbols}{}",
+        r"% \setbeameroption{show notes} prints the speaker's notes",
+        rf"\title{{{latex(title)}}}",
+        r"\date{}",
+        r"\begin{document}",
+        r"\begin{frame}\titlepage\end{frame}",
+    ]
+    for section in sections:
+        notes = [f"{_sentence(_escape(words))}." for words, formula in section.lines if formula is None]
+        blocks = [
+            f"{_sentence(_escape(words))}:\n{_display(formula, 0.8 * LINE)}"
+            for words, formula in section.lines
+            if formula is not None
+        ]
+        slides = _slides(blocks) or [[]]
+        for number, slide in enumerate(slides, 1):
+            count = rf" \hfill {number}/{len(slides)}" if len(slides) > 1 else ""
+            lines += [rf"\begin{{frame}}{{{_escape(section.title)}{count}}}", *(slide or notes)]
+            lines += [rf"\note{{{' '.join(notes)}}}"] if slide and notes and slide is slides[-1] else []
+            lines.append(r"\end{frame}")
+    return "\n".join([*lines, r"\end{document}"]) + "\n"
+
+
+def _slides(blocks: list[str]) -> list[list[str]]:
+    """The formulas with their words on as few slides as have room for their lines, evenly."""
+    heights = [_height(block) for block in blocks]
+    count = ceil(sum(heights) / 13)  # of some 16 lines, as formulas are kept whole
+    slides: list[list[str]] = [[] for _ in range(count)]
+    before = 0.0
+    for block, height in zip(blocks, heights, strict=True):
+        slides[min(count - 1, int((before + height / 2) / sum(heights) * count))].append(block)
+        before += height
+    return [slide for slide in slides if slide]
+
+
+def _height(block: str) -> float:
+    """How many lines of a slide words and their formula take, about: with the room around it, taller by fractions."""
+    words, _, formula = block.partition("\n")
+    rows = formula.split(r"\\")
+    return ceil(letters(words) / LINE) + 1.6 + sum(1.1 + 0.6 * min(2, row.count(r"\frac")) for row in rows)
+
+
 def in_display(formula: Any) -> str:
     """A displayed formula between double dollars, as Markdown and notebooks take it."""
     body = _display(formula).replace(r"\begin{equation*}", "").replace(r"\end{equation*}", "")
     return f"$$\n{body.strip().replace('align*', 'aligned')}\n$$"
 
 
-def _display(formula: Any) -> str:
-    """A displayed formula, broken into lines if it is too long for one."""
+def _display(formula: Any, line: float = LINE) -> str:
+    """A displayed formula, broken into lines if it is too long for one of so many letters."""
     text = _tex(formula)
-    if is_short(text):
+    if letters(text) <= line:
         return f"\\begin{{equation*}}\n{text}\n\\end{{equation*}}"
     head, right = "", formula
     if isinstance(formula, sp.Equality):
         sides = formula.args if formula.rhs != 0 else (formula.rhs, formula.lhs)
         head, right = f"{_tex(sides[0])} ={{}}", sides[1]
-    if letters(head) > LINE / 3:
+    if letters(head) > line / 3:
         head, right = "", formula
-    room = LINE - letters(head)
+    room = line - letters(head)
     body = " \\\\\n& ".join(broken_lines(_tex(right, long_frac_ratio=2), room))
     return f"\\begin{{align*}}\n{head}& {body}\n\\end{{align*}}"
 
@@ -425,4 +473,9 @@ def _escape(words: str) -> str:
     return "".join(part if part.startswith("$") else latex(part) for part in parts)
 
 
-_WRITERS: dict[str, Callable[[str, list[Section]], str]] = {"text": _text, "latex": _latex, "markdown": _markdown}
+_WRITERS: dict[str, Callable[[str, list[Section]], str]] = {
+    "text": _text,
+    "latex": _latex,
+    "markdown": _markdown,
+    "beamer": _beamer,
+}

@@ -145,7 +145,7 @@ COMMANDS = (
             "--equilibrium of chain: and cart: (default down)",
             "--names: paper 000's or the toolkit's own (default own), of --show freebody",
             "--parts (default 1:12), of --show freebody",
-            *text_file("text", "latex", "markdown", drawn=True, more=("tikz",)),
+            *text_file("text", "latex", "markdown", "beamer", drawn=True, more=("tikz",)),
             THEME,
         ),
         details=(
