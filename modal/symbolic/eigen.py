@@ -349,8 +349,8 @@ def _shape(system: SymbolicStructure, polynomial: Any) -> Iterator[Line]:
     """
     x, has_one_root = sp.Symbol("x"), polynomial.degree() == 1
     M, K, _ = system.matrices()
-    if system.spatial or M.rows < 2:
-        return
+    if system.spatial or not 2 <= M.rows <= (MOST_IN_SYMBOLS if has_one_root else 2):
+        return  # of one coordinate it is no shape, and of many a formula that nobody reads
     rows = K - x * M
     solved = rows.subs(x, _simple_root(polynomial)).applyfunc(sp.cancel) if has_one_root else rows[:-1, :]
     shapes = solved.nullspace(simplify=sp.cancel)
