@@ -14,14 +14,14 @@ from collections.abc import Iterator
 from fractions import Fraction
 from functools import cache
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import sympy as sp
 from sympy.polys.matrices import DomainMatrix
 
 from modal.exact import Polynomial, equal_bobs, of_scene
 from modal.modes import natural_modes
-from modal.scene import Body, Pendulum, Scene
+from modal.scene import Scene
 from modal.scene.points import CarrierEnd
 from modal.symbolic.carriers import ORIGIN, STILL, Chain
 from modal.symbolic.papers import equal
@@ -29,9 +29,6 @@ from modal.symbolic.roots import MOST_FACTORED, Kind, Root, of_kinds, polynomial
 from modal.symbolic.structures import SymbolicStructure
 from modal.symbolic.typesetting import Conjugates, Line, PlusMinus, Section, is_short
 from modal.types import EPS
-
-if TYPE_CHECKING:
-    from modal.scene.model import Way
 
 MOST_READABLE = 60
 """Limit: links in numbers, or degree, of a polynomial that is written and whose roots are isolated; said beyond."""
@@ -193,15 +190,17 @@ def _with_place_along(system: SymbolicStructure, lines: list[Line]) -> list[Line
     if not any(str(c.q).partition("_")[0] == "x" for c in system.coordinates):
         return lines
     letters = {sp.Symbol("x"): sp.Symbol("lambda")}
-
-    def has_place(formula: Any) -> bool:
-        return formula is None or isinstance(formula.lhs, sp.Tuple)
-
     return [
-        Line(words.replace("$x = ω²", "$λ = ω²"), formula if has_place(formula) else formula.xreplace(letters))
+        Line(words.replace("$x = ω²", "$λ = ω²"), _renamed(formula, letters))
         for words, formula in lines
         if RECIPROCAL not in words
     ]
+
+
+def _renamed(formula: Any, letters: dict[Any, Any]) -> Any:
+    """A formula in other letters, but for a shape, whose x is a place."""
+    is_shape = formula is None or isinstance(formula.lhs, sp.Tuple)
+    return formula if is_shape else formula.xreplace(letters)
 
 
 def _polynomial_lines(eigen: EigenPolynomial) -> Iterator[Line]:
@@ -249,7 +248,7 @@ def modes_section(system: SymbolicStructure, scene: Scene | None) -> Section:
     all_modes = [mode for eigen in polynomials for mode in _modes_of(eigen, system)]
     computed_modes = [mode for mode in all_modes if isinstance(mode, ComputedMode)]
     are_computed = len(computed_modes) == len(all_modes)
-    families = list(natural_modes(scene or _unit_scene(system)).family) if are_computed else []
+    families = list(natural_modes(scene).family) if scene and are_computed else []
     lines = _number_modes(computed_modes, families) if are_computed else map(_mode_line, all_modes)
     return Section("Modes", _with_place_along(system, [*lines, *_remarks(system, polynomials)]))
 
@@ -261,11 +260,7 @@ class ComputedMode(NamedTuple):
     label: str
     words: str
     formula: Any
-
-    @property
-    def grows(self) -> bool:
-        """Whether it is without a swing."""
-        return self.words.startswith("grow")
+    grows: bool = False
 
 
 def _number_modes(modes: list[ComputedMode], families: list[str]) -> Iterator[Line]:
@@ -279,16 +274,6 @@ def _number_modes(modes: list[ComputedMode], families: list[str]) -> Iterator[Li
         name = families[number - 1] if has_families else mode.label.removesuffix("; ")
         rate = "" if mode.words == name else mode.words
         yield Line("; ".join(filter(None, (f"mode {number}", name, rate))), mode.formula)
-
-
-def _unit_scene(system: SymbolicStructure) -> Scene:
-    """The chain of a template, all of whose symbols are 1."""
-    chain, units = system.chains[0], dict.fromkeys(system.symbols, 1)
-    numbers = zip(*([float(value.subs(units)) for value in row] for row in chain.geometry), strict=True)
-    links = tuple(Body(mass=m, length=l, centre=c, inertia=I) for m, l, c, I in numbers)
-    ways = tuple("up" if sign < 0 else "down" for sign in chain.sigma)
-    hanging = Pendulum(links=links, equilibrium=cast("tuple[Way, ...]", ways), count=len(system.chains))
-    return Scene(gravity=1.0, pendulum=(hanging,))
 
 
 def _mode_line(mode: ComputedMode | Line) -> Line:
@@ -316,7 +301,7 @@ def _root(root: Root, eigen: EigenPolynomial) -> ComputedMode:
     size = sp.sqrt(sp.Abs(square)).evalf(20)
     rate = f"{'growth rate $=' if grows else '$ω ='} {sp.N(size, 15)} {unit}$"
     letter = sp.Symbol("x") if square else sp.Symbol("omega") ** 2  # of a rigid translation
-    return ComputedMode(size, _heading_words(eigen), rate, equal(letter, square))
+    return ComputedMode(size, _heading_words(eigen), rate, equal(letter, square), grows)
 
 
 def _in_symbols(eigen: EigenPolynomial, system: SymbolicStructure) -> Iterator[Line]:

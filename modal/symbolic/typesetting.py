@@ -13,7 +13,6 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from math import ceil
 from sys import float_info
 from typing import Any, NamedTuple
 
@@ -349,7 +348,7 @@ def _beamer(title: str, sections: list[Section]) -> str:
     lines = [
         r"\documentclass{beamer}",
         r"\usepackage{amsmath}",
-        r"\setbeamertemplate{navigation symbols}{}",
+        r"\setbeamertemplate{navigation symbols}{}\setbeamertemplate{frametitle continuation}[from second]",
         r"% \setbeameroption{show notes} prints the speaker's notes",
         rf"\title{{{latex(title)}}}",
         r"\date{}",
@@ -357,38 +356,15 @@ def _beamer(title: str, sections: list[Section]) -> str:
         r"\begin{frame}\titlepage\end{frame}",
     ]
     for section in sections:
+        lines.append(rf"\begin{{frame}}[allowframebreaks=0.8]{{{_escape(section.title)}}}")
+        for words, formula in section.lines:
+            if formula is not None:
+                block = f"{_sentence(_escape(words))}:\n{_display(formula, 0.8 * LINE)}"
+                lines.append(f"\\begin{{minipage}}{{\\textwidth}}\n{block}\n\\end{{minipage}}\n\\par\\smallskip")
         notes = [f"{_sentence(_escape(words))}." for words, formula in section.lines if formula is None]
-        blocks = [
-            f"{_sentence(_escape(words))}:\n{_display(formula, 0.8 * LINE)}"
-            for words, formula in section.lines
-            if formula is not None
-        ]
-        slides = _slides(blocks) or [[]]
-        for number, slide in enumerate(slides, 1):
-            count = rf" \hfill {number}/{len(slides)}" if len(slides) > 1 else ""
-            lines += [rf"\begin{{frame}}{{{_escape(section.title)}{count}}}", *(slide or notes)]
-            lines += [rf"\note{{{' '.join(notes)}}}"] if slide and notes and slide is slides[-1] else []
-            lines.append(r"\end{frame}")
+        lines += [*(notes if len(notes) == len(section.lines) else ()), r"\end{frame}"]
+        lines += [rf"\note{{{' '.join(notes)}}}"] if notes else []
     return "\n".join([*lines, r"\end{document}"]) + "\n"
-
-
-def _slides(blocks: list[str]) -> list[list[str]]:
-    """The formulas with their words on as few slides as have room for their lines, evenly."""
-    heights = [_height(block) for block in blocks]
-    count = ceil(sum(heights) / 13)  # of some 16 lines, as formulas are kept whole
-    slides: list[list[str]] = [[] for _ in range(count)]
-    before = 0.0
-    for block, height in zip(blocks, heights, strict=True):
-        slides[min(count - 1, int((before + height / 2) / sum(heights) * count))].append(block)
-        before += height
-    return [slide for slide in slides if slide]
-
-
-def _height(block: str) -> float:
-    """How many lines of a slide words and their formula take, about: with the room around it, taller by fractions."""
-    words, _, formula = block.partition("\n")
-    rows = formula.split(r"\\")
-    return ceil(letters(words) / LINE) + 1.6 + sum(1.1 + 0.6 * min(2, row.count(r"\frac")) for row in rows)
 
 
 def in_display(formula: Any) -> str:

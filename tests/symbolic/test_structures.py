@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import mpmath as mp
 import numpy as np
 import pytest
@@ -17,6 +19,7 @@ from modal.scene.supports import Swing, Tilt
 from modal.symbolic import derive, plain, symbolic_structure, vanishes
 from modal.symbolic.derivation import target
 from modal.symbolic.system import EQUAL, Letters, rational, structure_with
+from modal.symbolic.typesetting import PlusMinus
 from modal.types import Floats
 
 SCENES = pytest.mark.parametrize("name", STRUCTURED)
@@ -286,12 +289,14 @@ def test_shapes_solve_the_linear_equations(name: str, symbols: str) -> None:
     (section,) = derive(system, ("modes",), scene)
     M, K, _ = system.matrices()
     values = {letter: sp.Rational(k + 3, k + 2) for k, letter in enumerate(sorted(system.symbols, key=str))}
-    squares, count = [], 0
+    squares: set[Any] = set()
+    count = 0
     for words, formula in section.lines:
         if "shape" not in words:
-            squares = formula.rhs.args if formula.rhs.func.__name__ == "PlusMinus" else (formula.rhs, 0)
+            middle, half = formula.rhs.args if isinstance(formula.rhs, PlusMinus) else (formula.rhs, 0)
+            squares = {middle + half, middle - half}
             continue
-        for square in {squares[0] + squares[1], squares[0] - squares[1]}:
+        for square in squares:
             numbers = {**values, sp.Symbol("omega"): sp.sqrt(square.subs(values))}
             shape = sp.Matrix(formula.rhs).subs(numbers)
             left = (K - square * M).subs(values) * shape
