@@ -12,7 +12,7 @@ MOVING = ("gif", "mp4")
 FILMS = (*MOVING, "html")
 RUNS = ("npz", "csv")
 REPORTS = ("text", "markdown", "csv", "json")
-TEXTS = {"text": "txt", "markdown": "md", "latex": "tex", "beamer": "tex", "csv": "csv", "html": "html", "json": "json"}
+TEXTS = {"text": "txt", "markdown": "md", "latex": "tex", "csv": "csv", "html": "html", "json": "json"}
 """The ending of a file for each format of text."""
 SHAPERS = ("zv", "zvd", "zvdd", "zvddd", "mzv", "ei", "ei2", "ei3", "um")
 STARTS = ("scene", "mode:", "orbit:", "orbit", "angles:")
