@@ -272,7 +272,7 @@ def _reported(options: argparse.Namespace) -> Iterator[None]:
     form = options.page.reports.get(ending)
     asked = options.format if getattr(options, "format_asked", False) else None
     by_name = form or options.page.texts.get(ending)
-    if asked and by_name and by_name not in {asked, "text"}:
+    if asked and by_name and by_name not in {asked, "text"} and (asked, by_name) != ("beamer", "latex"):
         from modal.errors import SceneError
 
         raise SceneError([f"--format {asked}: cannot be combined with -o {name}"])

@@ -146,8 +146,8 @@ def formats(*names: str, more: str = "") -> Option:
 
 
 def _formats_by_ending(names: Sequence[str]) -> dict[str, str]:
-    """The format for each ending of a file: a MAT file has the columns of CSV."""
-    return {f".{TEXTS[name]}": name for name in names} | ({".mat": "csv"} if "csv" in names else {})
+    """The format for each ending of a file; slides have none of their own, a MAT file has the columns of CSV."""
+    return {f".{TEXTS[name]}": name for name in names if name in TEXTS} | ({".mat": "csv"} if "csv" in names else {})
 
 
 def text_file(*names: str, kind: str = "", drawn: bool = False, more: Sequence[str] = ()) -> tuple[Option, ...]:

@@ -224,8 +224,8 @@ def _require(holds: bool) -> None:
 
 def target(
     name: str, kind: str = "bob", chosen: tuple[str, ...] = (), ways: tuple[str, ...] = ()
-) -> tuple[SymbolicStructure, Scene | None]:
-    """The system specified by `name`, and its scene if it is one.
+) -> tuple[SymbolicStructure, Scene]:
+    """The system specified by `name`, and its scene, that of `scene_of` for chain: and cart:.
 
     `kind` and `ways` (down or up, top to bottom) apply to chain: and cart: only, as a scene has its own.  Raises
     SceneError for anything invalid.
@@ -239,8 +239,8 @@ def target(
     support, count, links = template
     sigma = tuple(-1 if way == "up" else 1 for way in ways)
     if support == "chain":
-        return symbolic.chain(links, kind, chosen, sigma), None
-    return symbolic.cart(links, count, kind, chosen, sigma), None
+        return symbolic.chain(links, kind, chosen, sigma), scene_of(name, kind, ways)
+    return symbolic.cart(links, count, kind, chosen, sigma), scene_of(name, kind, ways)
 
 
 def scene_of(name: str, kind: str = "bob", ways: tuple[str, ...] = ()) -> Scene:

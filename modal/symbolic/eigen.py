@@ -13,19 +13,21 @@ from __future__ import annotations
 from collections.abc import Iterator
 from fractions import Fraction
 from functools import cache
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import sympy as sp
 from sympy.polys.matrices import DomainMatrix
 
 from modal.exact import Polynomial, equal_bobs, of_scene
+from modal.modes import natural_modes
 from modal.scene import Scene
 from modal.scene.points import CarrierEnd
 from modal.symbolic.carriers import ORIGIN, STILL, Chain
 from modal.symbolic.papers import equal
 from modal.symbolic.roots import MOST_FACTORED, Kind, Root, of_kinds, polynomial_roots
 from modal.symbolic.structures import SymbolicStructure
-from modal.symbolic.typesetting import Conjugates, Line, PlusMinus, Section
+from modal.symbolic.typesetting import Conjugates, Line, PlusMinus, Section, is_short
 from modal.types import EPS
 
 MOST_READABLE = 60
@@ -162,10 +164,10 @@ def _factors(polynomial: Any) -> list[EigenPolynomial]:
     return sorted(eigen, key=lambda factor_in_x: factor_in_x.polynomial.intervals()[0].low)
 
 
-def _factored_determinant(system: SymbolicStructure) -> Any:
+def _factored_determinant(system: SymbolicStructure, *, has_dampers: bool = True) -> Any:
     M, K, D = system.matrices()
     s, x = sp.symbols("s x")
-    matrix = M * s**2 + D * s + K if any(D) else K - x * M
+    matrix = M * s**2 + D * s + K if any(D) and has_dampers else K - x * M
     determinant = DomainMatrix.from_Matrix(matrix).charpoly()[-1] * (-1) ** matrix.rows
     field = DomainMatrix.from_Matrix(matrix).domain
     return sp.factor(field.to_sympy(determinant))
@@ -177,6 +179,9 @@ def polynomial_section(system: SymbolicStructure, scene: Scene | None) -> Sectio
     if isinstance(polynomials, str):
         return Section("Eigen-polynomial", [Line(polynomials)])
     lines = [line for eigen in polynomials for line in _polynomial_lines(eigen)]
+    if any(eigen.is_damped for eigen in polynomials) and not system.spatial:
+        undamped = _without_content(_factored_determinant(system, has_dampers=False))
+        lines.append(Line("without dampers, in $x = ω²$", equal(undamped, 0)))
     return Section("Eigen-polynomial", _with_place_along(system, lines))
 
 
@@ -186,10 +191,16 @@ def _with_place_along(system: SymbolicStructure, lines: list[Line]) -> list[Line
         return lines
     letters = {sp.Symbol("x"): sp.Symbol("lambda")}
     return [
-        Line(words.replace("$x = ω²", "$λ = ω²"), formula if formula is None else formula.xreplace(letters))
+        Line(words.replace("$x = ω²", "$λ = ω²"), _renamed(formula, letters))
         for words, formula in lines
         if RECIPROCAL not in words
     ]
+
+
+def _renamed(formula: Any, letters: dict[Any, Any]) -> Any:
+    """A formula in other letters, but for a shape, whose x is a place."""
+    is_shape = formula is None or isinstance(formula.lhs, sp.Tuple)
+    return formula if is_shape else formula.xreplace(letters)
 
 
 def _polynomial_lines(eigen: EigenPolynomial) -> Iterator[Line]:
@@ -234,9 +245,11 @@ def modes_section(system: SymbolicStructure, scene: Scene | None) -> Section:
     polynomials = eigen_polynomials(system, scene)
     if isinstance(polynomials, str):
         return Section("Modes", [Line(f"{polynomials}; see the table, or prove digits with enclose")])
-    all_modes = [mode for eigen in polynomials for mode in _modes_of(eigen)]
+    all_modes = [mode for eigen in polynomials for mode in _modes_of(eigen, system)]
     computed_modes = [mode for mode in all_modes if isinstance(mode, ComputedMode)]
-    lines = _number_modes(computed_modes) if len(computed_modes) == len(all_modes) else map(_mode_line, all_modes)
+    are_computed = len(computed_modes) == len(all_modes)
+    families = list(natural_modes(scene).family) if scene and are_computed else []
+    lines = _number_modes(computed_modes, families) if are_computed else map(_mode_line, all_modes)
     return Section("Modes", _with_place_along(system, [*lines, *_remarks(system, polynomials)]))
 
 
@@ -247,23 +260,27 @@ class ComputedMode(NamedTuple):
     label: str
     words: str
     formula: Any
+    grows: bool = False
 
 
-def _number_modes(modes: list[ComputedMode]) -> Iterator[Line]:
-    """The modes in the order of the table with its numbers: those of one frequency share one."""
-    number, previous_size = 0, None
-    for mode in sorted(modes, key=lambda mode: mode.size):
-        if previous_size is None or mode.size - previous_size > 4 * EPS * mode.size:
-            number += 1
-        previous_size = mode.size
-        yield Line(f"mode {number}; {mode.label}{mode.words}", mode.formula)
+def _number_modes(modes: list[ComputedMode], families: list[str]) -> Iterator[Line]:
+    """The modes in the order of the table with its numbers and words: those of one frequency share one."""
+    ordered, numbers = sorted(modes, key=lambda mode: (mode.size, mode.grows)), [1]
+    for before, mode in pairwise(ordered):
+        is_same = mode.grows == before.grows and mode.size - before.size <= 4 * EPS * mode.size
+        numbers.append(numbers[-1] + (not is_same))
+    has_families = len(families) == numbers[-1]
+    for number, mode in zip(numbers, ordered, strict=True):
+        name = families[number - 1] if has_families else mode.label.removesuffix("; ")
+        rate = "" if mode.words == name else mode.words
+        yield Line("; ".join(filter(None, (f"mode {number}", name, rate))), mode.formula)
 
 
 def _mode_line(mode: ComputedMode | Line) -> Line:
     return mode if isinstance(mode, Line) else Line(mode.label + mode.words, mode.formula)
 
 
-def _modes_of(eigen: EigenPolynomial) -> Iterator[ComputedMode | Line]:
+def _modes_of(eigen: EigenPolynomial, system: SymbolicStructure) -> Iterator[ComputedMode | Line]:
     if isinstance(eigen.polynomial, Polynomial):
         if eigen.polynomial.degree > MOST_READABLE:
             yield Line(
@@ -274,7 +291,7 @@ def _modes_of(eigen: EigenPolynomial) -> Iterator[ComputedMode | Line]:
     elif eigen.is_damped:
         yield from _damped_roots(eigen)
     else:
-        yield from _in_symbols(eigen)
+        yield from _in_symbols(eigen, system)
 
 
 def _root(root: Root, eigen: EigenPolynomial) -> ComputedMode:
@@ -284,11 +301,11 @@ def _root(root: Root, eigen: EigenPolynomial) -> ComputedMode:
     size = sp.sqrt(sp.Abs(square)).evalf(20)
     rate = f"{'growth rate $=' if grows else '$ω ='} {sp.N(size, 15)} {unit}$"
     letter = sp.Symbol("x") if square else sp.Symbol("omega") ** 2  # of a rigid translation
-    return ComputedMode(size, _heading_words(eigen), rate, equal(letter, square))
+    return ComputedMode(size, _heading_words(eigen), rate, equal(letter, square), grows)
 
 
-def _in_symbols(eigen: EigenPolynomial) -> Iterator[Line]:
-    """Closed forms of each irreducible factor, where the degree allows."""
+def _in_symbols(eigen: EigenPolynomial, system: SymbolicStructure) -> Iterator[Line]:
+    """Closed forms and shapes of each irreducible factor, where the degree allows."""
     x, omega = sp.Symbol("x"), sp.Symbol("omega")
     factors = [(sp.Poly(factor, x), count) for factor, count in sp.factor_list(eigen.polynomial, x)[1]]
     for polynomial, count in sorted(factors, key=lambda factor: _rank(factor[0])):
@@ -300,12 +317,37 @@ def _in_symbols(eigen: EigenPolynomial) -> Iterator[Line]:
             yield Line(
                 f"{_heading_words(eigen)}{times}natural frequencies", equal(omega**2, _pair_of_roots(polynomial))
             )
+            yield from _shape(system, polynomial)
             continue
         simple = _simple_root(polynomial)
         if simple.is_negative:
             yield Line(f"{_heading_words(eigen)}{times}growth rate $σ$", equal(sp.Symbol("sigma") ** 2, -simple))
         else:
             yield Line(f"{_heading_words(eigen)}{times}natural frequency", equal(omega**2, simple))
+        yield from _shape(system, polynomial)
+
+
+def _shape(system: SymbolicStructure, polynomial: Any) -> Iterator[Line]:
+    """The shape of the modes of an irreducible factor, in ω² where it has two; its first angle that moves is 1.
+
+    Of degree 2 it solves all rows of (K − x M) q = 0 but the last, which vanishes where the factor does.
+    """
+    x, has_one_root = sp.Symbol("x"), polynomial.degree() == 1
+    M, K, _ = system.matrices()
+    if system.spatial or not 2 <= M.rows <= (MOST_IN_SYMBOLS if has_one_root else 2):
+        return  # of one coordinate it is no shape, and of many a formula that nobody reads
+    rows = K - x * M
+    solved = rows.subs(x, _simple_root(polynomial)).applyfunc(sp.cancel) if has_one_root else rows[:-1, :]
+    shapes = solved.nullspace(simplify=sp.cancel)
+    moving = [value for value in shapes[0][-len(system.angles) :] if value != 0] if shapes else []
+    if not moving:
+        return
+    shape = (shapes[0] / moving[0]).applyfunc(sp.factor)
+    left = sp.numer(sp.together((rows[-1, :] * shape)[0]))
+    values = sp.Tuple(*shape.subs(x, sp.Symbol("omega") ** 2))
+    if sp.rem(sp.Poly(left, x), polynomial).is_zero and is_short(sp.latex(values)):
+        words = "shape" if len(shapes) == 1 else f"one of {len(shapes)} shapes"
+        yield Line(words, equal(sp.Tuple(*(c.q for c in system.coordinates)), values))
 
 
 def _simple_root(polynomial: Any) -> Any:

@@ -59,7 +59,7 @@ def hamiltonian(system: SymbolicStructure) -> Section:
 
     >>> from modal.symbolic import chain, plain
     >>> print(plain(hamiltonian(chain(1)).lines[-2].formula))
-    p1' = -m g l sin(θ1) - s1 θ1'
+    p' = -m g l sin(θ) - s θ'
     """
     return Section(TITLE, list(_in_space(system) if system.spatial else _in_plane(system)))
 

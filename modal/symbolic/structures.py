@@ -163,9 +163,12 @@ class SymbolicStructure(Displayed):
 
     @cached_property
     def angles(self) -> list[Coordinate]:
-        """θ_i of a single chain, θ_p,i of several."""
-        several = len(self.chains) > 1
-        return [coordinate("theta", *([p + 1] if several else []), i + 1) for p, i in self.links]
+        """θ of a single link, θ_i of a single chain, θ_p of several of one link each, θ_p,i of others."""
+        has_numbers = len(self.chains) > 1, len(self.links) > len(self.chains)
+        return [
+            coordinate("theta", *(k + 1 for k, is_numbered in zip(link, has_numbers, strict=True) if is_numbered))
+            for link in self.links
+        ]
 
     @cached_property
     def azimuths(self) -> list[Coordinate]:
@@ -339,9 +342,20 @@ class SymbolicStructure(Displayed):
     def spring_energies(self) -> list[Energy]:
         """The energies of the springs between points, the length of a stretched one by its symbol ℓ."""
         return [
-            Energy(f"spring {spring.number + 1}", sp.S.Zero, spring.stiffness * spring.elongation_square / 2)
+            Energy(self._words_of(spring), sp.S.Zero, spring.stiffness * spring.elongation_square / 2)
             for spring in self.springs
         ]
+
+    def _words_of(self, spring: SymbolicSpring) -> str:
+        """A spring and what it joins."""
+        names = []
+        for end in self.spring_entries[spring.number].ends:
+            if isinstance(end, LinkEnd):
+                p, i = self.links[end.link]
+                names.append(f"pendulum {p + 1}" + f", link {i + 1}" * (len(self.chains[p].mass) > 1))
+            else:
+                names.append(self.carriers[end.carrier].name if isinstance(end, CarrierEnd) else "the ground")
+        return f"spring {spring.number + 1}, from {' to '.join(names)}"
 
     def _of_pendulum(self, p: int) -> Energy:
         """T = ½ m v_p² + Σ b_i v_p·n_i θ_i' + ½ Σ A_ij cos(θ_i − θ_j) θ_i'θ_j' of the pair (A, b), and V."""

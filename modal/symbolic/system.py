@@ -48,8 +48,9 @@ def _hanging(title: str, support: SymbolicCarrier, chains: tuple[Chain, ...]) ->
 
 
 def _links(n: int, kind: str, symbolic: tuple[str, ...], sigma: tuple[int, ...]) -> Chain:
-    mass = tuple(symbol(f"m_{i}") for i in range(1, n + 1)) if "masses" in symbolic else (symbol("m"),) * n
-    length = tuple(symbol(f"l_{i}") for i in range(1, n + 1)) if "lengths" in symbolic else (symbol("l"),) * n
+    has_masses, has_lengths = ("masses" in symbolic and n > 1, "lengths" in symbolic and n > 1)
+    mass = tuple(symbol(f"m_{i}") for i in range(1, n + 1)) if has_masses else (symbol("m"),) * n
+    length = tuple(symbol(f"l_{i}") for i in range(1, n + 1)) if has_lengths else (symbol("l"),) * n
     none = (sp.S.Zero,) * n
     centre, inertia = zip(*map(pair.proportions, (kind,) * n, mass, length), strict=True)
     return Chain(mass, length, centre, inertia, none, none, none, sigma or (1,) * n)
@@ -200,22 +201,24 @@ def _end(end: End, letters: Letters, chains: tuple[Chain, ...]) -> End:
 
 
 def _chains_of(scene: Scene, letters: Letters) -> tuple[Chain, ...]:
-    """The chains of a scene, a pendulum's copies one after another."""
+    """The chains of a scene, a pendulum's copies one after another; names have the numbers that angles have."""
     chains: list[Chain] = []
+    has_numbers = any(pendulum.n_links > 1 for pendulum in scene.pendulum)
     for pendulum in scene.pendulum:
-        prefix = f"{len(chains) + 1}_" if len(scene.pendulum) > 1 else ""
-        chains += [_chain_of(pendulum, prefix, letters)] * pendulum.count
+        prefix = f"_{len(chains) + 1}" if len(scene.pendulum) > 1 else ""
+        tails = [prefix + f"_{i + 1}" * has_numbers for i in range(pendulum.n_links)]
+        chains += [_chain_of(pendulum, tails, letters)] * pendulum.count
     return tuple(chains)
 
 
-def _chain_of(pendulum: Pendulum, prefix: str, letters: Letters) -> Chain:
+def _chain_of(pendulum: Pendulum, tails: Sequence[str], letters: Letters) -> Chain:
     links = [link for link in pendulum.links for _ in range(link.count)]
     mass, length, centre, inertia, _, rotor, sigma = map(list, zip(*exact_links(pendulum), strict=True))
     for i, link in enumerate(links):
         if "masses" in letters:
-            mass[i] = letters("m", mass[i], f"m_{prefix}{i + 1}")
+            mass[i] = letters("m", mass[i], f"m{tails[i]}")
         if "lengths" in letters:
-            length[i] = letters("l", length[i], f"l_{prefix}{i + 1}")
+            length[i] = letters("l", length[i], f"l{tails[i]}")
         centre[i], inertia[i] = link.proportions(mass[i], length[i], exact)
     damping, stiffness = ([exact(getattr(link, name)) for link in links] for name in ("damping", "stiffness"))
     if letters.are_shared:

@@ -199,7 +199,7 @@ class Section(NamedTuple):
 
 
 def typeset(title: str, sections: Iterable[Section], form: str) -> str:
-    """The document; `form` is text, latex or markdown."""
+    """The document; `form` is text, latex, markdown or beamer."""
     return _WRITERS[form](title, list(sections))
 
 
@@ -343,24 +343,48 @@ def _markdown(title: str, sections: list[Section]) -> str:
     return "\n\n".join(blocks) + "\n"
 
 
+def _beamer(title: str, sections: list[Section]) -> str:
+    """Slides of the class beamer, a document by itself; remarks are the speaker's notes."""
+    lines = [
+        r"\documentclass{beamer}",
+        r"\usepackage{amsmath}",
+        r"\setbeamertemplate{navigation symbols}{}\setbeamertemplate{frametitle continuation}[from second]",
+        r"% \setbeameroption{show notes} prints the speaker's notes",
+        rf"\title{{{latex(title)}}}",
+        r"\date{}",
+        r"\begin{document}",
+        r"\begin{frame}\titlepage\end{frame}",
+    ]
+    for section in sections:
+        lines.append(rf"\begin{{frame}}[allowframebreaks=0.8]{{{_escape(section.title)}}}")
+        for words, formula in section.lines:
+            if formula is not None:
+                block = f"{_sentence(_escape(words))}:\n{_display(formula, 0.8 * LINE)}"
+                lines.append(f"\\begin{{minipage}}{{\\textwidth}}\n{block}\n\\end{{minipage}}\n\\par\\smallskip")
+        notes = [f"{_sentence(_escape(words))}." for words, formula in section.lines if formula is None]
+        lines += [*(notes if len(notes) == len(section.lines) else ()), r"\end{frame}"]
+        lines += [rf"\note{{{' '.join(notes)}}}"] if notes else []
+    return "\n".join([*lines, r"\end{document}"]) + "\n"
+
+
 def in_display(formula: Any) -> str:
     """A displayed formula between double dollars, as Markdown and notebooks take it."""
     body = _display(formula).replace(r"\begin{equation*}", "").replace(r"\end{equation*}", "")
     return f"$$\n{body.strip().replace('align*', 'aligned')}\n$$"
 
 
-def _display(formula: Any) -> str:
-    """A displayed formula, broken into lines if it is too long for one."""
+def _display(formula: Any, line: float = LINE) -> str:
+    """A displayed formula, broken into lines if it is too long for one of so many letters."""
     text = _tex(formula)
-    if is_short(text):
+    if letters(text) <= line:
         return f"\\begin{{equation*}}\n{text}\n\\end{{equation*}}"
     head, right = "", formula
     if isinstance(formula, sp.Equality):
         sides = formula.args if formula.rhs != 0 else (formula.rhs, formula.lhs)
         head, right = f"{_tex(sides[0])} ={{}}", sides[1]
-    if letters(head) > LINE / 3:
+    if letters(head) > line / 3:
         head, right = "", formula
-    room = LINE - letters(head)
+    room = line - letters(head)
     body = " \\\\\n& ".join(broken_lines(_tex(right, long_frac_ratio=2), room))
     return f"\\begin{{align*}}\n{head}& {body}\n\\end{{align*}}"
 
@@ -425,4 +449,9 @@ def _escape(words: str) -> str:
     return "".join(part if part.startswith("$") else latex(part) for part in parts)
 
 
-_WRITERS: dict[str, Callable[[str, list[Section]], str]] = {"text": _text, "latex": _latex, "markdown": _markdown}
+_WRITERS: dict[str, Callable[[str, list[Section]], str]] = {
+    "text": _text,
+    "latex": _latex,
+    "markdown": _markdown,
+    "beamer": _beamer,
+}

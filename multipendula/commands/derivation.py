@@ -48,7 +48,7 @@ def derive(options: argparse.Namespace) -> None:
     else:
         system, scene = derivation.target(options.target, options.links, symbols, ways)
         title = system.title
-        sections = list(derivation.derive(system, show or derivation.SECTIONS, scene and noted(scene, "a derivation")))
+        sections = list(derivation.derive(system, show or derivation.SECTIONS, noted(scene, "a derivation")))
     with output(options.output) as write:
         text = typesetting.typeset(title, sections, options.format)
         write(folded(text) if options.format == "text" else text)
@@ -145,7 +145,7 @@ COMMANDS = (
             "--equilibrium of chain: and cart: (default down)",
             "--names: paper 000's or the toolkit's own (default own), of --show freebody",
             "--parts (default 1:12), of --show freebody",
-            *text_file("text", "latex", "markdown", drawn=True, more=("tikz",)),
+            *text_file("text", "latex", "markdown", "beamer", drawn=True, more=("tikz",)),
             THEME,
         ),
         details=(

@@ -21,20 +21,18 @@ from urllib.parse import quote
 from modal.report import html
 from modal.scene import Scene, left_out, scene_from, title_of
 from multipendula.page.prescribed import prescribed_module
-from multipendula.page.structure import structure_module
+from multipendula.page.structure import drawing_module, structure_module
 from multipendula.page.whole import whole_module
 
 HERE = Path(__file__).parent
 MODAL = (
-    *("steps", "structure", "whole", "prescribed", "courses", "carriers", "tableau", "dop853", "switched", "system"),
-    *("matrices", "amplitude", "quadratic", "shapes", "families", "structure_modes", "modes"),
+    *("steps", "structure", "drawing", "whole", "prescribed", "numbers", "courses", "carriers", "tableau", "dop853"),
+    *("switched", "system", "matrices", "amplitude", "quadratic", "shapes", "families", "words"),
+    *("structure_modes", "modes"),
 )
 PHYSICS = (*MODAL, "equations", "kicks", "motion", "scene_file", "recording")
-"""The modules that touch no document; `steps`, `structure`, `tableau`, `whole` and `prescribed` are written."""
-MODULES = (
-    *PHYSICS,
-    *("numbers", "view", "picture", "sound", "player", "stage", "table", "controls", "challenges", "main"),
-)
+"""The modules that touch no document; `steps`, `structure`, `drawing`, `whole`, `prescribed`, `tableau` are written."""
+MODULES = (*PHYSICS, "view", "picture", "sound", "player", "stage", "table", "controls", "challenges", "main")
 LARGEST = 350_000
 """Limit: bytes of a page, which mail and forums take as an attachment."""
 LARGEST_OF_STRUCTURES = 800_000
@@ -56,7 +54,8 @@ def joined(names: Sequence[str] = MODULES, scene: Scene | None = None) -> str:
 
 
 def _module(name: str, scene: Scene | None) -> str:
-    written_for = {"structure": structure_module, "whole": whole_module, "prescribed": prescribed_module}
+    written_for = {"structure": structure_module, "drawing": drawing_module}
+    written_for |= {"whole": whole_module, "prescribed": prescribed_module}
     if name in written_for:
         return written_for[name](scene) if scene else f"export const {name} = null;"
     return {"steps": steps, "tableau": tableau}[name]() if name in {"steps", "tableau"} else _file(f"modules/{name}.js")

@@ -1,9 +1,9 @@
-"""What the page of a structure has of its own: the equations and the drawing of this scene, written from Python.
+"""The drawing of the supports of a scene, and the equations of a structure, written from Python for its page.
 
-The module `structure` of the page is made here.  Of a scene that is no structure it says null; else it has the
-functions of `nonlinear.dynamics.steps`, those of `modal.structure.outlines` recorded, and the numbers that
-they take: the entries of `nonlinear.system.entries_of` that are `kept`, with their `places` in the scene, then what is
-`prescribed`, with the places and units of its `constants`.
+Two modules of the page are made here.  `drawing` has the functions of `modal.structure.outlines`, recorded, and the
+coordinates of the supports.  `structure` says null of a scene that is no structure; else it has the functions of
+`nonlinear.dynamics.steps` and the numbers that they take: the entries of `nonlinear.system.entries_of` that are `kept`,
+with their `places` in the scene, then what is `prescribed`, with the places and units of its `constants`.
 """
 
 from __future__ import annotations
@@ -52,9 +52,7 @@ def structure_module(scene: Scene) -> str:
     structure = system.structure
     assert structure is not None
     steps = structure_steps(system)
-    drawing, pieces = _drawing(system, structure)
     data = {
-        "links": system.n_links,
         "entries": entries_of(system),
         "kept": steps.entry_numbers,
         "prescribed": constants_of(system),
@@ -62,20 +60,37 @@ def structure_module(scene: Scene) -> str:
         "constants": [[list(place), unit] for place, unit in prescribed_places(scene, system)],
         "motions": [list(place) for place in scene.motion_places],
         "leading": leading(system),
-        "coordinates": list(_coordinates(structure)),
         "bases": _bases(structure),
         "start": _start(scene, system),
-        "pushed": bool(system.forces) or any(motion.direction == "horizontal" for motion in scene.motions),
-        "pieces": pieces,
     }
+    return _written("structure", data, steps=steps.module)
+
+
+def drawing_module(scene: Scene) -> str:
+    """The text of the module that draws the supports of a scene."""
+    from nonlinear.system import system_of
+
+    system = replace(system_of(scene), is_structured=True)
+    assert system.structure is not None
+    drawing, pieces = _drawing(system, system.structure)
+    data = {
+        "coordinates": list(_coordinates(system.structure)),
+        "pendula": len(system.structure.pivots),
+        "pieces": pieces,
+        "pushed": bool(system.forces) or any(motion.direction == "horizontal" for motion in scene.motions),
+    }
+    return _written("drawing", data, functions=drawing)
+
+
+def _written(name: str, data: dict[str, Any], **modules: Module) -> str:
+    """A module of the page with these data and functions."""
     text = json.dumps(data, allow_nan=False).replace("<", "\\u003c")  # ends no element of the page
     return "\n".join(
         (
             "// Written by `multipendula.page.structure`.",
             FUNCTIONS,
-            f"const steps = {steps.module.javascript()};",
-            f"const drawing = {drawing.javascript()};",
-            f"export const structure = {{ ...{text}, steps, drawing }};",
+            *(f"const {key} = {module.javascript()};" for key, module in modules.items()),
+            f"export const {name} = {{ ...{text}, {', '.join(modules)} }};",
         )
     )
 

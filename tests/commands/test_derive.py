@@ -52,9 +52,13 @@ LETTERS = ("".join(map(chr, range(0xA1, 0x180))), "".join(map(chr, range(0x20, 0
 def set_by_latex(latex: str, folder: Path) -> str:
     """The log of pdfLaTeX, which must not stop."""
     (folder / "page.tex").write_text(DOCUMENT.format(latex), encoding="utf-8")
-    command = [str(ENGINE), "-interaction=nonstopmode", "-halt-on-error", "page.tex"]
-    ran = subprocess.run(command, cwd=folder, capture_output=True, check=False)
-    log = (folder / "page.log").read_text(encoding="utf-8", errors="replace")
+    return compiled(folder / "page.tex")
+
+
+def compiled(path: Path) -> str:
+    command = [str(ENGINE), "-interaction=nonstopmode", "-halt-on-error", path.name]
+    ran = subprocess.run(command, cwd=path.parent, capture_output=True, check=False)
+    log = path.with_suffix(".log").read_text(encoding="utf-8", errors="replace")
     assert ran.returncode == 0, log[-2000:]
     return log
 
@@ -208,12 +212,12 @@ def test_copies_share_their_symbols(capsys: pytest.CaptureFixture[str], tmp_path
     symbols = ("--symbolic", "masses,lengths,gravity,cart", "--show", "modes")
     dump(Scene(gravity=9.81, support=Cart(mass=2.0), pendulum=[twins]), path)
     text = printed(capsys, "derive", str(path), *symbols)
-    assert "the cart moves; natural frequency:  ω^2 = g (2 m_1 + m_c)/(m_c l_1)" in text
-    assert "the cart stays still; natural frequency:  ω^2 = g/l_1" in text
+    assert "the cart moves; natural frequency:  ω^2 = g (2 m + m_c)/(m_c l)" in text
+    assert "the cart stays still; natural frequency:  ω^2 = g/l" in text
     other = Pendulum(links=[Bob(mass=0.2, length=0.6)])
     dump(Scene(gravity=9.81, support=Cart(mass=2.0), pendulum=[twins, other]), path)
     text = printed(capsys, "derive", str(path), *symbols[:2], "--show", "matrices")
-    assert "2 m_1_1 + m_3_1 + m_c" in text
+    assert "2 m_1 + m_3 + m_c" in text
 
 
 def test_a_single_pendulum_needs_no_number(capsys: pytest.CaptureFixture[str]) -> None:
@@ -337,7 +341,7 @@ def test_a_structure_bears_the_names_of_its_supports(capsys: pytest.CaptureFixtu
     text = printed(capsys, "derive", str(path))
     for line in (
         "kinetic energy of left:  T_1 = s_left'^2",
-        "potential energy of spring 1:  V_4 = 30 (ℓ1 - 2)^2",
+        "potential energy of spring 1, from left to right_one:  V_4 = 30 (ℓ1 - 2)^2",
         "pull of spring 1:  F_1 = 60 ℓ1 + ℓ1'/10 - 120",
         "for φ_right_one:  ",
         "det(s² M + s D + K)",
@@ -367,10 +371,29 @@ def test_modes_have_the_numbers_of_the_table(capsys: pytest.CaptureFixture[str],
 def test_latex_sets_matrices_units_and_words(capsys: pytest.CaptureFixture[str]) -> None:
     latex = printed(capsys, "derive", "beam", "--format", "latex", "--show", "matrices,polynomial,modes")
     assert r"\subsection*{Linearized: $M \ddot{q} + D \dot{q} + K q = 0$}" in latex
-    assert r"q = \begin{bmatrix}\phi_{\mathrm{tilt}}\\\theta_{1,1}\\\theta_{2,1}\end{bmatrix}" in latex
-    assert r"Mode 3; $\omega = 12.5646\,\mathrm{rad\,s^{-1}}$, $\zeta = 0.0363967$:" in latex
+    assert r"q = \begin{bmatrix}\phi_{\mathrm{tilt}}\\\theta_{1}\\\theta_{2}\end{bmatrix}" in latex
+    assert r"Mode 3; board tilts: pendula in antiphase with the support; $\omega = 12.5646\,\mathrm{rad" in latex
+    assert r"$\zeta = 0.0363967$:" in latex
     assert r"s = -0.457312 \pm 12.5563\, i" in latex
     assert r"$\det(s^{2} M + s D + K)$:" in latex
+
+
+@pytest.mark.parametrize("target", [("chain:3",), ("cart:2x1",), ("two-bobs", "--symbolic", "equal")], ids=str)
+def test_slides_are_whole_and_hold_what_they_show(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, target: tuple[str, ...]
+) -> None:
+    """No line wider than a slide and none below it; every formula is there, and remarks are notes."""
+    path = tmp_path / "slides.tex"
+    printed(capsys, "derive", *target, "--format", "beamer", "-o", str(path))
+    slides = path.read_text(encoding="utf-8")
+    plain_latex = printed(capsys, "derive", *target, "--format", "latex")
+    displays = [text.count(r"\begin{equation*}") + text.count(r"\begin{align*}") for text in (slides, plain_latex)]
+    assert displays[0] == displays[1]
+    assert r"\note{$T$ equals the kinetic energy" in slides
+    if "two-bobs" in target:
+        assert "spring 1, from pendulum 1 to pendulum 2" in slides
+    if ENGINE:
+        assert "Overfull" not in compiled(path)
 
 
 def test_free_bodies_are_drawn_or_written(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

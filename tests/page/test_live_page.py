@@ -189,7 +189,7 @@ def test_friction_is_shown_and_changed(browser: Chromium, tmp_path: Path) -> Non
     browser.click("kick")
     browser.frames(6)
     assert text(browser, "stuck") == "rail"
-    enter(browser, "Rail friction", 0.1)
+    enter(browser, "Cart friction", 0.1)
     browser.frames(12)
     assert text(browser, "stuck") == "nothing"
     enter(browser, "Friction", 30.0)
@@ -417,6 +417,21 @@ def test_every_scene_has_three_challenges(browser: Chromium, tmp_path: Path, nam
     browser.size(1280, 900, still=True)
     browser.open(written(load(name), tmp_path))
     assert len(tasks(browser)) == 3
+
+
+def test_what_the_page_does_by_itself_solves_nothing(browser: Chromium, tmp_path: Path) -> None:
+    """The motion of a pendulum that its shaken support holds up is soon far from the linear one; so is a kicked one."""
+    browser.size(1280, 800)
+    browser.open(written(load("kapitza"), tmp_path))
+    browser.frames(200)
+    assert float(text(browser, "apart").rstrip("°")) > 5
+    assert tasks(browser) == [False, False]
+    assert browser.run("document.querySelector('input[aria-label^=Damping]').hidden")  # no share of critical damping
+    assert browser.run(SLIDING) == []
+    browser.click("kick")
+    browser.frames(200)
+    assert tasks(browser)[0]
+    assert browser.errors == []
 
 
 def test_notes_are_of_what_is_there(browser: Chromium, tmp_path: Path) -> None:

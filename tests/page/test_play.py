@@ -96,7 +96,7 @@ def test_the_policy_admits_this_script_and_no_other() -> None:
         assert f"{kind}-src 'sha256-{b64encode(sha256(element[1].encode()).digest()).decode()}'" in policy
 
 
-WRITTEN = {"prescribed", "steps", "structure", "tableau", "whole"}
+WRITTEN = {"drawing", "prescribed", "steps", "structure", "tableau", "whole"}
 """Modules of the page that are written from Python and have no file."""
 
 

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import mpmath as mp
 import numpy as np
 import pytest
+import scipy
 import sympy as sp
 from structured_scenes import STRUCTURED
 from structures import Oracle
@@ -14,7 +17,9 @@ from modal.assembly import matrices
 from modal.scene import Spring
 from modal.scene.supports import Swing, Tilt
 from modal.symbolic import derive, plain, symbolic_structure, vanishes
+from modal.symbolic.derivation import target
 from modal.symbolic.system import EQUAL, Letters, rational, structure_with
+from modal.symbolic.typesetting import PlusMinus
 from modal.types import Floats
 
 SCENES = pytest.mark.parametrize("name", STRUCTURED)
@@ -186,8 +191,8 @@ def test_symbols_for_masses_springs_and_supports() -> None:
     scene = Scene(gravity=9.81, pendulum=[bob], spring=[spring])
     system = symbolic_structure(scene, ("masses", "lengths", "gravity", "springs"))
     (section,) = derive(system, ("modes",), scene)
-    g, k, l, m = (sp.Symbol(name, positive=True) for name in ("g", "k_1", "l_1", "m_1"))
-    squares = {sp.expand(line.formula.rhs) for line in section.lines}
+    g, k, l, m = (sp.Symbol(name, positive=True) for name in ("g", "k_1", "l", "m"))
+    squares = {sp.expand(line.formula.rhs) for line in section.lines if line.words != "shape"}
     assert squares == {g / l, g / l + k / (2 * m * l**2)}
 
 
@@ -197,7 +202,7 @@ def test_symbols_of_a_board_tell_when_it_is_in_balance() -> None:
     scene = Scene(gravity=9.81, support=board, pendulum=pendula)
     (section,) = derive(symbolic_structure(scene, ("masses", "supports")), ("matrices",))
     (line,) = (line for line in section.lines if "where" in line.words)
-    first, second = (sp.Symbol(f"m_{p}_1", positive=True) for p in (1, 2))
+    first, second = (sp.Symbol(f"m_{p}", positive=True) for p in (1, 2))
     assert sp.solve(line.formula.lhs, first) == [second]
     assert sp.Symbol("I_board", positive=True) in section.lines[2].formula.rhs.free_symbols
 
@@ -219,7 +224,7 @@ def test_a_cart_alone_keeps_its_x() -> None:
         pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0)])],
         spring=[Spring(between=("cart", "ground"), stiffness=2.0)],
     )
-    assert [str(c.q) for c in symbolic_structure(scene).coordinates] == ["x", "theta_1"]
+    assert [str(c.q) for c in symbolic_structure(scene).coordinates] == ["x", "theta"]
     held = scene.replace(support=Cart(mass=1.0, stiffness=2.0), spring=())
     assert frequencies(scene) == pytest.approx(frequencies(held), rel=1e-15)
 
@@ -263,12 +268,53 @@ def test_numbers_that_are_equal_share_a_symbol(name: str) -> None:
 
 def test_the_textbooks_pendula_have_the_textbooks_roots() -> None:
     (section,) = derive(symbolic_structure(load("two-bobs"), (EQUAL,)), ("modes",))
-    assert [plain(line.formula) for line in section.lines] == ["ω^2 = g/l", "ω^2 = g/l + 2 k a^2/(m l^2)"]
+    assert [plain(line.formula) for line in section.lines] == [
+        *("ω^2 = g/l", "(θ1, θ2) = (1, 1)"),
+        *("ω^2 = g/l + 2 k a^2/(m l^2)", "(θ1, θ2) = (1, -1)"),
+    ]
     assert r"\omega^{2} = \frac{g}{l} + \frac{2 k a^{2}}{m l^{2}}" in section._repr_latex_()
     assert (
         r"K = \begin{bmatrix}m g l + k a^{2} & - k a^{2}"
         in symbolic_structure(load("two-bobs"), (EQUAL,))._repr_latex_()
     )
+
+
+SHAPED = [("chain:2", "masses,lengths"), ("cart:3x1", "masses,lengths"), ("two-bobs", "equal"), ("two-bobs", "masses")]
+
+
+@pytest.mark.parametrize(("name", "symbols"), SHAPED)
+def test_shapes_solve_the_linear_equations(name: str, symbols: str) -> None:
+    """(K − ω² M) q = 0 with other numbers for all symbols, at each frequency that stands before the shape."""
+    system, scene = target(name, chosen=tuple(symbols.split(",")))
+    (section,) = derive(system, ("modes",), scene)
+    M, K, _ = system.matrices()
+    values = {letter: sp.Rational(k + 3, k + 2) for k, letter in enumerate(sorted(system.symbols, key=str))}
+    squares: set[Any] = set()
+    count = 0
+    for words, formula in section.lines:
+        if "shape" not in words:
+            middle, half = formula.rhs.args if isinstance(formula.rhs, PlusMinus) else (formula.rhs, 0)
+            squares = {middle + half, middle - half}
+            continue
+        for square in squares:
+            numbers = {**values, sp.Symbol("omega"): sp.sqrt(square.subs(values))}
+            shape = sp.Matrix(formula.rhs).subs(numbers)
+            left = (K - square * M).subs(values) * shape
+            assert max(abs(complex(value)) for value in left.evalf(30)) < 1e-25
+            count += 1
+    assert count == len(system.coordinates) - (name == "cart:3x1") * 2  # one of two equal ones, and no translation
+
+
+def test_a_single_link_has_the_books_letter_and_dampers_leave_the_undamped_polynomial() -> None:
+    system, _ = target("chain:1")
+    assert [str(c.q) for c in system.coordinates] == ["theta"]
+    scene = load("tower")
+    (section,) = derive(symbolic_structure(scene), ("polynomial",), scene)
+    undamped = sp.Poly(section.lines[-1].formula.lhs, sp.Symbol("lambda"))
+    M, K, _ = structure_with(scene, Letters(())).matrices()
+    expected = scipy.linalg.eigvalsh(np.array(K, dtype=float), np.array(M, dtype=float))
+    assert section.lines[-1].words.startswith("without dampers")
+    assert [float(root) for root in undamped.nroots(20)] == pytest.approx(expected, rel=1e-12)
 
 
 def test_both_roots_stand_in_one_line_and_none_begins_with_a_minus() -> None:

@@ -1,6 +1,7 @@
-// Structures: what the text of `structure` takes and gives.  The state is (carriers' coordinates, angles, their rates,
-// work); which numbers of the scene stand where is told by Python, which wrote that text.
+// Supports: how they are drawn, and of structures what the text of `structure` takes and gives.  The state is (carriers'
+// coordinates, angles, their rates, work); which numbers of the scene stand where is told by Python, which wrote that text.
 
+import { drawing } from "./drawing.js";
 import { structure } from "./structure.js";
 
 const BEFORE = 1; // entries before those of links: gravity
@@ -10,12 +11,13 @@ const BALANCED = 1e-8; // of gravity
 export const isStructure = () => structure !== null;
 
 // The coordinates of the carriers, each with its carrier, kind, unit ("m", "rad" or none) and name.
-export const coordinatesOf = () => structure.coordinates;
+export const coordinatesOf = () => drawing.coordinates;
 
 // What changes of a system with the numbers of its scene; an error where these leave the scene as drawn no equilibrium.
 export function carriedBy(scene, links) {
-  const [rest, units] = [new Float64Array(2 * (structure.coordinates.length + links.length) + 1), structure.constants];
-  links.forEach((link, k) => (rest[structure.coordinates.length + k] = link.rest));
+  const [lead, units] = [coordinatesOf().length, structure.constants];
+  const rest = new Float64Array(2 * (lead + links.length) + 1);
+  links.forEach((link, k) => (rest[lead + k] = link.rest));
   const prescribed = units.map(([place, unit], k) => scaled(placed(scene, place), unit) ?? structure.prescribed[k]);
   const entries = entriesOf(scene, links);
   const constants = (acting) => Float64Array.from(structure.steps.constants([...structure.kept.map((k) => entries[k]), ...acting]));
@@ -30,47 +32,52 @@ export function placed(scene, place) {
   return place.reduce((part, key) => part?.[key], scene);
 }
 
-// The support of a scene by its number.
-export function supportOf(scene, number) {
-  return Array.isArray(scene.support) ? scene.support[number] : scene.support;
-}
+// The place in a scene of the support of a number.
+export const supportPlace = ({ support }, number) => (Array.isArray(support) ? ["support", number] : ["support"]);
 
 // The numbers of supports and springs that may change: those that are not 0, which the text has, and all dampers.
 export function numbersOf(scene) {
-  const units = { mass: "kg", inertia: "kg m²" };
-  const ofCarrier = (support, place, number) => {
-    const own = structure.coordinates.filter(({ carrier }) => carrier === number);
-    const laws = ["stiffness", "damping"].flatMap((law) =>
-      own.flatMap(({ name, unit, kind }) => {
-        const way = kind === "platform" ? name.split(" ").at(-1) : null;
-        return unit ? [{ label: named(law, way), unit: unitOf(law, unit), place: [...place, law, ...(way ? [way] : [])] }] : [];
-      }),
-    );
-    const masses = Object.keys(units).map((key) => ({ label: named(key), unit: units[key], place: [...place, key] }));
-    return { name: support.name ?? support.kind, numbers: [...masses, ...laws].filter((one) => isThere(scene, one.place)) };
-  };
-  const several = Array.isArray(scene.support);
-  const supports = [scene.support].flat().map((support, k) => ofCarrier(support, several ? ["support", k] : ["support"], k));
-  const springs = (scene.spring ?? []).map(({ kind }, k) => ({
-    name: `Spring ${k + 1}`,
-    numbers: ["stiffness", "damping"]
-      .map((law) => ({ label: named(law), unit: unitOf(law, kind === "torsion" ? "rad" : "m"), place: ["spring", k, law] }))
-      .filter((one) => isThere(scene, one.place)),
-  }));
-  return [...supports, ...springs].filter(({ numbers }) => numbers.length);
+  const supports = [scene.support].flat().map(({ name, kind }, k) => {
+    const place = supportPlace(scene, k);
+    const ofWhole = Object.keys(UNITS).map((key) => ({ label: key.replace("_", " "), unit: UNITS[key], place: [...place, key] }));
+    return { name: name ?? (kind === "cart" ? kind : "support"), numbers: [...ofWhole, ...lawsOf(k, place)] };
+  });
+  const springs = (scene.spring ?? []).map(({ kind }, k) => {
+    const numbers = Object.keys(LAWS).map((law) => ({ label: law, unit: LAWS[law][kind === "torsion" ? "rad" : "m"], place: ["spring", k, law] }));
+    return { name: `Spring ${k + 1}`, numbers };
+  });
+  const parts = [...supports, ...springs].map(({ name, numbers }) => ({ name, numbers: numbers.filter(({ place }) => isThere(scene, place)) }));
+  return parts.filter(({ numbers }) => numbers.length);
+}
+
+const UNITS = { mass: "kg", inertia: "kg m²", friction: "N", friction_coefficient: "" };
+const LAWS = { stiffness: { m: "N/m", rad: "N m/rad" }, damping: { m: "N s/m", rad: "N m s/rad" } };
+
+// Stiffness and damping of every coordinate of a support.
+function lawsOf(number, place) {
+  const own = coordinatesOf().filter(({ carrier, unit }) => carrier === number && unit);
+  return Object.keys(LAWS).flatMap((law) =>
+    own.map(({ name, unit, kind }) => {
+      const way = kind === "platform" ? name.split(" ").at(-1) : null;
+      return { label: way ? `${law} in ${way}` : law, unit: LAWS[law][unit], place: [...place, law, ...(way ? [way] : [])] };
+    }),
+  );
 }
 
 const isThere = (scene, place) => placed(scene, place) > 0 || (place.includes("damping") && placed(scene, place.slice(0, -1)) !== undefined);
-const named = (law, way = null) => `${law[0].toUpperCase()}${law.slice(1)}${way ? ` in ${way}` : ""}`;
-const unitOf = (law, unit) => ({ stiffness: { m: "N/m", rad: "N m/rad" }, damping: { m: "N s/m", rad: "N m s/rad" } })[law][unit];
+export const capital = (words) => words[0].toUpperCase() + words.slice(1);
 
 // How many inputs of the text come before the forces on its coordinates.
 export const leadingCount = () => structure.leading;
 
-// The motions of the ground or of a support.
-export function motionsIn(scene) {
-  return structure ? structure.motions.map((place) => placed(scene, place)) : [scene.support.motion ?? []].flat();
+// The places in a scene of the motions of the ground or of a support, and these motions.
+export function motionPlacesIn({ support }) {
+  if (structure) return structure.motions;
+  if (Array.isArray(support.motion)) return support.motion.map((_, k) => ["support", "motion", k]);
+  return support.motion ? [["support", "motion"]] : [];
 }
+
+export const motionsIn = (scene) => motionPlacesIn(scene).map((place) => placed(scene, place));
 
 function entriesOf(scene, links) {
   const entries = [...structure.entries];
@@ -128,22 +135,22 @@ export function impelledIn({ size, structure: { constants } }, y, impulses) {
 
 // ------------------------------------------------------------------------------------------------ drawing
 
-const constants = structure && structure.drawing.constants([]);
+const constants = drawing && drawing.functions.constants([]);
 
 // Where the first joints of all pendula are, in metres along the rail and down.
 export function pivotsAt(y) {
-  const places = new Float64Array(2 * structure.bases.length);
-  structure.drawing.pivots(constants, y, null, null, places);
+  const places = new Float64Array(2 * drawing.pendula);
+  drawing.functions.pivots(constants, y, null, null, places);
   return paired(places);
 }
 
 // The lines and outlines of carriers, springs and ground: { role, carrier, closed, points }.
 export function piecesAt(y, joints) {
-  const places = new Float64Array(2 * structure.pieces.reduce((total, { count = 0 }) => total + count, 0));
-  structure.drawing.pieces(constants, y, joints.flat(2), null, places);
+  const places = new Float64Array(2 * drawing.pieces.reduce((total, { count = 0 }) => total + count, 0));
+  drawing.functions.pieces(constants, y, joints.flat(2), null, places);
   const points = paired(places);
   let at = 0;
-  return structure.pieces.map((piece) => ({ ...piece, points: piece.points ? paired(piece.points) : points.slice(at, (at += piece.count)) }));
+  return drawing.pieces.map((piece) => ({ ...piece, points: piece.points ? paired(piece.points) : points.slice(at, (at += piece.count)) }));
 }
 
 function paired(values) {
@@ -151,5 +158,5 @@ function paired(values) {
 }
 
 // Whether what is prescribed sets off what hangs at rest, and the state at which the scene starts, null at rest.
-export const isPushed = () => structure.pushed;
+export const isPushed = () => drawing.pushed;
 export const startGiven = () => structure.start;

@@ -1,5 +1,6 @@
 // Tasks that check themselves: the first three that a scene can be made to do.
 
+import { coordinatesOf } from "./carriers.js";
 import { mannerOf } from "./shapes.js";
 
 const [PERIOD, WITHIN] = [30, 1]; // s
@@ -15,7 +16,7 @@ const TASKS = [
   },
   {
     words: "Swing beyond 10° for 5 s while the support stays still.",
-    isThere: ({ system, rows }) => system.lead > 0 && rows.some((row) => mannerOf(row) === "swings" && restsIn(system, row)),
+    isThere: ({ system, rows }) => coordinatesOf().length > 0 && rows.some((row) => mannerOf(row) === "swings" && restsIn(system, row)),
     isDone: (player, memory) => {
       const { system, motion, y, view } = player;
       if (!motion || motion !== memory.motion || y.slice(0, system.lead).some((value) => Math.abs(value) > STILL * view.reach)) {
@@ -57,8 +58,10 @@ export class Challenges {
     list.append(...this.tasks.map(({ line }) => line));
   }
 
-  // The words of a task that has just been solved.
+  // The words of a task that has just been solved, by more than what the page does by itself.
   solved() {
+    this.given ??= this.player.motion ?? "at rest";
+    if (this.player.motion === this.given) return "";
     const task = this.tasks.find(({ line, isDone, memory }) => line.className !== "done" && isDone(this.player, memory));
     if (!task) return "";
     task.line.className = "done";

@@ -1,6 +1,6 @@
 // Sliders with their numbers: what can be changed, and by how much.
 
-import { motionsIn, numbersOf, placed } from "./carriers.js";
+import { capital, motionPlacesIn, numbersOf, placed } from "./carriers.js";
 import { slowestOf } from "./modes.js";
 import { digits } from "./numbers.js";
 import { rounded } from "./stage.js";
@@ -12,20 +12,18 @@ const STEPS = 600;
 class Slider {
   // `there` tells whether it applies at all.
   constructor(box, { label, unit, read, write, range, linear = false, there = () => true }) {
-    Object.assign(this, { read, write, range, linear, unit, there });
+    Object.assign(this, { label, read, write, range, linear, unit, there });
     const id = `slider-${Slider.count++}`;
     const name = document.createElement("label");
     name.htmlFor = id;
-    name.append(label, " ");
     const small = document.createElement("small");
     small.textContent = unit;
-    name.append(small);
+    name.append(label, " ", small);
     this.bar = Object.assign(document.createElement("input"), { type: "range", id, min: 0, max: STEPS, step: 1 });
     this.number = Object.assign(document.createElement("input"), { type: "number", step: "any", min: 0 });
     this.number.setAttribute("aria-label", `${label}, ${unit}`);
     this.refusal = Object.assign(document.createElement("p"), { className: "refused", id: `${id}-refused`, hidden: true });
     this.refusal.setAttribute("role", "alert");
-    this.label = label;
     this.bar.addEventListener("input", () => this.enter(rounded(this.valueAt(Number(this.bar.value) / STEPS))));
     this.number.addEventListener("change", () => this.typed());
     this.name = name;
@@ -60,7 +58,6 @@ class Slider {
   }
 
   accept() {
-    if (this.refusal.hidden) return;
     this.refusal.hidden = true;
     this.refusal.textContent = "";
     this.number.removeAttribute("aria-invalid");
@@ -83,6 +80,7 @@ class Slider {
 
   show(always = false) {
     for (const part of [this.name, this.bar, this.number]) part.hidden = !this.there();
+    if (this.name.hidden) return;
     const value = this.read();
     const [low, high] = this.ends();
     const part = this.linear ? (value - low) / (high - low) : Math.log(value / low) / Math.log(high / low);
@@ -91,8 +89,10 @@ class Slider {
     if (always || document.activeElement !== this.number) this.number.value = written(value);
   }
 
+  // For another number that it stands for now.
   forget() {
     this.limits = null;
+    this.accept();
   }
 }
 
@@ -102,35 +102,22 @@ const written = (value) => {
   return own >= 1e6 || (own && own < 1e-4) ? own.toExponential().replace("e+", "e") : String(own);
 };
 const decade = (value) => [value / 10, value * 10];
+const century = (value) => [value / 100, value * 100];
+const fromZero = (more) => ({ linear: true, range: (value) => [0, 2 * value || more] });
 
 export class Controls {
   constructor(boxes, player) {
-    Object.assign(this, { player, chooser: boxes.chooser });
-    const link = () => {
-      const { entry, index } = player.home(player.selected);
-      return player.scene.pendulum[entry].links[index];
-    };
-    const ofLink = (key) => ({ read: () => link()[key], write: (value) => player.changeLink(player.selected, key, value), range: decade });
-    const ofAir = (key) => ({ ...ofLink(key), linear: true, read: () => link()[key] ?? 0, range: (value) => [0, 2 * value || 1] });
-    this.ofLink = [
-      new Slider(boxes.link, { label: "Mass", unit: "kg", ...ofLink("mass") }),
-      new Slider(boxes.link, { label: "Length", unit: "m", ...ofLink("length") }),
-    ];
-    const { links, structure } = player.system;
-    const hasAir = (key) => !structure && links.some(({ [key]: value }) => value);
-    if (hasAir("drag")) this.ofLink.push(new Slider(boxes.link, { label: "Drag", unit: "N s/m", ...ofAir("drag") }));
-    if (hasAir("quadratic")) this.ofLink.push(new Slider(boxes.link, { label: "Quadratic drag", unit: "N s²/m²", ...ofAir("quadratic_drag") }));
+    Object.assign(this, { player, boxes, chooser: boxes.chooser, ofPart: [] });
+    this.ofLink = this.linkSliders();
+    this.ofCarriers(boxes.cart);
+    const { unit } = pushedAt(player.system);
+    const ofDrive = (key) => ({ read: () => player.drive[key], write: (value) => player.drives({ [key]: value }), range: decade });
     this.others = [
-      new Slider(boxes.scene, {
-        label: "Gravity",
-        unit: "m/s²",
-        read: () => player.scene.gravity,
-        write: (value) => player.change((scene) => (scene.gravity = value)),
-        range: decade,
-      }),
+      this.number(boxes.scene, "Gravity", "m/s²", () => ["gravity"]),
       new Slider(boxes.scene, {
         label: "Damping",
         unit: "% critical",
+        there: () => player.system.links.some(({ s }) => s > 0),
         linear: true,
         read: () => this.dampingOf(),
         write: (value) => this.damp(value),
@@ -147,125 +134,80 @@ export class Controls {
         },
         range: (value) => [0.5, Math.max(90, value)],
       }),
+      ...this.timeSliders(),
+      new Slider(boxes.drive, { label: unit === "N" ? "Force" : "Moment", unit, ...ofDrive("amount") }),
+      new Slider(boxes.drive, { label: "Frequency", unit: "Hz", ...ofDrive("frequency") }),
     ];
-    if (player.system.cart) {
-      this.others.unshift(
-        new Slider(boxes.cart, {
-          label: "Cart mass",
-          unit: "kg",
-          read: () => player.scene.support.mass,
-          write: (value) => player.change((scene) => (scene.support.mass = value)),
-          range: (value) => [value / 100, value * 100],
-        }),
-      );
-    }
-    if (player.system.structure) this.ofCarriers(boxes.cart);
-    this.ofFriction(boxes);
-    this.ofTime(boxes);
-    this.others.push(
-      new Slider(boxes.drive, {
-        label: pushedAt(player.system).unit === "N" ? "Force" : "Moment",
-        unit: pushedAt(player.system).unit,
-        read: () => player.drive.amount,
-        write: (amount) => player.drives({ amount }),
-        range: decade,
-      }),
-      new Slider(boxes.drive, {
-        label: "Frequency",
-        unit: "Hz",
-        read: () => player.drive.frequency,
-        write: (frequency) => player.drives({ frequency }),
-        range: decade,
-      }),
-    );
     this.chooser.addEventListener("change", () => player.choose(Number(this.chooser.value)));
-    this.name();
+    this.chooser.replaceChildren(...player.system.links.map((_, number) => new Option(player.nameOf(number), String(number))));
   }
 
-  // Dry friction where the scene has some: on the rail, and of the chosen link.
-  ofFriction(boxes) {
+  // A slider for the number at a place of the scene, which may depend on what is chosen.
+  number(box, label, unit, place, more = {}) {
     const { player } = this;
-    for (const [key, unit] of [["friction", "N"], ["friction_coefficient", ""]]) {
-      const { support } = player.scene;
-      if (!player.system.cart || !support[key]) continue;
-      const label = unit ? "Rail friction" : "Rail friction coefficient";
-      const change = (value) => player.change((scene) => (scene.support[key] = value));
-      this.others.unshift(new Slider(boxes.cart, { label, unit, read: () => player.scene.support[key], write: change, range: decade }));
-    }
-    if (!player.system.links.some(({ friction }) => friction)) return;
-    const own = () => player.system.links[player.selected].friction;
-    const change = (value) => player.changeLink(player.selected, "friction", value);
-    this.ofLink.push(new Slider(boxes.link, { label: "Friction", unit: "N m", read: () => own() || 1, write: change, range: decade, there: () => own() > 0 }));
+    const [read, write] = [() => placed(player.scene, place()) ?? 0, (value) => player.set(place(), value)];
+    return new Slider(box, { label, unit, read, write, range: decade, ...more });
+  }
+
+  // The numbers of the chosen link: drag and friction where the scene has some.
+  linkSliders() {
+    const { player, boxes } = this;
+    const { links, structure } = player.system;
+    const of = (label, unit, key, more) => this.number(boxes.link, label, unit, () => [...player.home(player.selected).place, key], more);
+    const sliders = [of("Mass", "kg", "mass"), of("Length", "m", "length")];
+    if (!structure && links.some(({ drag }) => drag)) sliders.push(of("Drag", "N s/m", "drag", fromZero(1)));
+    if (!structure && links.some(({ quadratic }) => quadratic)) sliders.push(of("Quadratic drag", "N s²/m²", "quadratic_drag", fromZero(1)));
+    const there = () => player.system.links[player.selected].friction > 0;
+    if (links.some(({ friction }) => friction)) sliders.push(of("Friction", "N m", "friction", { there }));
+    return sliders;
   }
 
   // What moves a support or acts in time.
-  ofTime(boxes) {
-    const { player } = this;
-    const several = motionsIn(player.scene).length > 1;
-    const swing = { linear: true, range: (value) => [0, 2 * value || player.view.reach / 10] };
-    const of = (within, key) => ({ read: () => within(player.scene)[key], write: (value) => player.change((scene) => (within(scene)[key] = value)) });
-    motionsIn(player.scene).forEach(({ direction, kind }, k) => {
-      if (kind !== "sine" && kind !== "sweep") return;
-      const [within, whose] = [(scene) => motionsIn(scene)[k], several ? (direction === "vertical" ? "Upward " : "Sideways ") : "Support "];
-      this.others.push(
-        new Slider(boxes.cart, { label: `${whose}amplitude`, unit: "m", ...of(within, "amplitude"), ...swing }),
-        ...this.frequencies(boxes.cart, `${whose}frequency`, kind, (key) => of(within, key)),
-      );
+  timeSliders() {
+    const { scene, view } = this.player;
+    const places = motionPlacesIn(scene);
+    const motions = places.flatMap((place) => {
+      const whose = places.length === 1 ? "Support" : placed(scene, place).direction === "vertical" ? "Upward" : "Sideways";
+      return this.courseSliders(place, `${whose} amplitude`, "m", `${whose} frequency`, fromZero(view.reach / 10));
     });
-    (player.scene.force ?? []).forEach(({ on, direction, kind }, k) => {
-      if (kind !== "sine" && kind !== "sweep") return;
-      const within = (scene) => scene.force[k];
+    const forces = (scene.force ?? []).flatMap(({ on, direction }, k) => {
       const [what, unit] = direction === "torque" ? ["Torque", "N m"] : ["Force", "N"];
-      this.others.push(
-        new Slider(boxes.scene, { label: `${what} on ${on}`, unit, ...of(within, "amplitude"), range: decade }),
-        ...this.frequencies(boxes.scene, "Its frequency", kind, (key) => of(within, key)),
-      );
+      return this.courseSliders(["force", k], `${what} on ${on}`, unit, "Its frequency");
     });
+    return [...motions, ...forces];
   }
 
-  // Of a sine one, of a sweep where it begins and ends.
-  frequencies(box, label, kind, of) {
-    const slider = (key, end = "") => new Slider(box, { label: `${label}${end}`, unit: "Hz", ...of(key), range: decade });
-    return kind === "sine" ? [slider("frequency_hz")] : [slider("from_hz", ", first"), slider("to_hz", ", last")];
+  // The amplitude and the frequency of a sine; of a sweep where it begins and ends.
+  courseSliders(place, amplitude, unit, frequency, more) {
+    const { boxes, player } = this;
+    const ends = { sine: { frequency_hz: "" }, sweep: { from_hz: ", first", to_hz: ", last" } }[placed(player.scene, place).kind];
+    if (!ends) return [];
+    const of = (key, label, unitOfKey, range) => this.number(boxes.time, label, unitOfKey, () => [...place, key], range);
+    return [of("amplitude", amplitude, unit, more), ...Object.entries(ends).map(([key, end]) => of(key, `${frequency}${end}`, "Hz"))];
   }
 
-  // The numbers of supports and springs: a list to choose one from, and its sliders.
+  // The numbers of supports and springs, of several those of the one that is chosen from a list.
   ofCarriers(box) {
-    const { player } = this;
-    this.parts = numbersOf(player.scene);
-    if (!this.parts.length) return;
-    const label = Object.assign(document.createElement("label"), { className: "select wide" });
-    this.part = document.createElement("select");
-    this.part.replaceChildren(...this.parts.map(({ name }, number) => new Option(name, String(number))));
-    label.append("Support or spring ", this.part);
-    box.before(label);
-    const choose = () => {
+    const parts = numbersOf(this.player.scene);
+    if (!parts.length) return;
+    const shown = ({ name, numbers }) => {
       box.replaceChildren();
-      this.ofPart = this.parts[Number(this.part.value)].numbers.map(
-        ({ label, unit, place }) =>
-          new Slider(box, {
-            label,
-            unit,
-            read: () => placed(player.scene, place) ?? 0,
-            write: (value) => player.change((scene) => (placed(scene, place.slice(0, -1))[place.at(-1)] = value)),
-            ...(label.startsWith("Damping") ? { linear: true, range: (value) => [0, 2 * value || 1] } : { range: decade }),
-          }),
-      );
-      for (const slider of this.ofPart) slider.show();
+      this.ofPart = numbers.map(({ label, unit, place }) => {
+        const more = place.includes("damping") ? fromZero(1) : place.at(-1) === "mass" ? { range: century } : {};
+        return this.number(box, capital(parts.length > 1 ? label : `${name} ${label}`), unit, () => place, more);
+      });
     };
-    this.part.addEventListener("change", choose);
-    this.part.value = "0";
-    choose();
-  }
-
-  // The names of all links, in order.
-  name() {
-    const options = this.player.system.links.map((_, number) => {
-      const { chain, index } = this.player.home(number);
-      const place = this.player.system.chains.indexOf(chain) + 1;
-      return new Option(`Pendulum ${place}, link ${index + 1}`, String(number));
+    shown(parts[0]);
+    if (parts.length === 1) return;
+    const label = Object.assign(document.createElement("label"), { className: "select wide" });
+    const choice = document.createElement("select");
+    choice.replaceChildren(...parts.map(({ name }, number) => new Option(name, String(number))));
+    label.append("Support or spring ", choice);
+    box.before(label);
+    choice.addEventListener("change", () => {
+      shown(parts[Number(choice.value)]);
+      this.show();
     });
-    this.chooser.replaceChildren(...options);
   }
 
   // Dampers at every joint: for a share of critical damping c they are 2 c g b/w of the slowest mode.
@@ -293,10 +235,7 @@ export class Controls {
 
   // After another choice the sliders of a link have other limits.
   chose() {
-    for (const slider of this.ofLink) {
-      slider.forget();
-      slider.accept();
-    }
+    for (const slider of this.ofLink) slider.forget();
     this.show();
   }
 
@@ -308,6 +247,6 @@ export class Controls {
 
   show() {
     this.chooser.value = String(this.player.selected);
-    for (const slider of [...this.ofLink, ...this.others, ...(this.ofPart ?? [])]) slider.show();
+    for (const slider of [...this.ofLink, ...this.others, ...this.ofPart]) slider.show();
   }
 }

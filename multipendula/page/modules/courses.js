@@ -2,6 +2,7 @@
 //
 // Sines and sweeps have their numbers in the scene; a record and a random process come with the page (`prescribed`).
 
+import { countUpTo } from "./numbers.js";
 import { prescribed } from "./prescribed.js";
 import { sine } from "./steps.js";
 
@@ -42,14 +43,8 @@ function ofSweep({ amplitude, from_hz, to_hz, duration }) {
 function ofRecord(part, { orders }) {
   return (time, order) => {
     const { knots, origins, coefficients } = orders[order];
-    let [low, high] = [0, knots.length];
-    while (low < high) {
-      const middle = (low + high) >> 1;
-      if (knots[middle] <= time) low = middle + 1;
-      else high = middle;
-    }
-    const own = coefficients[low];
-    return own.reduceRight((value, coefficient) => value * (time - origins[low]) + coefficient, 0);
+    const piece = countUpTo(knots, time);
+    return coefficients[piece].reduceRight((value, coefficient) => value * (time - origins[piece]) + coefficient, 0);
   };
 }
 

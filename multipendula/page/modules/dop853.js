@@ -3,6 +3,14 @@
 
 import { DOP853, LIMITS } from "./tableau.js";
 
+// The next step over this one, after one with this error over the tolerance.
+export function factorOf(error) {
+  const { safety, shrinks, grows, power } = LIMITS;
+  if (!error) return grows;
+  const factor = safety * (Number.isFinite(error) ? error : 1e9) ** power;
+  return error < 1 ? Math.min(grows, factor) : Math.max(shrinks, factor);
+}
+
 // An integrator of y' = f(t, y), f(t, y, out).  The last `uncounted` numbers of y do not control the step.
 export class Integrator {
   constructor(f, y, { tolerance = 1e-10, uncounted = 0, time = 0 } = {}) {
@@ -48,20 +56,19 @@ export class Integrator {
 
   // One accepted step that does not pass `end`; `watch(h)` may shorten it to where something happens.
   step(end, watch) {
-    const { safety, shrinks, grows, power } = LIMITS;
     for (let tries = 0; tries < 60; tries++) {
       const left = end - this.time;
       const h = Math.min(this.next, left);
       const error = this.attempt(h);
       if (error < 1) {
-        const grown = h * (error ? Math.min(grows, safety * error ** power) : grows);
+        const grown = h * factorOf(error);
         this.next = h < this.next ? Math.max(this.next, grown) : grown;
         const taken = watch ? watch(h) : h;
         this.y.set(this.trial);
         this.time = taken === left ? end : this.time + taken;
         return;
       }
-      this.next = h * Math.max(shrinks, safety * (Number.isFinite(error) ? error : 1e9) ** power);
+      this.next = h * factorOf(error);
     }
     throw new Error("the step became too small");
   }

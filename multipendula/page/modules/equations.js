@@ -5,9 +5,9 @@
 // support and the forces from outside.  Structures have their own text (`carriers`).
 
 import { ratesOf, storedIn } from "./carriers.js";
+import { zeros } from "./matrices.js";
 import { full, linearized } from "./steps.js";
 
-const zeros = (count, length) => Array.from({ length: count }, () => new Float64Array(length));
 const STILL = new Float64Array(6);
 
 // A function f(t, y, out) for the derivative of y; `forces(t)` gives the force on the cart (N) and the moment on every

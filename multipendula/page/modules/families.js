@@ -7,7 +7,7 @@
 // every e is below one half, and every splitting near e w/2, energy passes from one pendulum of the family to the others
 // and back.  Own modes of different pendula beat where they exchange more than half of it.
 
-import { dot, eigen, formsIn, jacobi, matricesBy, zeros } from "./matrices.js";
+import { dot, eigen, formsIn, gathered, jacobi, matricesBy, zeros } from "./matrices.js";
 import { mannerOf } from "./shapes.js";
 import { sum } from "./system.js";
 
@@ -21,7 +21,8 @@ export function beatsOf(system, rows) {
   const modes = stands || !(system.cart || system.structure) ? null : undamped(system, rows);
   if (!modes) return rows.map(() => NaN);
   const { own, squares } = modes;
-  const families = familiesOf(own).map((members) => levelsOf(system, members, rows, squares));
+  const ascending = own.toSorted((one, other) => one.square - other.square);
+  const families = gathered(ascending, (mode, first) => mode.square - first.square <= SAME * mode.square).map((members) => levelsOf(system, members, rows, squares));
   return rows.map((row, i) => {
     const next = rows[i + 1];
     if (!next || [row, next].some((each) => mannerOf(each) !== "swings") || next.turn === row.turn) return NaN;
@@ -60,17 +61,6 @@ function undamped(system, rows) {
 }
 
 const timesOf = (S, x) => S.map((line) => dot(line, x));
-
-// Own modes of one frequency together, ascending.
-function familiesOf(modes) {
-  const families = [];
-  for (const mode of modes.toSorted((one, other) => one.square - other.square)) {
-    const last = families.at(-1);
-    if (last && mode.square - last[0].square <= SAME * mode.square) last.push(mode);
-    else families.push([mode]);
-  }
-  return families;
-}
 
 // The rows of a family, each with its share of every member; none where first order does not hold.
 function levelsOf(system, members, rows, squares) {

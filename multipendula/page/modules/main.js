@@ -25,7 +25,7 @@ function begin() {
   const player = held ?? new Player(given.scene, given.recording ? new Recording(given.recording) : null);
   const stage = new Stage(element("scene"), player);
   const table = new ModeTable(element("rows"), { frequency: element("head-f"), damped: element("note-damped"), beat: element("note-beat"), angle: element("note-angle"), star: element("note-star") }, player);
-  const boxes = { chooser: element("chooser"), link: element("of-link"), cart: element("of-cart"), scene: element("of-scene"), drive: element("of-drive") };
+  const boxes = { chooser: element("chooser"), link: element("of-link"), cart: element("of-cart"), time: element("of-time"), scene: element("of-scene"), drive: element("of-drive") };
   const controls = new Controls(boxes, player);
   const page = new LivePage({ player, stage, table, controls, challenges: new Challenges(element("tasks"), player), sound: new Sound(), given });
   if (word && !held) page.say("The link holds no scene: this is the page's own.");
@@ -53,12 +53,7 @@ function restore(player, { y, drive, selected }) {
 
 class LivePage {
   constructor(parts) {
-    Object.assign(this, parts);
-    this.trails = [];
-    this.strip = [];
-    this.colours = {};
-    this.last = 0;
-    this.count = 0;
+    Object.assign(this, parts, { trails: [], strip: [], colours: {}, last: 0, count: 0 });
   }
 
   start() {
@@ -87,7 +82,7 @@ class LivePage {
       },
       theme: () => this.dress(this.isDark ? "light" : "dark"),
       wide: () => (document.fullscreenElement ? document.exitFullscreen() : element("whole").requestFullscreen()),
-      file: () => this.copy(this.sceneFile(), "Scene file copied."),
+      file: () => this.copy(sceneFile(player.scene, player.system, player.isAtRest ? null : player.y), "Scene file copied."),
       link: () => this.copyLink(),
       back: () => player.step(-1),
       forth: () => player.step(1),
@@ -156,8 +151,7 @@ class LivePage {
     }
     if (what === "state") {
       if (!player.playing || (player.motion && !player.motion.time)) this.clear();
-      const button = element("play");
-      button.textContent = player.playing ? "Pause" : "Play";
+      element("play").textContent = player.playing ? "Pause" : "Play";
     }
     if (player.recording) element("again").disabled = player.replaying;
     element("drive").checked = player.drive.on;
@@ -187,14 +181,10 @@ class LivePage {
     requestAnimationFrame((later) => this.frame(later));
   }
 
-  get now() {
-    return this.player.replaying ? this.player.time : (this.player.motion?.time ?? 0);
-  }
-
   remember() {
     const { player } = this;
     const places = player.view.places(player.y);
-    player.view.follow(places, player.view.drift(player.y, places));
+    player.view.follow(places);
     if (this.trails.length !== places.length) this.trails = places.map(() => []);
     if (!player.playing) return;
     places.forEach(({ joints }, i) => {
@@ -202,9 +192,9 @@ class LivePage {
       if (this.trails[i].length > TRAIL) this.trails[i].shift();
     });
     const predicted = player.motion?.linear ? player.motion.predicted[player.system.lead + player.selected] : NaN;
-    if (this.strip.length && this.strip.at(-1)[0] > this.now) this.strip = [];
-    this.strip.push([this.now, player.y[player.system.lead + player.selected], predicted]);
-    while (this.strip[0][0] < this.now - SPAN) this.strip.shift();
+    if (this.strip.length && this.strip.at(-1)[0] > player.now) this.strip = [];
+    this.strip.push([player.now, player.y[player.system.lead + player.selected], predicted]);
+    while (this.strip[0][0] < player.now - SPAN) this.strip.shift();
   }
 
   draw() {
@@ -217,7 +207,7 @@ class LivePage {
     });
     const { chains, links } = player.system;
     const colour = hueOf(player.system, chains.indexOf(player.home(player.selected).chain), colours);
-    const now = Math.max(SPAN, this.now);
+    const now = Math.max(SPAN, player.now);
     paint(element("strip"), colours, (ink, width, height) =>
       drawStrip(ink, width, height, { rows: this.strip, now, span: SPAN, rest: links[player.selected].rest, colours, colour }),
     );
@@ -227,7 +217,7 @@ class LivePage {
   tell() {
     const { player, given } = this;
     const { kinetic, potential } = energiesOf(player.system, player.y);
-    element("time").textContent = `${(this.now + (player.replaying ? given.recording.begin : 0)).toFixed(2)} s`;
+    element("time").textContent = `${player.now.toFixed(2)} s`;
     element("energy").textContent = `${digits(kinetic + potential)} J`;
     element("kinetic").style.transform = `scaleX(${(kinetic / (kinetic + potential || 1)).toFixed(4)})`;
     const drift = player.replaying ? given.recording.drift : player.motion?.worst;
@@ -238,8 +228,7 @@ class LivePage {
     const { stuck } = player;
     element("sticking").hidden = !stuck;
     if (stuck) element("stuck").textContent = stuck.map((link) => (link < 0 ? "rail" : `link ${link + 1}`)).join(", ") || "nothing";
-    const { chain, index } = player.home(player.selected);
-    element("strip-name").textContent = `Pendulum ${player.system.chains.indexOf(chain) + 1}, link ${index + 1}`;
+    element("strip-name").textContent = player.nameOf(player.selected);
     if (player.replaying) element("scrub").value = Math.round((1000 * player.time) / (player.recording.duration || 1));
   }
 
@@ -258,11 +247,6 @@ class LivePage {
   }
 
   // ------------------------------------------------------------------------------------------------ copies
-
-  sceneFile() {
-    const { player } = this;
-    return player.isAtRest ? sceneFile(player.scene) : sceneFile(player.scene, player.system, player.y);
-  }
 
   copyLink() {
     const { player } = this;

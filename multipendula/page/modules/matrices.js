@@ -34,6 +34,17 @@ export function formsIn(system, x, z = x) {
   return system.structure ? pairedIn(system, x, z) : formsOf(system.chains, system.cart, null, x, z);
 }
 
+// Items in groups, each in the last one whose first item is the same.
+export function gathered(items, isSame) {
+  const groups = [];
+  for (const item of items) {
+    const group = groups.findLast(([first]) => isSame(item, first));
+    if (group) group.push(item);
+    else groups.push([item]);
+  }
+  return groups;
+}
+
 export function inertiaOf(chains, cart, weights, x, z = x) {
   return formsOf(chains, cart, weights, x, z)[0];
 }

@@ -8,12 +8,11 @@
 import { isGuide, kappaOf, LIGHT, onePercentOf } from "./amplitude.js";
 import { beatsOf } from "./families.js";
 import { structureModes } from "./structure_modes.js";
-import { orderOf } from "./system.js";
-import { aligned, dampedModes, decayOf, inPhase, undampedMode } from "./shapes.js";
-import { eigen, formsIn, formsOf, inertiaOf, matricesBy, matricesOf, zeros } from "./matrices.js";
+import { eigen, formsIn, formsOf, gathered, inertiaOf, matricesBy, matricesOf, zeros } from "./matrices.js";
+import { aligned, dampedModes, decayOf, undampedMode } from "./shapes.js";
+import { busyIn, following, orderIn, partly, topOf } from "./words.js";
 
 const [SAME, STILL] = [1e-13, 1e-11];
-const FAIR = 0.01; // of the energy of the pendulum that moves most
 
 // Rows as in the table, by |l|: omega = |l| (rad/s), ratio = -Re l/|l|, turn = |Im l|, growing (without a swing),
 // multiplicity, shapes (cart in m and every angle, largest angle 1, real there), twists (their imaginary parts, null
@@ -43,9 +42,9 @@ function plainModes(system) {
   const parts = kinds.flatMap((kind) => alone(system, kind));
   if (system.cart) parts.push(...together(system, kinds));
   parts.sort((one, other) => one.omega - other.omega || one.rate - other.rate);
-  const rows = merged(parts);
-  const words = wordsOf(system, kinds);
-  for (const row of rows) row.words = words(row);
+  const isSame = (own, first) => first.still && own.still && Math.hypot(own.rate - first.rate, own.turn - first.turn) <= SAME * own.omega;
+  const rows = gathered(parts, isSame).map(rowOf);
+  for (const row of rows) row.words = wordsOf(system, kinds, row);
   judged(system, rows);
   return rows;
 }
@@ -74,7 +73,7 @@ function alone(system, kind) {
   return solved(problem, vectors).map((mode) => {
     const copies = Array.from({ length: fold }, (_, copy) => (x) => {
       const shape = new Float64Array(system.size);
-      const share = (chain, factor) => x.slice(1).forEach((value, i) => (shape[1 + chain.first + i] = factor * value));
+      const share = ({ first }, factor) => shape.set(x.slice(1).map((value) => factor * value), 1 + first);
       if (!system.cart) share(kind[copy], 1);
       else {
         for (let other = 0; other <= copy; other++) share(kind[other], 1 / (copy + 1));
@@ -115,8 +114,8 @@ function spreadOver(system, kinds, x) {
   shape[0] = x[0];
   let at = 1;
   for (const kind of kinds) {
-    for (const chain of kind) for (let i = 0; i < chain.links.length; i++) shape[1 + chain.first + i] = x[at + i];
-    at += kind[0].links.length;
+    const angles = x.slice(at, (at += kind[0].links.length));
+    for (const { first } of kind) shape.set(angles, 1 + first);
   }
   return shape;
 }
@@ -145,25 +144,13 @@ function part(problem, { omega, ratio, rate, turn, x, twist }, copies) {
 const reachOf = (chains) => Math.max(...chains.map(({ links }) => links.reduce((total, { l, c }) => total + Math.max(l, c), 0)));
 
 // Parts of one frequency as one row: those that leave the cart still, and those of different pendula on what is fixed.
-function merged(parts) {
-  const rows = [];
-  for (const own of parts) {
-    const same = (row) => row.still && own.still && Math.hypot(own.rate - row.rate, own.turn - row.turn) <= SAME * own.omega;
-    const row = rows.findLast(same);
-    if (row) {
-      row.parts.push(own);
-      row.shapes.push(...own.shapes.map(([shape]) => shape));
-      row.twists?.push(...own.shapes.map(([shape, twist]) => twist ?? shape.map(() => 0)));
-      row.multiplicity = row.shapes.length;
-      continue;
-    }
-    const shapes = own.shapes.map(([shape]) => shape);
-    const twists = own.aside && own.shapes.map(([, twist]) => twist);
-    const { omega, ratio, rate, turn, still, rigid, swing } = own;
-    const growing = rate > 0 && !turn;
-    rows.push({ omega, ratio, rate, turn, growing, still, rigid, multiplicity: shapes.length, shapes, twists, swing, parts: [own] });
-  }
-  return rows;
+function rowOf(parts) {
+  const [{ omega, ratio, rate, turn, still, rigid, swing, aside }] = parts;
+  const pairs = parts.flatMap((each) => each.shapes);
+  const shapes = pairs.map(([shape]) => shape);
+  const twists = aside && pairs.map(([shape, twist]) => twist ?? shape.map(() => 0));
+  const growing = rate > 0 && !turn;
+  return { omega, ratio, rate, turn, growing, still, rigid, multiplicity: shapes.length, shapes, twists, swing, parts };
 }
 
 // ------------------------------------------------------------------------------------------ how far it is linear
@@ -186,17 +173,16 @@ function judged(system, rows) {
 // -------------------------------------------------------------------------------------------------------- words
 // As in `modal.modes.rows`.
 
-function wordsOf(system, kinds) {
-  return (row) => {
-    if (row.rigid) return "rigid translation";
-    const [head] = row.parts;
-    const folds = row.multiplicity > 1 ? ` (${row.multiplicity} degenerate modes)` : "";
-    const where = `${!system.cart ? "fixed support" : row.still ? "cart still" : "cart moves"}${folds}`;
-    const antiphase = row.parts.some((own) => own.alone && system.cart) ? "antiphase" : "";
-    const told = head.alone ? whose(system, kinds, row) : agreementOf(system, kinds, head);
-    const motion = [antiphase, told, orderIn(head), decayOf(row)].filter(Boolean);
-    return motion.length ? `${where}: ${motion.join(", ")}` : where;
-  };
+function wordsOf(system, kinds, row) {
+  if (row.rigid) return "rigid translation";
+  const [head] = row.parts;
+  const folds = row.multiplicity > 1 ? ` (${row.multiplicity} degenerate modes)` : "";
+  const where = `${!system.cart ? "fixed support" : row.still ? "cart still" : "cart moves"}${folds}`;
+  const antiphase = row.parts.some((own) => own.alone && system.cart) ? "antiphase" : "";
+  const x = { real: row.shapes[0], twist: row.twists?.[0] ?? null };
+  const agreement = head.alone ? whose(system, kinds, row) : agreementOf(system, kinds, row, x);
+  const motion = [antiphase, agreement, orderIn(system, x), decayOf(row)].filter(Boolean);
+  return motion.length ? `${where}: ${motion.join(", ")}` : where;
 }
 
 function named(system, kind) {
@@ -210,38 +196,14 @@ function whose(system, kinds, { parts }) {
   return kinds.length === 1 || moving.size > 1 ? "" : named(system, [...moving][0]);
 }
 
-// The kinetic energy of one copy of each chain of a part, up to a factor; its angles lie one chain after the other.
-function energiesOf({ swing, aside }) {
-  let at = 1;
-  return swing.chains.map(({ links }) => {
-    const span = [at, (at += links.length)];
-    const each = [swing.x, aside].filter(Boolean).map((x) => inertiaOf([{ links }], null, null, Float64Array.of(x[0], ...x.slice(...span))));
-    return { energy: each.reduce((total, value) => total + value, 0), span };
-  });
-}
-
 // How the pendula with a fair share of the energy agree, by their first links; of a cart on a spring that moves, whether
 // they swing with it or against it, which tells its own mode from theirs.
-function agreementOf(system, kinds, head) {
-  const energies = energiesOf(head);
-  const most = Math.max(...energies.map(({ energy }) => energy));
-  const busy = energies.flatMap(({ energy, span }, i) => (energy >= FAIR * most ? [{ i, top: span[0] }] : []));
-  const several = system.chains.length > 1;
-  const pendula = several ? "pendula" : "pendulum";
-  if (energies.length > 1 && busy.length === 1) return `mostly ${named(system, kinds[busy[0].i])}`;
-  const tops = inPhase(busy.map(({ top }) => head.swing.x[top]), head.aside && busy.map(({ top }) => head.aside[top]));
-  if (!tops.every((top) => top > 0) && !tops.every((top) => top < 0) && energies.length > 1) return head.still ? "antiphase" : "mixed phases";
-  const alike = several ? "in phase" : "";
-  if (head.still || !system.cart?.stiffness) return energies.length === 1 && kinds[0].length === 1 ? "" : alike;
-  const signs = busy.map(({ top }) => Math.sign(head.swing.x[top] * head.swing.x[0] + (head.aside ? head.aside[top] * head.aside[0] : 0)));
-  if (signs.every((sign) => sign > 0)) return `${pendula} in phase with the support`;
-  if (signs.every((sign) => sign < 0)) return `${pendula} in antiphase with the support`;
-  return alike;
-}
-
-// How the links of the chain that moves most agree.
-function orderIn(head) {
-  const energies = energiesOf(head);
-  const { span } = energies.reduce((best, one) => (one.energy > best.energy ? one : best));
-  return orderOf(inPhase([...head.swing.x.slice(...span)], head.aside && [...head.aside.slice(...span)]));
+function agreementOf(system, kinds, { still }, x) {
+  const busy = busyIn(system, x);
+  const moving = kinds.filter((kind) => busy.some((number) => kind.includes(system.chains[number])));
+  if (kinds.length > 1 && moving.length === 1) return `mostly ${named(system, moving[0])}`;
+  const tops = partly(x, busy.map((number) => topOf(system, number)));
+  if (kinds.length > 1 && tops.some((top) => !(top * tops[0] > 0))) return still ? "antiphase" : "mixed phases";
+  const alike = system.chains.length > 1 ? "in phase" : "";
+  return still || !system.cart?.stiffness ? alike : following(system, x) || alike;
 }

@@ -66,8 +66,7 @@ export class Motion {
     this.lowest = Math.min(this.lowest, potential);
     this.highest = Math.max(this.highest, potential);
     const error = kinetic + potential - this.first.kinetic - this.first.potential - work;
-    this.drift = Math.abs(error) / Math.max(this.largest, this.highest - this.lowest);
-    this.worst = Math.max(this.worst, this.drift);
+    this.worst = Math.max(this.worst, Math.abs(error) / Math.max(this.largest, this.highest - this.lowest));
   }
 
   // The state that the linear equations predict.

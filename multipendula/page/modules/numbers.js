@@ -19,6 +19,17 @@ export function degrees(value) {
   return (value * 180) / Math.PI;
 }
 
+// How many of ascending values are at most `limit`.
+export function countUpTo(values, limit) {
+  let [low, high] = [0, values.length];
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (values[middle] <= limit) low = middle + 1;
+    else high = middle;
+  }
+  return low;
+}
+
 export function clamp(value, low, high) {
   return Math.min(high, Math.max(low, value));
 }

@@ -17,8 +17,8 @@ export function paint(canvas, colours, draw) {
 }
 
 export function drawScene(ink, view, { y, predicted, trails, selected, tool, colours }) {
-  if (view.system.structure) drawStructure(ink, view, y, colours, tool);
-  else drawSupport(ink, view, y, colours, tool);
+  if (view.followed) drawMarks(ink, view, colours);
+  drawSupports(ink, view, y, colours, tool);
   if (predicted) drawPredicted(ink, view, predicted, colours);
   const places = view.places(y);
   places.forEach(({ joints, centres }, number) => {
@@ -41,47 +41,23 @@ export function hueOf(system, number, colours) {
   return colours.hues[number % colours.hues.length];
 }
 
-function drawSupport(ink, view, y, colours, tool) {
-  const half = view.half * view.scale;
-  const [x, top] = view.pixel([y[0] + view.shift[0], view.shift[1]]);
-  ink.lineWidth = 1.5;
+// Marks at the foot every quarter of the longest pendulum, by which a support that is followed is seen to move.
+function drawMarks(ink, view, colours) {
   ink.strokeStyle = colours.line;
-  if (!view.system.cart) {
-    ink.fillStyle = colours.line;
-    ink.fillRect(x - half, top - 7, 2 * half, 7);
-    ink.beginPath();
-    for (let at = x - half + 6; at <= x + half; at += 9) ink.moveTo(at - 6, top - 8) || ink.lineTo(at, top - 15);
-    ink.stroke();
-    return;
-  }
-  const height = Math.max(16, 0.07 * view.reach * view.scale);
-  ink.beginPath();
-  ink.moveTo(0, top + 6.5);
-  ink.lineTo(view.width, top + 6.5);
+  ink.lineWidth = 1;
   const step = view.reach / 4;
-  for (let k = Math.ceil(view.metre([0, 0])[0] / step); k * step < view.metre([view.width, 0])[0]; k++) {
-    const at = view.pixel([k * step, 0])[0];
-    ink.moveTo(at, top + 6.5);
-    ink.lineTo(at, top + (k ? 11 : 16));
+  const [from, to] = [0, view.width].map((x) => view.metre([x, 0])[0] / step);
+  for (let k = Math.ceil(from); k < to; k++) {
+    const [x] = view.pixel([k * step, 0]);
+    line(ink, [[x, view.height], [x, view.height - (k % 4 ? 5 : 10)]]);
   }
-  ink.stroke();
-  if (view.system.cart.stiffness) drawSpring(ink, [0, top - height / 2], [x - half, top - height / 2], colours);
-  ink.fillStyle = colours.cart;
-  ink.beginPath();
-  ink.roundRect(x - half, top - height, 2 * half, height, 5);
-  ink.fill();
-  const inset = Math.min(12, 0.06 * view.reach * view.scale);
-  for (const side of [-1, 1]) dot(ink, [x + side * (half - inset), top + 6.5 - 0.45 * inset], 0.45 * inset, colours.ink);
-  if (tool !== "mass") return;
-  ink.fillStyle = colours.accent;
-  ink.fillRect(x + half - 5, top - height - 5, 10, 10);
 }
 
-// The pieces of a structure: what is still below, then bodies, what holds them, springs and dots.
+// The pieces of supports: what is still below, then bodies, what holds them, springs and dots.
 const LAYERS = [["guide", "hatch", "ground"], ["body", "line"], ["spring"], ["dot"]];
 const WIDTHS = { guide: 1, hatch: 1, ground: 2, body: 1.5, line: 2, spring: 1.5 };
 
-function drawStructure(ink, view, y, colours, tool) {
+function drawSupports(ink, view, y, colours, tool) {
   const pieces = view.pieces(y);
   for (const layer of LAYERS) {
     for (const piece of pieces) if (layer.includes(piece.role)) drawPiece(ink, view, piece, colours);
@@ -100,22 +76,10 @@ function drawPiece(ink, view, { role, closed, points }, colours) {
   if (role === "dot") return dot(ink, seen[0], 3.5, colours.paper, colours.ink);
   ink.strokeStyle = { line: colours.ink, spring: colours.muted }[role] ?? colours.line;
   ink.lineWidth = WIDTHS[role];
-  ink.beginPath();
-  seen.forEach((place, k) => ink[k ? "lineTo" : "moveTo"](...place));
+  ink.fillStyle = colours.cart;
+  path(ink, seen);
   if (closed) ink.closePath();
-  if (role === "body") {
-    ink.fillStyle = colours.cart;
-    ink.fill();
-  }
-  ink.stroke();
-}
-
-function drawSpring(ink, from, to, colours) {
-  ink.strokeStyle = colours.line;
-  ink.beginPath();
-  ink.moveTo(...from);
-  for (let k = 1; k < 24; k++) ink.lineTo(from[0] + ((to[0] - from[0]) * k) / 24, from[1] + (k % 2 ? -5 : 5));
-  ink.lineTo(...to);
+  if (role === "body") ink.fill();
   ink.stroke();
 }
 
@@ -124,9 +88,7 @@ function drawPredicted(ink, view, y, colours) {
   ink.lineWidth = 1.5;
   ink.strokeStyle = colours.muted;
   for (const { joints } of view.places(y)) {
-    ink.beginPath();
-    joints.forEach((joint, i) => ink[i ? "lineTo" : "moveTo"](...view.pixel(joint)));
-    ink.stroke();
+    line(ink, joints.map((joint) => view.pixel(joint)));
   }
   ink.setLineDash([]);
   for (const { joints } of view.places(y)) {
@@ -144,10 +106,7 @@ function drawTrail(ink, view, trail, colour) {
   ink.lineCap = "butt";
   for (let i = 1; i < trail.length; i++) {
     ink.globalAlpha = (0.55 * i) / trail.length;
-    ink.beginPath();
-    ink.moveTo(...view.pixel(trail[i - 1]));
-    ink.lineTo(...view.pixel(trail[i]));
-    ink.stroke();
+    line(ink, [view.pixel(trail[i - 1]), view.pixel(trail[i])]);
   }
   ink.globalAlpha = 1;
   ink.lineCap = "round";
@@ -156,15 +115,8 @@ function drawTrail(ink, view, trail, colour) {
 function drawLink(ink, view, link, from, to, centre, colour, colours) {
   ink.strokeStyle = link.kind === "rod" ? colour : colours.ink;
   ink.lineWidth = link.kind === "rod" ? Math.max(4, 0.5 * view.radius(link)) : 2;
-  ink.beginPath();
-  ink.moveTo(...from);
-  ink.lineTo(...to);
-  ink.stroke();
-  if (link.kind !== "body") return;
-  ink.beginPath();
-  ink.moveTo(...from);
-  ink.lineTo(...centre);
-  ink.stroke();
+  line(ink, [from, to]);
+  if (link.kind === "body") line(ink, [from, centre]);
 }
 
 function drawMass(ink, view, link, to, centre, colour, colours) {
@@ -189,6 +141,16 @@ function drawHandle(ink, view, link, from, to, centre, tool, colours) {
   if (tool === "pull") return;
   const [dx, dy] = tool === "length" ? unit(from, to) : [0, 1];
   for (const side of [-1, 1]) arrow(ink, place, [side * dx, side * dy], radius + 3, colours.accent);
+}
+
+function path(ink, points) {
+  ink.beginPath();
+  points.forEach((point, k) => ink[k ? "lineTo" : "moveTo"](...point));
+}
+
+function line(ink, points) {
+  path(ink, points);
+  ink.stroke();
 }
 
 function unit([x0, y0], [x1, y1]) {
@@ -232,10 +194,7 @@ export function drawStrip(ink, width, height, { rows, now, span, rest, colours, 
   ink.textBaseline = "middle";
   for (const value of [-most, 0, most]) {
     const [, y] = at(now, value);
-    ink.beginPath();
-    ink.moveTo(left, y);
-    ink.lineTo(width - 8, y);
-    ink.stroke();
+    line(ink, [[left, y], [width - 8, y]]);
     ink.fillText(`${value < 0 ? "−" : ""}${Math.abs(value)}°`, left - 6, y);
   }
   ink.textAlign = "center";

@@ -1,6 +1,6 @@
 // What hangs there and what it does now: a scene, its modes, a motion or a recording.
 
-import { isPushed, motionsIn } from "./carriers.js";
+import { isPushed, placed } from "./carriers.js";
 import { amplitudesOf, inShape, Motion } from "./motion.js";
 import { modesOf } from "./modes.js";
 import { mannerOf } from "./shapes.js";
@@ -14,16 +14,10 @@ const EASING = 2; // s until the first motion runs at full speed
 
 export class Player {
   constructor(scene, recording = null) {
-    this.listeners = [];
-    this.speed = this.ease = 1;
-    this.amplitude = 10;
-    this.drive = { on: false, amount: 0, frequency: 1 };
-    this.recording = recording;
-    this.scene = scene;
-    this.selected = 0;
+    Object.assign(this, { scene, recording, listeners: [], speed: 1, ease: 1, amplitude: 10, selected: 0 });
     this.rebuild();
-    this.drive.frequency = (this.rows.find((row) => mannerOf(row) === "swings")?.omega ?? 2 * Math.PI) / (2 * Math.PI);
-    this.drive.amount = 0.05 * this.weight;
+    const slowest = this.rows.find((row) => mannerOf(row) === "swings");
+    this.drive = { on: false, amount: 0.05 * this.weight, frequency: slowest ? slowest.omega / (2 * Math.PI) : 1 };
     this.hang();
     if (recording) this.replay();
   }
@@ -60,11 +54,7 @@ export class Player {
 
   // Held in a state.
   place(y) {
-    this.y = y;
-    this.replaying = false;
-    this.playing = false;
-    this.motion = null;
-    this.behind = false;
+    Object.assign(this, { y, replaying: false, playing: false, motion: null, behind: false });
     this.tell("state");
   }
 
@@ -80,9 +70,16 @@ export class Player {
     this.tell("state");
   }
 
+  // The same from here on with other numbers, or held as before.
+  renew() {
+    const { playing } = this;
+    this.release();
+    this.playing = playing;
+  }
+
   // Whether the scene has a time of its own, by a support that moves or forces.
   get isTimed() {
-    return this.system.support !== null || (this.system.structure ? isPushed() : Boolean(this.scene.force?.length));
+    return this.system.support !== null || isPushed();
   }
 
   // The time of the scene (s): a support that moves goes on where it is.
@@ -102,7 +99,7 @@ export class Player {
       this.playing = !this.playing;
     } else if (this.motion) this.playing = !this.playing;
     else {
-      if (this.isAtRest && !this.drive.on) this.y = startOf(this.scene, this.system) ?? (this.isShaken ? this.y : this.shape(this.firstRow, 0));
+      if (this.isAtRest && !this.drive.on) this.y = startOf(this.scene, this.system) ?? (isPushed() ? this.y : this.shape(this.firstRow, 0));
       return this.release();
     }
     this.tell("state");
@@ -116,12 +113,6 @@ export class Player {
   // The links and the rail that dry friction holds now; null where the scene has none.
   get stuck() {
     return this.motion?.full.stuck ?? null;
-  }
-
-  // Whether the support's motion sets off what hangs at rest, or forces do.
-  get isShaken() {
-    if (this.system.structure) return isPushed();
-    return Boolean(this.scene.force?.length) || motionsIn(this.scene).some(({ direction }) => direction !== "vertical");
   }
 
   get firstRow() {
@@ -154,11 +145,7 @@ export class Player {
 
   drives(changes) {
     Object.assign(this.drive, changes);
-    if (this.motion) {
-      const playing = this.playing;
-      this.release();
-      this.playing = playing;
-    }
+    if (this.motion) this.renew();
     this.tell("drive");
   }
 
@@ -238,23 +225,26 @@ export class Player {
     if (this.view.reach === this.reach) this.view.extent = extent;
     this.reach = this.view.reach;
     this.y = y;
-    if (this.motion) {
-      const playing = this.playing;
-      this.release();
-      this.playing = playing;
-    } else this.replaying = false;
+    if (this.motion) this.renew();
+    else this.replaying = false;
     this.tell("scene");
   }
 
-  // Where a link stands in the scene's file: its pendulum's entry and its index there.
-  home(number) {
-    const chain = this.system.chains.findLast((one) => one.first <= number);
-    return { chain, entry: chain.entry, index: number - chain.first };
+  // A number of the scene, by its place.
+  set(place, value) {
+    this.change((scene) => (placed(scene, place.slice(0, -1))[place.at(-1)] = value));
   }
 
-  changeLink(number, key, value) {
-    const { entry, index } = this.home(number);
-    this.change((scene) => (scene.pendulum[entry].links[index][key] = value));
+  // Where a link is: its chain, its index there, and its place in the scene.
+  home(number) {
+    const chain = this.system.chains.findLast((one) => one.first <= number);
+    const index = number - chain.first;
+    return { chain, index, place: ["pendulum", chain.entry, "links", index] };
+  }
+
+  nameOf(number) {
+    const { chain, index } = this.home(number);
+    return `Pendulum ${this.system.chains.indexOf(chain) + 1}, link ${index + 1}`;
   }
 
   choose(number) {

@@ -4,7 +4,7 @@
 // Van Loan, Matrix Computations, 7.5), then each vector by inverse iteration, from which λ follows anew: a symmetric
 // problem has a' as its left vector, so that the root of a'(λ² + λ Z + κ)a is wrong by the square of the vector's error.
 
-import { dot } from "./matrices.js";
+import { dot, gathered, zeros } from "./matrices.js";
 
 const EPS = 2 ** -52;
 const [TOGETHER, MOST_ROUNDS, NULL] = [1e-9, 3, 1e-7];
@@ -13,14 +13,16 @@ const [TOGETHER, MOST_ROUNDS, NULL] = [1e-9, 3, 1e-7];
 // each distinct one with `vectors`.  Those that are 0 are omitted: every κ = 0 has one.
 export function dampedOf(kappa, Z) {
   const values = eigenvaluesOf(firstOrder(kappa, Z)).filter(({ im }) => im >= 0);
-  return gathered(values).flatMap((group) => solved(kappa, Z, group));
+  const sorted = values.toSorted((one, other) => Math.hypot(one.re, one.im) - Math.hypot(other.re, other.im));
+  const isNear = (value, first) => Math.hypot(value.re - first.re, value.im - first.im) <= TOGETHER * Math.hypot(first.re, first.im);
+  return gathered(sorted, isNear).flatMap((group) => solved(kappa, Z, group));
 }
 
 function firstOrder(kappa, Z) {
   const n = kappa.length;
   const places = kappa.flatMap((value, i) => (value ? [i] : []));
   const size = n + places.length;
-  const A = Array.from({ length: size }, () => new Float64Array(size));
+  const A = zeros(size);
   places.forEach((i, at) => {
     const scale = Math.sqrt(Math.abs(kappa[i]));
     A[at][places.length + i] = scale;
@@ -28,19 +30,6 @@ function firstOrder(kappa, Z) {
   });
   for (let i = 0; i < n; i++) for (let j = 0; j < n; j++) A[places.length + i][places.length + j] = -Z[i][j];
   return A;
-}
-
-// Equal ones together.
-function gathered(values) {
-  const sorted = values.toSorted((one, other) => Math.hypot(one.re, one.im) - Math.hypot(other.re, other.im));
-  const groups = [];
-  for (const value of sorted) {
-    const near = ([first]) => Math.hypot(value.re - first.re, value.im - first.im) <= TOGETHER * Math.hypot(first.re, first.im);
-    const group = groups.findLast((own) => near(own));
-    if (group) group.push(value);
-    else groups.push([value]);
-  }
-  return groups;
 }
 
 // One entry for a group whose vectors are independent; one each where they are not, as at critical damping.
@@ -57,7 +46,7 @@ function refined(kappa, Z, { re, im }) {
   let value = { re, im };
   let vector = null;
   for (let round = 0; round < MOST_ROUNDS; round++) {
-    [vector] = nullVectors(kappa, Z, value.re, value.im, 1, vector && [vector]) ?? [vector ?? unit(kappa.length)];
+    [vector] = nullVectors(kappa, Z, value.re, value.im, 1, vector && [vector]) ?? [vector ?? started(kappa.length, 0)];
     const next = rootOf(kappa, Z, value.re, value.im, vector);
     const change = Math.hypot(next.re - value.re, next.im - value.im);
     if (!(change <= 1e-3 * Math.hypot(re, im))) break;
@@ -65,10 +54,6 @@ function refined(kappa, Z, { re, im }) {
     if (change <= 8 * EPS * Math.hypot(re, im)) break;
   }
   return { ...value, vectors: [vector] };
-}
-
-function unit(n) {
-  return { a: Float64Array.from({ length: n }, (_, i) => 1 + 0.37 * Math.sin(3 * i + 1)), b: new Float64Array(n) };
 }
 
 // The root next to λ of a'(λ² + λ Z + κ)a = 0; for a real λ with real numbers.

@@ -1,12 +1,11 @@
 // A saved motion: states at ascending times, cubic between them as in `nonlinear.postprocessing.resampling`.
 
+import { countUpTo } from "./numbers.js";
+
 export class Recording {
   // `times` and `rows` are base64 of little-endian 32-bit floats; a row is (x, angles, x', rates, work).
   constructor({ times, rows, width, begin }) {
-    this.times = floats(times);
-    this.rows = floats(rows);
-    this.width = width;
-    this.begin = begin;
+    Object.assign(this, { times: floats(times), rows: floats(rows), width, begin });
   }
 
   get duration() {
@@ -15,14 +14,7 @@ export class Recording {
 
   // The index of the last sample at or before a time since the beginning (s).
   indexAt(time) {
-    const wanted = time + this.times[0];
-    let [low, high] = [0, this.times.length - 1];
-    while (high - low > 1) {
-      const middle = (low + high) >> 1;
-      if (this.times[middle] <= wanted) low = middle;
-      else high = middle;
-    }
-    return low;
+    return Math.max(0, countUpTo(this.times, time + this.times[0]) - 1);
   }
 
   at(time) {

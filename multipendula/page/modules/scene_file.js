@@ -1,19 +1,21 @@
 // A scene and a state as the text of a scene file, and as a link that holds them.
 
 import { coordinatesOf, isStructure } from "./carriers.js";
+import { degrees } from "./numbers.js";
 
 // The scene file; `y` (with `system`) gives the start, the scene's own is left out then.
 export function sceneFile(scene, system = null, y = null) {
-  if (isStructure()) return structureFile(scene, system, y);
-  const lines = [];
-  const moved = y && (y[0] || y[system.size]);
-  const support = y ? { ...scene.support, start: moved ? { displacement: y[0], rate: y[system.size] } : undefined } : scene.support;
-  if (scene.title) lines.push(`title = ${quoted(scene.title)}`);
-  lines.push(`gravity = ${real(scene.gravity)}`, "", "[support]", ...entries(support));
-  for (const force of scene.force ?? []) lines.push("", "[[force]]", ...entries(force));
   const { pendula, remark } = hanging(scene, system, y);
+  const head = Array.isArray(scene.support) ? "[[support]]" : "[support]";
+  const parts = [
+    ...[scene.support].flat().map((support, k) => [head, y ? begun(support, k, system, y) : support]),
+    ...(scene.ground ? [["[ground]", scene.ground]] : []),
+    ...["spring", "force"].flatMap((key) => (scene[key] ?? []).map((part) => [`[[${key}]]`, part])),
+  ];
+  const lines = [...remark, ...(scene.title ? [`title = ${quoted(scene.title)}`] : []), `gravity = ${real(scene.gravity)}`];
+  for (const [name, part] of parts) lines.push("", name, ...entries(part));
   for (const pendulum of pendula) lines.push("", "[[pendulum]]", ...pendulumLines(pendulum));
-  return `${[...remark, ...lines].join("\n")}\n`;
+  return `${lines.join("\n")}\n`;
 }
 
 // The pendula of a file.  Copies that springs or forces name stay one entry, without a start, which a remark says.
@@ -25,27 +27,10 @@ function hanging(scene, system, y) {
   return { pendula: together ? apart : scene.pendulum, remark };
 }
 
-// The file of a structure.
-function structureFile(scene, system, y) {
-  const { pendula, remark } = hanging(scene, system, y);
-  const lines = [...remark];
-  if (scene.title) lines.push(`title = ${quoted(scene.title)}`);
-  lines.push(`gravity = ${real(scene.gravity)}`);
-  const supports = [scene.support].flat().map((support, k) => (y ? begun(support, k, system, y) : support));
-  const parts = [
-    ...(Array.isArray(scene.support) ? supports.map((one) => ["[[support]]", one]) : [["[support]", supports[0]]]),
-    ...(scene.ground ? [["[ground]", scene.ground]] : []),
-    ...["spring", "force"].flatMap((key) => (scene[key] ?? []).map((one) => [`[[${key}]]`, one])),
-  ];
-  for (const [head, part] of parts) lines.push("", head, ...entries(part));
-  for (const pendulum of pendula) lines.push("", "[[pendulum]]", ...pendulumLines(pendulum));
-  return `${lines.join("\n")}\n`;
-}
-
 // A support with its part of a state as its start.
-function begun(support, number, { size }, y) {
-  const degrees = (value) => (value * 180) / Math.PI;
-  const own = coordinatesOf().flatMap(({ carrier, kind }, i) => (carrier === number ? [{ kind, place: y[i], rate: y[size + i] }] : []));
+function begun(support, number, { size, cart }, y) {
+  const coordinates = isStructure() ? coordinatesOf() : cart ? [{ carrier: 0, kind: "cart" }] : [];
+  const own = coordinates.flatMap(({ carrier, kind }, i) => (carrier === number ? [{ kind, place: y[i], rate: y[size + i] }] : []));
   if (own.every(({ place, rate }) => !place && !rate)) return { ...support, start: undefined };
   const [first, second, third] = own;
   const starts = {
@@ -83,11 +68,10 @@ function repeated(links) {
 
 // The pendula with the state as their start: copies that move alike stay one entry.
 function separated(scene, system, y) {
-  const degrees = (values) => [...values].map((value) => (value * 180) / Math.PI);
   const pendula = [];
   for (const { entry, first, links } of system.chains) {
     const [from, to] = [system.lead + first, system.lead + first + links.length];
-    const start = { angles_deg: degrees(y.slice(from, to)), rates_deg: degrees(y.slice(system.size + from, system.size + to)) };
+    const start = { angles_deg: [...y.slice(from, to)].map(degrees), rates_deg: [...y.slice(system.size + from, system.size + to)].map(degrees) };
     if (start.rates_deg.every((rate) => !rate)) delete start.rates_deg;
     const last = pendula.at(-1);
     if (last?.entry === entry && JSON.stringify(last.pendulum.start) === JSON.stringify(start)) last.pendulum.count++;

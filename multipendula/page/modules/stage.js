@@ -1,6 +1,6 @@
 // The hand on the scene: pull, lengthen, make heavier, by pointer and by keys.
 
-import { supportOf } from "./carriers.js";
+import { placed, supportPlace } from "./carriers.js";
 import { clamp } from "./numbers.js";
 
 const NEAR = 34; // pixels
@@ -35,11 +35,10 @@ export class Stage {
     this.canvas.focus({ preventScroll: true });
     this.canvas.setPointerCapture(event.pointerId);
     const point = this.point(event);
-    this.held = { ...grabbed, point, scene: player.scene, cart0: player.y[0], moved: false };
-    if (grabbed.link === undefined) return;
-    player.choose(grabbed.link);
-    const { entry, index } = player.home(grabbed.link);
-    this.held.first = player.scene.pendulum[entry].links[index];
+    this.held = { ...grabbed, point, moved: false };
+    if (grabbed.link !== undefined) player.choose(grabbed.link);
+    this.held.place = grabbed.link === undefined ? supportPlace(player.scene, grabbed.carrier) : player.home(grabbed.link).place;
+    this.held.first = placed(player.scene, this.held.place);
   }
 
   move(event) {
@@ -53,7 +52,6 @@ export class Stage {
     if (!held.moved && Math.hypot(point[0] - held.point[0], point[1] - held.point[1]) < 3) return;
     held.moved = true;
     if (this.tool === "mass") this.weigh(point);
-    else if (held.cart) this.slide(point);
     else if (held.carrier !== undefined) this.haul(point);
     else if (this.tool === "length") this.lengthen(point);
     else player.place(player.view.pulled(player.y, held.link, player.view.metre(point)));
@@ -63,11 +61,7 @@ export class Stage {
   weigh(point) {
     const { held, player } = this;
     const factor = 10 ** ((held.point[1] - point[1]) / 160);
-    if (held.carrier !== undefined) {
-      const { mass } = supportOf(held.scene, held.carrier);
-      if (mass) player.change((scene) => (supportOf(scene, held.carrier).mass = rounded(mass * factor)));
-    } else if (held.cart) player.change((scene) => (scene.support.mass = rounded(held.scene.support.mass * factor)));
-    else player.changeLink(held.link, "mass", rounded(held.first.mass * factor));
+    if (held.first.mass) player.set([...held.place, "mass"], rounded(held.first.mass * factor));
   }
 
   lengthen(point) {
@@ -77,15 +71,7 @@ export class Stage {
     const pivot = player.view.places(player.y)[number].joints[index];
     const [along, down] = player.view.metre(point);
     const length = clamp(Math.hypot(along - pivot[0], down - pivot[1]), 0.1 * held.first.length, 10 * held.first.length);
-    player.changeLink(held.link, "length", rounded(length));
-  }
-
-  slide(point) {
-    const { held, player } = this;
-    const y = Float64Array.from(player.y);
-    y[0] = held.cart0 + (point[0] - held.point[0]) / player.view.scale;
-    y.fill(0, player.system.size);
-    player.place(y);
+    player.set([...held.place, "length"], rounded(length));
   }
 
   // The held corner of a carrier goes with the hand.

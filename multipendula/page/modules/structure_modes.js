@@ -2,12 +2,13 @@
 // the text of the scene gives.
 
 import { kappaOf, LIGHT, onePercentOf } from "./amplitude.js";
-import { coordinatesOf, pivotsAt } from "./carriers.js";
-import { eigen, formsIn, formsOf, inertiaOf, matricesBy } from "./matrices.js";
-import { aligned, dampedModes, decayOf, inPhase, undampedMode } from "./shapes.js";
-import { orderOf, sum } from "./system.js";
+import { coordinatesOf } from "./carriers.js";
+import { eigen, formsIn, formsOf, gathered, matricesBy } from "./matrices.js";
+import { aligned, dampedModes, decayOf, undampedMode } from "./shapes.js";
+import { sum } from "./system.js";
+import { busyIn, following, orderIn, partly, pivotsMoved, topOf } from "./words.js";
 
-const [SAME, NOTHING, NEGLIGIBLE, STILL, SMALL] = [1e-10, 1e-13, 0.01, 1e-7, 1e-6];
+const [SAME, NOTHING, NEGLIGIBLE, STILL] = [1e-10, 1e-13, 0.01, 1e-7];
 const MOST_NAMED = 3;
 
 // Rows as those of `modesOf`; of equal frequencies one.  What a carrier moves in metres counts as an angle over the
@@ -23,17 +24,8 @@ export function structureModes(system) {
   const damped = D.some((line) => line.some(Boolean));
   const others = damped ? dampedModes(vectors, form, isFree) : undamped.filter(({ omega }) => !isFree(omega ** 2));
   const modes = [...free, ...others].sort((one, other) => one.omega - other.omega || one.rate - other.rate);
-  return gathered(modes).map((group) => rowOf(system, M, group));
-}
-
-function gathered(modes) {
-  const groups = [];
-  for (const mode of modes) {
-    const group = groups.findLast(([first]) => Math.hypot(mode.rate - first.rate, mode.turn - first.turn) <= SAME * first.omega);
-    if (group) group.push(mode);
-    else groups.push([mode]);
-  }
-  return groups;
+  const isSame = (mode, first) => Math.hypot(mode.rate - first.rate, mode.turn - first.turn) <= SAME * first.omega;
+  return gathered(modes, isSame).map((group) => rowOf(system, M, group));
 }
 
 function rowOf(system, M, group) {
@@ -66,11 +58,12 @@ function kappaAlone(system, { omega }, [x, twist]) {
 }
 
 // Whether a shape pushes pivots that the structure moves down: it then answers at twice the frequency, and changes kappa.
-function shakes({ lead, size, chains }, x) {
+function shakes(system, x) {
+  const { lead, size, chains } = system;
   const pushes = chains.map(({ first, links }) => sum(links.map(({ b, s }, i) => b * s * x[lead + first + i] ** 2)));
   const largest = Math.max(...pushes.map(Math.abs));
   return Array.from({ length: lead }, (_, k) => {
-    const pivots = pivotsMoved(Float64Array.from({ length: size }, (__, i) => (i === k ? 1 : 0)));
+    const pivots = pivotsMoved(system, Float64Array.from({ length: size }, (__, i) => (i === k ? 1 : 0)));
     return sum(pivots.map(([, down], number) => down * pushes[number]));
   }).some((push) => Math.abs(push) > STILL * largest);
 }
@@ -85,7 +78,7 @@ function wordsFor(system, M, shapes, mode) {
   const moved = movedBy(system, M, x);
   const where = moved.length ? moving(moved, x) : system.lead ? "supports at rest" : "fixed support";
   const told = moved.length ? following(system, x) || phasesOf(system, x) : phasesOf(system, x);
-  const motion = mode.omega ? [told, orderOf(busiest(system, x)), decayOf(mode)] : ["free"];
+  const motion = mode.omega ? [told, orderIn(system, x), decayOf(mode)] : ["free"];
   const words = motion.filter(Boolean).join(", ");
   return words ? `${where}${folds}: ${words}` : `${where}${folds}`;
 }
@@ -121,59 +114,11 @@ function moving(moved, x) {
     .join(", ");
 }
 
-// Real parts of these coordinates where the largest of them is real.
-const partly = ({ real, twist }, places) => inPhase(places.map((i) => real[i]), twist && places.map((i) => twist[i]));
-
-// The kinetic energy of each chain, up to a factor, with the motion of its pivot.
-function energiesOf({ chains, lead }, { real, twist }) {
-  const parts = [real, twist].filter(Boolean).map((x) => ({ x, pivots: pivotsMoved(x) }));
-  return chains.map(({ first, links }, number) => {
-    const mass = sum(links.map(({ m }) => m));
-    return sum(
-      parts.map(({ x, pivots: { [number]: [along, down] } }) => {
-        const angles = x.slice(lead + first, lead + first + links.length);
-        return inertiaOf([{ links }], null, null, Float64Array.of(along, ...angles)) + mass * down ** 2;
-      }),
-    );
-  });
-}
-
-// How the pivots move in a small motion, each along the rail and down.
-function pivotsMoved(x) {
-  const [ahead, back] = [SMALL, -SMALL].map((step) => pivotsAt(x.map((value) => step * value)));
-  return ahead.map(([along, down], number) => [(along - back[number][0]) / 2 / SMALL, (down - back[number][1]) / 2 / SMALL]);
-}
-
-function busy(system, x) {
-  const energies = energiesOf(system, x);
-  return system.chains.flatMap((chain, number) => (energies[number] >= NEGLIGIBLE * Math.max(...energies) ? [number] : []));
-}
-
-function busiest(system, x) {
-  const energies = energiesOf(system, x);
-  const { first, links } = system.chains[energies.indexOf(Math.max(...energies))];
-  return partly(x, links.map((_, i) => system.lead + first + i));
-}
-
-const topOf = ({ chains, lead }, number) => lead + chains[number].first;
-
-// Whether all pendula with a fair share of the energy swing with their pivots or against; "" for neither.
-function following(system, x) {
-  const [along, aside] = [x.real, x.twist].map((part) => part && pivotsMoved(part).map((pivot) => pivot[0]));
-  const signs = busy(system, x).map((number) => {
-    const top = topOf(system, number);
-    return Math.sign(x.real[top] * along[number] + (aside ? x.twist[top] * aside[number] : 0));
-  });
-  if (!signs[0] || signs.some((sign) => sign !== signs[0])) return "";
-  const pendula = system.chains.length > 1 ? "pendula" : "pendulum";
-  if (signs[0] > 0) return `${pendula} in phase with the support`;
-  return `${pendula} in antiphase with the support`;
-}
-
 // How pendula with a fair share of the energy agree, by their first links.
 function phasesOf(system, x) {
-  const tops = partly(x, busy(system, x).map((number) => topOf(system, number)));
+  const busy = busyIn(system, x);
   if (system.chains.length < 2) return "";
-  if (tops.length < 2) return `mostly pendulum ${busy(system, x)[0] + 1}`;
+  if (busy.length < 2) return `mostly pendulum ${busy[0] + 1}`;
+  const tops = partly(x, busy.map((number) => topOf(system, number)));
   return tops.every((top) => top * tops[0] > 0) ? "in phase" : "antiphase";
 }

@@ -5,8 +5,7 @@
 
 import { placed } from "./carriers.js";
 import { forcesAmong, isRecorded, leadingOf } from "./courses.js";
-import { Integrator } from "./dop853.js";
-import { LIMITS } from "./tableau.js";
+import { factorOf, Integrator } from "./dop853.js";
 import { whole } from "./whole.js";
 
 const FIELDS = 9; // numbers of a link among the entries, the first of its `numbers`
@@ -86,10 +85,6 @@ export class SwitchedIntegrator {
     return this.method.time;
   }
 
-  get calls() {
-    return this.method.calls;
-  }
-
   // The inputs before those of contacts: the time, and the drive's forces.
   timed(time) {
     const pushes = this.forces ? [...this.forces(time).slice(this.skipped)] : new Array(this.system.size - this.skipped).fill(0);
@@ -143,7 +138,7 @@ export class SwitchedIntegrator {
       if (last) length = end - method.time;
       const seen = [];
       const error = method.attempt(length, (stage, z) => whole.seen_.includes(stage) && seen.push([stage, Float64Array.from(z)]));
-      const factor = error < 1 ? (error ? Math.min(LIMITS.grows, LIMITS.safety * error ** LIMITS.power) : LIMITS.grows) : Math.max(LIMITS.shrinks, LIMITS.safety * (Number.isFinite(error) ? error : 1e9) ** LIMITS.power);
+      const factor = factorOf(error);
       if (!(error < 1)) {
         [length, refused] = [length * factor, true];
         this.seekNone();

@@ -111,13 +111,3 @@ export function startOf(scene, system) {
   }
   return y;
 }
-
-// How the links of a chain agree in a shape f of their angles.
-export function orderOf(f) {
-  const n = f.length;
-  const opposed = f.slice(1).filter((value, i) => value * f[i] < 0).length;
-  if (n === 1) return "";
-  if (n === 2) return opposed ? "fast" : "slow";
-  if (!opposed) return "slowest (all links agree)";
-  return opposed === n - 1 ? "fastest (neighbours opposed)" : `${opposed} node${opposed > 1 ? "s" : ""}`;
-}

@@ -5,30 +5,20 @@ import { clamp } from "./numbers.js";
 import { atRest } from "./system.js";
 
 const ON = 12; // pixels
+const SLACK = 0.5; // of the longest pendulum, by which supports may leave the middle
 const [STEP, WEAK] = [1e-5, 1e-9]; // of a difference, over the longest pendulum; added to squares that may be 0
 
 export class View {
   constructor(system) {
     this.system = system;
     this.reach = system.reach;
-    const n = system.chains.length;
-    this.gap = this.reach * Math.min(0.85, 2.2 / n);
-    this.pivots = system.chains.map((_, i) => (i - (n - 1) / 2) * this.gap);
     this.shift = [0, 0]; // of a moved support, along the rail and down
-    this.half = this.pivots.at(-1) + 0.16 * this.reach;
     this.forget();
   }
 
-  // Back to the usual frame.
+  // Back to the usual frame: all that is drawn at rest.
   forget() {
-    const up = this.system.links.some((link) => link.s < 0);
-    this.extent = { up: (up ? 1.15 : 0.32) * this.reach, down: 1.12 * this.reach, side: this.half + 0.55 * this.reach };
-    this.camera = this.followed = 0;
-    if (this.system.structure) this.frame();
-  }
-
-  // The usual frame of a structure: all that is drawn at rest.
-  frame() {
+    this.followed = 0;
     const rest = atRest(this.system);
     const places = this.places(rest, [0, 0]);
     this.middle = middleOf(places);
@@ -40,11 +30,6 @@ export class View {
     this.extent = { up: room - Math.min(...down), down: Math.max(...down) + room, side };
   }
 
-  // How far a place has moved that the frame follows: the cart, or the mean pivot of a structure.
-  drift(y, places) {
-    return this.system.structure ? middleOf(places) - this.middle : y[0] + this.shift[0];
-  }
-
   fit(width, height) {
     [this.width, this.height] = [width, height];
     const { up, down, side } = this.extent;
@@ -52,15 +37,13 @@ export class View {
     this.top = (height - this.scale * (up + down)) / 2 + this.scale * up;
   }
 
-  // The frame grows with what moves, and follows a cart that leaves it.
-  follow(places, x) {
-    const { extent, reach, system } = this;
-    const slack = (system.structure ? 1 : 0.3) * reach;
-    const ahead = x - this.followed;
-    if (Math.abs(ahead) > slack) {
-      this.camera += ahead - Math.sign(ahead) * slack;
-      this.followed = x - Math.sign(ahead) * slack;
-    }
+  // The frame grows with what moves, and follows supports that leave it.
+  follow(places) {
+    const { extent, reach } = this;
+    const ahead = middleOf(places) - this.middle - this.followed;
+    const beyond = Math.sign(ahead) * Math.max(0, Math.abs(ahead) - SLACK * reach);
+    this.camera += beyond;
+    this.followed += beyond;
     for (const { joints } of places) {
       for (const [along, down] of joints) {
         extent.up = Math.max(extent.up, 0.12 * reach - down);
@@ -73,7 +56,7 @@ export class View {
   // Joints (from the pivot down) and centres of every chain in metres, along the rail and down.
   places(y, shift = this.shift) {
     const { system } = this;
-    const pivots = system.structure ? pivotsAt(y) : this.pivots.map((along) => [y[0] + along, 0]);
+    const pivots = pivotsAt(y);
     return system.chains.map(({ first, links }, number) => {
       let at = [pivots[number][0] + shift[0], pivots[number][1] + shift[1]];
       const [joints, centres] = [[at], []];
@@ -87,7 +70,7 @@ export class View {
     });
   }
 
-  // The lines and outlines of a structure: { role, carrier, closed, points } in metres along the rail and down.
+  // The lines and outlines of supports and springs: { role, carrier, closed, points } in metres along the rail and down.
   pieces(y, shift = this.shift) {
     const joints = this.places(y, [0, 0]).map((one) => one.joints);
     return piecesAt(y, joints).map((piece) => ({ ...piece, points: piece.points.map(([along, down]) => [along + shift[0], down + shift[1]]) }));
@@ -101,8 +84,7 @@ export class View {
     return [(x - this.width / 2) / this.scale + this.camera, (y - this.top) / this.scale];
   }
 
-  // What is under a point: { link } by its number in the scene, { cart: true }, { carrier, piece, corner } of a
-  // structure, or null.
+  // What is under a point: { link } by its number in the scene, { carrier, piece, corner }, or null.
   under(point, y, near) {
     let best = { distance: near };
     this.places(y).forEach(({ joints, centres }, number) => {
@@ -116,12 +98,8 @@ export class View {
       });
     });
     // On a body a bob near it is not meant.
-    const carrier = this.system.structure ? this.carrierUnder(point, y, near) : null;
-    if (best.link !== undefined && !(carrier?.inside && best.distance > ON)) return { link: best.link };
-    if (this.system.structure) return carrier;
-    const [x, top] = this.pixel([y[0], 0]);
-    const onCart = Math.abs(point[0] - x) < this.half * this.scale && Math.abs(point[1] - top) < Math.max(22, near);
-    return this.system.cart && onCart ? { cart: true } : null;
+    const carrier = this.carrierUnder(point, y, near);
+    return best.link !== undefined && !(carrier?.inside && best.distance > ON) ? { link: best.link } : carrier;
   }
 
   // The carrier whose body or line is there, with the corner of it that is nearest.
@@ -185,9 +163,12 @@ export class View {
     return state;
   }
 
+  // By the mass, but so that the bobs of a long chain do not touch.
   radius(link) {
-    const heaviest = Math.max(...this.system.links.map(({ m }) => m));
-    return clamp(0.075 * this.reach * this.scale * Math.cbrt(link.m / heaviest), 4.5, 30);
+    const { links, chains } = this.system;
+    const size = this.reach * this.scale;
+    const most = clamp((0.4 * size) / Math.max(...chains.map((chain) => chain.links.length)), 3, 30);
+    return clamp(0.075 * size * Math.cbrt(link.m / Math.max(...links.map(({ m }) => m))), Math.min(4.5, most), most);
   }
 }
 
