@@ -103,7 +103,8 @@ def groups_of(
     endings: dict[int, Ending] = {}
     groups: list[EndingGroup] = []
     left, motion, elapsed = np.arange(len(starts.links)), starts, 0.0
-    length = min(ROUND_PERIODS * slowest_period(scene), limit)
+    first = ROUND_PERIODS * slowest_period(scene)
+    length = first if limit >= 2 * first else limit
     while len(left) and elapsed < limit * (1 - 1e-9):
         motion, judged = _round(scene, motion, length, options)
         here = dict(zip(left.tolist(), judged, strict=True))
@@ -113,13 +114,13 @@ def groups_of(
         is_open = np.array([k not in ended and _runs_on(ending) for k, ending in here.items()])
         left, motion = left[is_open], motion.at(np.flatnonzero(is_open))
         elapsed += length
-        length = min(elapsed, limit - elapsed)
+        length = elapsed if limit - elapsed >= 2 * elapsed else limit - elapsed  # the last is no shorter than others
     others = {k: ending for k, ending in endings.items() if not any(k in group.members for group in groups)}
     groups += _settled_groups(others)
     if may_be_chaotic:
         groups += _chaotic_groups(scene, others, limit / 2, options)
-    if left := tuple(k for k in endings if not any(k in group.members for group in groups)):
-        groups.append(EndingGroup(UNDECIDED, left, endings[left[0]]))
+    if rest := tuple(k for k in endings if not any(k in group.members for group in groups)):
+        groups.append(EndingGroup(UNDECIDED, rest, endings[rest[0]]))
     return tuple(sorted(groups, key=lambda group: -len(group.members)))
 
 

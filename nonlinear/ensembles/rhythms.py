@@ -271,6 +271,10 @@ class RhythmMap(Drawable, Result):
         for name in dict.fromkeys(entry[0] for entry in slow):
             periods = [f"{period:.4g} s at {value:g}" for entry, period, value in slow if entry == name]
             yield f"{name}: its slow period is {', '.join(periods)}{f' {self.variation.unit}'.rstrip()}."
+        chaotic = [(r.name, *r.exponent, v.value) for v in self.values for r in v.rhythms if r.exponent]
+        for name, exponent, half_width, value in chaotic:
+            place = f"{value:g} {self.variation.unit}".rstrip()
+            yield f"{name}: its exponent is {exponent:.3g} ± {half_width:.2g} 1/s at {place}."
         for name in self.names:
             if not any(self.shares(name)):
                 yield f"{name}: no start ended in it at any value; found by continuation."
