@@ -7,10 +7,9 @@ Else the steps are halved from the last value at which it lasts, down to a thous
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Protocol
 
 import numpy as np
 
@@ -19,15 +18,7 @@ from nonlinear.ensembles.rhythms import Rhythm, RhythmEvent, ValueRhythms
 from nonlinear.orbits.stable import KINDS
 from nonlinear.synchronization.attractors import PERIODIC, rhythm_of
 from nonlinear.synchronization.patterns import rhythm_name
-from nonlinear.system import Motion, motion_of
-
-
-class Runs(Protocol):
-    """What tells in what starts end."""
-
-    def groups(self, value: float, starts: Motion, *, may_be_chaotic: bool) -> tuple[EndingGroup, ...]:
-        """The groups of these starts at a value of the number."""
-        ...
+from nonlinear.system import motion_of
 
 
 def name_of(group: EndingGroup) -> str:
@@ -48,12 +39,12 @@ def rhythm_without_orbit(group: EndingGroup, members: int) -> Rhythm:
 
 
 def continued(
-    runs: Runs, values: Sequence[ValueRhythms], ends: Sequence[tuple[str, float]]
+    groups: Callable[..., tuple[EndingGroup, ...]], values: Sequence[ValueRhythms], ends: Sequence[tuple[str, float]]
 ) -> tuple[list[ValueRhythms], list[RhythmEvent]]:
     """The same values with the rhythms that last as far as there, and where those without orbits are born or die.
 
-    `ends` are kinds and values of the births and deaths of orbits: a beat that ends beside a Neimark–Sacker point is
-    that point's.
+    `groups` tells of starts what they end in at a value (`MapTask.groups`); `ends` are kinds and values of births and
+    deaths of orbits: a beat that ends beside a Neimark–Sacker point is that point's.
     """
     complete, events = list(values), list[RhythmEvent]()
     count = len(complete)
@@ -62,7 +53,7 @@ def continued(
             present = {rhythm.name for rhythm in complete[there].rhythms}
             lost = {r.name: r for r in reversed(complete[here].rhythms) if r.state and r.name not in present}
             for rhythm in lost.values():
-                way = Way(runs, rhythm, complete[here].value, complete[there].value)
+                way = Way(groups, rhythm, complete[here].value, complete[there].value)
                 if lasting := way.lasting_rhythm():
                     complete[there] = complete[there]._replace(rhythms=(*complete[there].rhythms, lasting))
                 else:
@@ -77,7 +68,7 @@ class Way:
     It was not seen at `stop`, where it goes over into the `successor`.
     """
 
-    runs: Runs
+    groups: Callable[..., tuple[EndingGroup, ...]]
     rhythm: Rhythm
     near: float
     target: float
@@ -109,7 +100,7 @@ class Way:
     def _group_at(self, value: float) -> EndingGroup:
         assert self.rhythm.state
         start, is_chaotic = motion_of([self.rhythm.state]), self.rhythm.exponent is not None
-        (group,) = self.runs.groups(value, start, may_be_chaotic=is_chaotic)
+        (group,) = self.groups(value, start, may_be_chaotic=is_chaotic)
         return group
 
     def event(self, ends: Sequence[tuple[str, float]]) -> RhythmEvent:

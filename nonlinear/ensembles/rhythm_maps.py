@@ -123,7 +123,9 @@ def find_rhythms(
         _value_of(value, groups, branches, names, members)
         for value, groups in zip(variation.values, parts, strict=True)
     ]
-    values, ends = continued(task, values, [end for branch in branches for end in (branch.birth, branch.death) if end])
+    values, ends = continued(
+        task.groups, values, [end for branch in branches for end in (branch.birth, branch.death) if end]
+    )
     events = (*_orbit_events(branches, names), *ends)
     births = tuple(sorted(events, key=lambda event: event.value))
     return RhythmMap(scene, variation, tuple(values), births, members, box, longest, seed)

@@ -137,14 +137,14 @@ def test_a_rhythm_is_followed_to_where_it_ends(reach: float) -> None:
     begun = Rhythm("beat", 3, 10, state=State(np.zeros(2), np.zeros(2), 0.0))
     values = [ValueRhythms(0.0, (begun,), 0, ()), ValueRhythms(0.2, (), 0, ()), ValueRhythms(1.0, (), 0, ())]
     runs = FakeRuns(reach, "in phase")
-    complete, (death,) = continued(runs, values, [])
+    complete, (death,) = continued(runs.groups, values, [])
     assert [[r.count for r in value.rhythms] for value in complete] == [[3], [0], []]
     assert death.between
     assert death.between[0] <= 0.3 < death.between[1] < death.between[0] + 1e-3
     assert runs.calls < 80
-    _, (marked,) = continued(runs, values, [("Neimark–Sacker", 0.3)])
+    _, (marked,) = continued(runs.groups, values, [("Neimark–Sacker", 0.3)])
     assert (marked.kind, marked.value, marked.between) == ("Neimark–Sacker", 0.3, None)
-    _, (unknown,) = continued(FakeRuns(reach, "undecided"), values, [])
+    _, (unknown,) = continued(FakeRuns(reach, "undecided").groups, values, [])
     assert unknown.kind == "undecided"
 
 
@@ -161,18 +161,18 @@ def test_what_is_beside_an_unstable_orbit_is_not_counted() -> None:
 
 def test_a_branch_has_one_name_and_small_basins_are_found() -> None:
     """Of two unequal swings phases and amplitudes change, the name does not; no start of six ends in phase."""
-    found = find_rhythms(load("huygens"), "support.mass=20:30:2", members=6, limit=800.0)
-    assert {rhythm.name for value in found.values for rhythm in value.rhythms} == {
+    rhythms = find_rhythms(load("huygens"), "support.mass=20:30:2", members=6, limit=800.0)
+    assert {rhythm.name for value in rhythms.values for rhythm in value.rhythms} == {
         "at rest", "antiphase", "unequal amplitudes", "in phase"
     }  # fmt: skip
-    apart = [np.abs(r.phases).max() for at in found.values for r in at.rhythms if r.name == "unequal amplitudes"]
+    apart = [np.abs(r.phases).max() for at in rhythms.values for r in at.rhythms if r.name == "unequal amplitudes"]
     assert abs(apart[0] - apart[1]) > 0.01
-    (in_phase,) = (rhythm for rhythm in found.values[0].rhythms if rhythm.name == "in phase")
+    (in_phase,) = (rhythm for rhythm in rhythms.values[0].rhythms if rhythm.name == "in phase")
     assert in_phase.record()["by_continuation"]
     assert in_phase.interval[1] == pytest.approx(scipy.stats.binomtest(0, 6).proportion_ci(method="wilson").high)
-    death = next(event for event in found.births if event.name == "in phase")
+    death = next(event for event in rhythms.births if event.name == "in phase")
     assert death.value == pytest.approx(26.6813, abs=1e-3)
-    assert "in phase: no start ended in it" in found.report()
+    assert "in phase: no start ended in it" in rhythms.report()
 
 
 def test_more_motions_than_are_told_apart_at_once_stay_apart() -> None:
