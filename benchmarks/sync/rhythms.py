@@ -212,7 +212,7 @@ def is_stable_in_phase(beam: float) -> bool:
 def names_of(at: ValueRhythms) -> list[str]:
     """The name of the rhythm that each start of a map ends in at a value."""
     names = {rhythm.branch: rhythm.name for rhythm in at.rhythms if rhythm.branch is not None}
-    others = [rhythm.name for rhythm in at.rhythms if rhythm.branch is None]
+    others = [rhythm.name for rhythm in at.rhythms if rhythm.branch is None and rhythm.count]
     names |= dict(zip(sorted(set(at.of_start) - names.keys() - {-1}), others, strict=True))
     return [names.get(end, "undecided").split(",")[0] for end in at.of_start]
 
@@ -250,7 +250,7 @@ def borders() -> bool:
     variation = replace(parse_variations(["support.mass=5:27:2"])[0], values=BEAMS)
     with workers_at(None, None) as crew:
         rhythms = find_rhythms(load("huygens"), variation, members=24, largest_deg=14.0, crew=crew)
-    events = [event.value for event in rhythms.births if event.name == "in phase" and not event.between]
+    events = [event.value for event in rhythms.births if event.name == "in phase" and event.kind != "undecided"]
     stable = [is_stable_in_phase(beam) for beam in BEAMS]
     counts = [names_of(at).count("in phase") for at in rhythms.values]
     print("\nHuygens' clocks in phase\n| beam (kg) | " + " | ".join(f"{beam:g}" for beam in BEAMS) + " |")

@@ -152,7 +152,7 @@ COMMANDS = (
         main=("--duration", "--start", "--vary", "--film", "--output"),
         takes=(
             SCENE,
-            "--duration (default as predicted), with --map the longest run (default 2048 periods)",
+            "--duration (default as predicted), with --map the longest run (default 4096 periods)",
             "--start, as in simulate, with undamped mode shapes",
             "--vary, such as support.mass=1:100:30log, along which every steady oscillation is followed instead; with "
             "--map also a second number",

@@ -1,31 +1,34 @@
 """What many starts of a scene end in: each is run until its returns tell, up to a limit, then they are grouped.
 
 Runs go in rounds, each as long as all before it together: after a round the last of it is judged by
-`nonlinear.synchronization.attractors`, and what has not settled runs on.  What is left at the limit is chaotic where
-its exponent is above that of regular motion, else undecided.
+`nonlinear.synchronization.attractors`, and what has not settled runs on, as does what repeats beside no orbit or beside
+an unstable one, which it has yet to leave.  What is left at the limit is chaotic where its exponent is above that of
+regular motion, a chimera where some of equal pendula move as one besides, else undecided.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
-from math import degrees, pi
+from math import ceil, degrees, pi
 from typing import Any
 
 import numpy as np
 
-from modal.errors import ComputationError, SceneError
 from modal.report import Displayed
 from modal.scene import Scene
-from modal.types import Floats, Ints
-from nonlinear.chaos import lyapunov_exponent
+from modal.types import Floats
+from nonlinear.chaos.lyapunov import TRANSIENT, Exponent
 from nonlinear.ensembles.running import ensemble
-from nonlinear.postprocessing.returns import Returns, clustered, natural_units
+from nonlinear.orbits.cycles import Beginning
+from nonlinear.orbits.floquet import CIRCLE_EXCESS_MAX
+from nonlinear.orbits.orbit import Orbit
+from nonlinear.postprocessing.returns import REPEAT_GAP_MAX, Returns, clustered, natural_rate, natural_units
 from nonlinear.synchronization.attractors import AT_REST, CLOSING_GAP, OPEN, PERIODIC, TORUS, Ending, ending_of
 from nonlinear.synchronization.phases import own_shapes
 from nonlinear.system import Motion, State, motion_of, system_of
 
-ROUND_PERIODS, LIMIT_PERIODS = 128, 2048
+ROUND_PERIODS, LIMIT_PERIODS = 128, 4096
 """Limit: of the slowest pendulum, the first round of runs, and by default the longest run of a start."""
 UNDECIDED, CHAOTIC = "undecided", "chaotic"
 
@@ -34,7 +37,8 @@ UNDECIDED, CHAOTIC = "undecided", "chaotic"
 class EndingGroup(Displayed):
     """Starts of `size` that end in one motion, or in one of `copies` that equal pendula exchange; an `ending` of them.
 
-    `members` are their numbers; the `exponent` is that of chaos, with half its 95 % interval (1/s).
+    `members` are their numbers; a periodic one has the `beginning` of a branch of orbits, chaos an `exponent` with half
+    its 95 % interval (1/s).
     """
 
     what, shows = "EndingGroup", "name: name; members: numbers of starts; copies: copies"
@@ -44,6 +48,7 @@ class EndingGroup(Displayed):
     ending: Ending
     copies: int = 1
     exponent: tuple[float, float] | None = None
+    beginning: Beginning | None = None
 
 
 def drive_angle(scene: Scene) -> float:
@@ -81,21 +86,47 @@ def rhythm_starts(scene: Scene, count: int, largest_deg: float, seed: int = 7) -
     return Motion(links, rates, np.zeros(count), np.zeros(count), np.zeros(count), still, still)
 
 
-def groups_of(scene: Scene, starts: Motion, limit: float, **options: Any) -> tuple[EndingGroup, ...]:
-    """What these starts end in, the most frequent first, within `limit` (s); `options` are those of `ensemble`."""
-    count = len(starts.links)
+def groups_of(
+    scene: Scene,
+    starts: Motion,
+    limit: float,
+    orbit_of: Callable[[Ending], Beginning | None],
+    *,
+    may_be_chaotic: bool = True,
+    **options: Any,
+) -> tuple[EndingGroup, ...]:
+    """What these starts end in, the most frequent first, within `limit` (s).
+
+    `orbit_of` finds the orbit of a periodic ending; without `may_be_chaotic` no exponent is computed of what has not
+    settled.  `options` are those of `ensemble`.
+    """
     endings: dict[int, Ending] = {}
-    left, motion, elapsed = np.arange(count), starts, 0.0
-    length = min(ROUND_PERIODS * slowest_period(scene), limit)
+    groups: list[EndingGroup] = []
+    left, motion, elapsed = np.arange(len(starts.links)), starts, 0.0
+    first = ROUND_PERIODS * slowest_period(scene)
+    length = first if limit >= 2 * first else limit
     while len(left) and elapsed < limit * (1 - 1e-9):
         motion, judged = _round(scene, motion, length, options)
-        endings |= dict(zip(left.tolist(), judged, strict=True))
-        is_open = np.array([ending.kind == OPEN and np.all(np.isfinite(ending.state.links)) for ending in judged])
+        here = dict(zip(left.tolist(), judged, strict=True))
+        endings |= here
+        groups += _periodic_groups(scene, here, orbit_of)
+        ended = {k for group in groups for k in group.members}
+        is_open = np.array([k not in ended and _runs_on(ending) for k, ending in here.items()])
         left, motion = left[is_open], motion.at(np.flatnonzero(is_open))
         elapsed += length
-        length = min(elapsed, limit - elapsed)
-    groups = [*_groups(scene, endings), *_unsettled(scene, {k: endings[k] for k in endings if endings[k].kind == OPEN})]
+        length = elapsed if limit - elapsed >= 2 * elapsed else limit - elapsed  # the last is no shorter than others
+    others = {k: ending for k, ending in endings.items() if not any(k in group.members for group in groups)}
+    groups += _settled_groups(others)
+    if may_be_chaotic:
+        groups += _chaotic_groups(scene, others, limit / 2, options)
+    if rest := tuple(k for k in endings if not any(k in group.members for group in groups)):
+        groups.append(EndingGroup(UNDECIDED, rest, endings[rest[0]]))
     return tuple(sorted(groups, key=lambda group: -len(group.members)))
+
+
+def _runs_on(ending: Ending) -> bool:
+    """Whether a motion has to run on: neither at rest nor a torus, nor seen to be a chimera."""
+    return ending.kind in (OPEN, PERIODIC) and not ending.chimera and _is_finite(ending)
 
 
 def _round(scene: Scene, motion: Motion, length: float, options: dict[str, Any]) -> tuple[Motion, list[Ending]]:
@@ -137,22 +168,36 @@ def _distance_from_rest(scene: Scene, state: State) -> float:
     return float(np.abs(natural_units(system, parts)).max())
 
 
-def _groups(scene: Scene, endings: dict[int, Ending]) -> Iterator[EndingGroup]:
-    """Those at rest, periodic ones by their returns, tori by name and slow period."""
-    named = [k for k in endings if endings[k].kind == AT_REST]
-    if named:
-        yield EndingGroup(AT_REST, tuple(named), endings[named[0]])
-    periodic = [k for k in endings if endings[k].kind == PERIODIC]
-    if periodic:
-        records = np.array([endings[k].record for k in periodic])
-        repeats = np.array([endings[k].returns for k in periodic])
-        labels, _ = clustered(records, repeats, np.zeros((len(periodic), scene.n_links), dtype=np.int64), 1e-3)
-        for label in range(labels.max() + 1):
-            members = [periodic[k] for k in np.flatnonzero(labels == label)]
-            if members:
-                first = endings[members[0]]
+def _periodic_groups(
+    scene: Scene, endings: dict[int, Ending], orbit_of: Callable[[Ending], Beginning | None]
+) -> Iterator[EndingGroup]:
+    """Periodic motions by their returns, where these are near an orbit that is not unstable."""
+    left = [k for k in endings if endings[k].kind == PERIODIC]
+    while left:
+        records = np.array([endings[k].record for k in left])
+        repeats = np.array([endings[k].returns for k in left])
+        labels, _ = clustered(records, repeats, np.zeros((len(left), scene.n_links), dtype=np.int64), 1e-3)
+        for label in range(1, labels.max() + 1):
+            members = tuple(left[k] for k in np.flatnonzero(labels == label))
+            first = endings[members[0]]
+            beginning = orbit_of(first)
+            if beginning and is_orbit_of(first, beginning.orbit):
                 copies = -(-distinct_states([endings[k].state for k in members]) // first.returns)
-                yield EndingGroup(PERIODIC, tuple(members), first, copies)
+                yield EndingGroup(PERIODIC, members, first, copies, None, beginning)
+        left = [left[k] for k in np.flatnonzero(labels == 0)]  # of more motions than are told apart at once
+
+
+def is_orbit_of(ending: Ending, orbit: Orbit) -> bool:
+    """Whether a motion may end in an orbit: they have one period, and no multiplier is beyond the unit circle."""
+    largest = np.abs(orbit.floquet.others).max(initial=0.0)
+    return bool(largest < 1 + CIRCLE_EXCESS_MAX and abs(orbit.period / ending.period - 1) < REPEAT_GAP_MAX)
+
+
+def _settled_groups(endings: dict[int, Ending]) -> Iterator[EndingGroup]:
+    """Motions at rest, and tori by name and slow period."""
+    resting = [k for k in endings if endings[k].kind == AT_REST]
+    if resting:
+        yield EndingGroup(AT_REST, tuple(resting), endings[resting[0]])
     tori = [k for k in endings if endings[k].kind == TORUS]
     while tori:
         first = endings[tori[0]]
@@ -178,24 +223,51 @@ def distinct_states(states: Iterable[State]) -> int:
     return len(seen)
 
 
-def _unsettled(scene: Scene, endings: dict[int, Ending]) -> Iterator[EndingGroup]:
-    """The starts that have not settled: chaotic ones, and undecided ones."""
-    chaotic: Ints = np.zeros(0, dtype=int)
-    numbers, exponent = np.array(sorted(endings), dtype=int), None
-    finite = [
-        k for k in numbers.tolist() if len(endings[k].state.links) and np.all(np.isfinite(endings[k].state.links))
-    ]
-    if finite:
-        try:
-            exponent = lyapunov_exponent(scene, starts=[endings[k].state for k in finite])
-            if np.any(exponent.members > exponent.floor) and exponent.of_the_chaotic.is_positive:
-                chaotic, exponent = np.array(finite)[exponent.members > exponent.floor], exponent.of_the_chaotic
-        except (ComputationError, SceneError):
-            exponent = None
-    for name in ("chimera", CHAOTIC):
-        members = [k for k in chaotic.tolist() if endings[k].chimera is (name == "chimera")]
-        if members and exponent:
-            yield EndingGroup(name, tuple(members), endings[members[0]], 1, (exponent.value, exponent.half_width))
-    rest = [k for k in numbers.tolist() if k not in chaotic]
-    if rest:
-        yield EndingGroup(UNDECIDED, tuple(rest), endings[rest[0]])
+def _chaotic_groups(
+    scene: Scene, endings: dict[int, Ending], duration: float, options: dict[str, Any]
+) -> Iterator[EndingGroup]:
+    """Of what has not settled, chimeras and other motions whose exponents over a duration (s) tell chaos."""
+    measured = [k for k, ending in endings.items() if ending.kind == OPEN and _is_finite(ending)]
+    if not measured:
+        return
+    exponent = exponent_of(scene, motion_of([endings[k].state for k in measured]), duration, **options)
+    is_chaotic = exponent.members > exponent.floor
+    for is_chimera, name in ((True, "chimera"), (False, CHAOTIC)):
+        rows = [j for j, k in enumerate(measured) if endings[k].chimera is is_chimera and is_chaotic[j]]
+        part = replace(exponent, growth=exponent.growth[:, rows])
+        if rows and part.is_positive:
+            members = tuple(measured[j] for j in rows)
+            yield EndingGroup(name, members, endings[members[0]], 1, (part.value, part.half_width))
+
+
+def _is_finite(ending: Ending) -> bool:
+    return bool(len(ending.state.links) and np.all(np.isfinite(ending.state.links)))
+
+
+def exponent_of(scene: Scene, starts: Motion, duration: float, **options: Any) -> Exponent:
+    """The largest exponents λ of motions over a duration (s) after half of it, by second motions [Benettin1980a].
+
+    Each begins 1e-6 in natural units from the first, and is brought back to that again and again, every 50 units of
+    time, while ln |v| gains what the distance has grown.  It is then in the direction that grows fastest; `options` are
+    those of `ensemble`, by which both run, many times faster than with tangent equations.
+    """
+    system, count = system_of(scene), len(starts.links)
+    thirds = ceil(duration * natural_rate(system) / 100)
+    times = np.linspace(0.0, (1 + TRANSIENT) * duration, 3 * thirds + 1)
+    first = [starts.links, starts.link_rates, starts.cart, starts.cart_rate, starts.supports, starts.support_rates]
+    asides = np.random.default_rng(0).normal(size=starts.links.shape)
+    second = [starts.links + 1e-6 * asides, *first[1:]]
+    growth = np.empty((len(times) - 1, count))
+    for row, length in enumerate(np.diff(times).tolist()):
+        links, rates, cart, speed, *carried = (np.concatenate(pair) for pair in zip(first, second, strict=True))
+        both = Motion(links, rates, cart, speed, np.zeros(2 * count), *carried)
+        ends = ensemble(scene, length, starts=both, output="end", check=0, **options).require().states()
+        record = natural_units(system, [part[None] for part in ends])[0]
+        distance = np.linalg.norm(record[count:] - record[:count], axis=1) + np.finfo(float).eps
+        growth[row] = np.log(distance / 1e-6)
+        ends += [np.zeros((2 * count, 0))] * (len(first) - len(ends))
+        first = [part[:count] for part in ends]
+        second = [
+            near + ((part[count:] - near).T * (1e-6 / distance)).T for part, near in zip(ends, first, strict=True)
+        ]
+    return Exponent(scene, times, growth, TRANSIENT * duration, np.nan)

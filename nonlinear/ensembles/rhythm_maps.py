@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from hashlib import sha256
-from itertools import pairwise
-from math import degrees, nan
+from math import nan
 from typing import Any
 
 import numpy as np
 
-from modal.errors import SceneError
+from modal.errors import MultipendulaError, SceneError
 from modal.report import finite, silent
 from modal.scene import Scene, describe
 from modal.scene.doors import checked, checked_index, checked_number
@@ -28,14 +28,14 @@ from nonlinear.ensembles.endings import (
     rhythm_starts,
     slowest_period,
 )
+from nonlinear.ensembles.rhythm_borders import continued, rhythm_without_orbit
 from nonlinear.ensembles.rhythms import Rhythm, RhythmEvent, RhythmGrid, RhythmMap, ValueRhythms
 from nonlinear.ensembles.sections import MEMBERS_MAX
 from nonlinear.ensembles.store import ChunkFolder
 from nonlinear.orbits.cycles import Beginning, beginnings, is_same_orbit, require_cycles
 from nonlinear.orbits.flow import ORBIT_TOLERANCE
-from nonlinear.orbits.stable import KINDS, StableOrbits, stable_branches
-from nonlinear.synchronization.attractors import PERIODIC, Ending, orbit_amplitudes
-from nonlinear.synchronization.patterns import rhythm_name
+from nonlinear.orbits.stable import StableOrbits, stable_branches
+from nonlinear.synchronization.attractors import PERIODIC, Ending, rhythm_of
 from nonlinear.system import Motion, State
 
 
@@ -49,18 +49,28 @@ class MapTask:
     limit: float
     engine: str
 
-    def __call__(self, value: float) -> tuple[tuple[EndingGroup, ...], tuple[Beginning | None, ...]]:
-        """The groups at a value, and for each periodic one the orbit."""
-        here = vary(self.scene, {self.variation.path: value})
-        groups = groups_of(here, self.starts, self.limit, engine=self.engine, workers=1)
-        return groups, tuple(self.beginning(value, group) for group in groups)
+    def __call__(self, value: float) -> tuple[EndingGroup, ...]:
+        """What the starts end in at a value."""
+        return self.groups(value, self.starts)
 
-    def beginning(self, value: float, group: EndingGroup) -> Beginning | None:
-        """The stable orbit that a group ends in, None where there is none."""
-        if group.name != PERIODIC:
-            return None
-        start = group.ending.state, group.ending.period
+    def groups(self, value: float, starts: Motion, **options: Any) -> tuple[EndingGroup, ...]:
+        """What these starts end in at a value; `options` are those of `groups_of`."""
+        here, orbit_of = vary(self.scene, {self.variation.path: value}), partial(self.orbit_of, value)
+        return groups_of(here, starts, self.limit, orbit_of, engine=self.engine, workers=1, **options)
+
+    def orbit_of(self, value: float, ending: Ending) -> Beginning | None:
+        """The orbit beside a periodic ending at a value, None where there is none."""
+        start = ending.state, ending.period
         return next(beginnings(self.scene, self.variation, value, start, ORBIT_TOLERANCE), None)
+
+    def averaged_orbits(self, value: float) -> tuple[Beginning, ...]:
+        """The orbits beside the averaged configurations at a value, whose basins may be small; of few pendula."""
+        if sum(pendulum.count for pendulum in self.scene.pendulum) > 4:
+            return ()
+        try:
+            return tuple(beginnings(self.scene, self.variation, value, None, ORBIT_TOLERANCE))
+        except MultipendulaError:
+            return ()
 
 
 @checked
@@ -80,7 +90,7 @@ def find_rhythms(
     """The rhythms of a scene with drives along a number: shares, orbits, births and deaths.
 
     At each value the same `members` starts, drawn by `seed` with angles up to `largest_deg`, by default twice the
-    drives' angle, run until they have settled, at most for `limit` (s), by default 2,048 periods of the slowest
+    drives' angle, run until they have settled, at most for `limit` (s), by default 4,096 periods of the slowest
     pendulum.  Values that are done are kept in a `folder`, where a call that was killed goes on; a `crew` computes them
     together.  `report` is called with the number of values done.  SceneError for a scene without limit cycles.
     """
@@ -102,30 +112,40 @@ def find_rhythms(
     for done, part in enumerate(solved, 1):
         parts.append(part)
         report(done)
-    branches = stable_branches(variation, [orbits for _, orbits in parts], crew)
-    values = tuple(
-        _value_of(value, groups, orbits, branches, members)
-        for value, (groups, orbits) in zip(variation.values, parts, strict=True)
+    few = np.unique(np.linspace(0, len(parts) - 1, 4).round().astype(int)).tolist()
+    averaged = map_by_crew(task.averaged_orbits, [variation.values[k] for k in few], crew)
+    orbits = [[group.beginning for group in groups] for groups in parts]
+    for number, more in zip(few, averaged, strict=True):
+        orbits[number] += more
+    branches = stable_branches(variation, orbits, crew)
+    names = _branch_names(branches)
+    values = [
+        _value_of(value, groups, branches, names, members)
+        for value, groups in zip(variation.values, parts, strict=True)
+    ]
+    values, ends = continued(
+        task.groups, values, [end for branch in branches for end in (branch.birth, branch.death) if end]
     )
-    events = (*_orbit_events(branches), *_sampled_events(values, branches))
+    events = (*_orbit_events(branches, names), *ends)
     births = tuple(sorted(events, key=lambda event: event.value))
-    return RhythmMap(scene, variation, values, births, members, box, longest, seed)
+    return RhythmMap(scene, variation, tuple(values), births, members, box, longest, seed)
 
 
-def _at_value(
-    task: MapTask, store: ChunkFolder | None, number: int
-) -> tuple[tuple[EndingGroup, ...], tuple[Beginning | None, ...]]:
+def _at_value(task: MapTask, store: ChunkFolder | None, number: int) -> tuple[EndingGroup, ...]:
     """The groups at a value from the folder where it is kept there, else computed and kept."""
     value = task.variation.values[number]
     if store is None:
         return task(value)
     if store.path(number).exists():
         groups = store.content(number, _groups_from)
-        return groups, tuple(task.beginning(value, group) for group in groups)
-    groups, orbits = task(value)
+        return tuple(
+            replace(group, beginning=task.orbit_of(value, group.ending)) if group.name == PERIODIC else group
+            for group in groups
+        )
+    groups = task(value)
     header, columns = _header_and_arrays(groups)
     store.write(number, header, columns)
-    return groups, orbits
+    return groups
 
 
 def _store(folder: str, task: MapTask, seed: int) -> ChunkFolder:
@@ -215,8 +235,8 @@ def find_rhythm_grid(
 def _value_of(
     value: float,
     groups: Sequence[EndingGroup],
-    orbits: Sequence[Beginning | None],
     branches: Sequence[StableOrbits],
+    names: Sequence[str],
     members: int,
 ) -> ValueRhythms:
     """The rhythms at a value: groups of one orbit together, and stable orbits in which no start ends."""
@@ -224,66 +244,46 @@ def _value_of(
     rhythms: list[Rhythm] = []
     here = [(number, orbit) for number, branch in enumerate(branches) if (orbit := branch.at(value))]
     endings: dict[int, list[EndingGroup]] = {number: [] for number, _ in here}
-    for group, beginning in zip(groups, orbits, strict=True):
+    for group in groups:
         if group.name == UNDECIDED:
             continue
+        beginning = group.beginning
         matches = [number for number, orbit in here if beginning and is_same_orbit(beginning.orbit, orbit)]
         if matches:
             endings[matches[0]].append(group)
             ends[list(group.members)] = matches[0]
             continue
         ends[list(group.members)] = len(branches) + len(rhythms)
-        name = group.name if group.name != PERIODIC else _name_of_state(group)
-        ending = group.ending
-        periods = ending.period, ending.slow_period, group.exponent
-        rhythms.append(Rhythm(name, len(group.members), members, group.copies, None, None, *periods))
+        rhythms.append(rhythm_without_orbit(group, members))
     for number, orbit in here:
         starts = sum(len(group.members) for group in endings[number])
         states = [group.ending.state for group in endings[number]]
         copies = max([1, *(group.copies for group in endings[number])])
         if states:
             copies = max(copies, distinct_states(states) // endings[number][0].ending.returns)
-        name = rhythm_name(orbit_amplitudes(orbit))
-        rhythms.append(Rhythm(name, starts, members, copies, orbit, number, orbit.period))
+        rhythms.append(Rhythm(names[number], starts, members, copies, orbit, number, orbit.period))
     rhythms.sort(key=lambda rhythm: -rhythm.count)
     undecided = sum(len(group.members) for group in groups if group.name == UNDECIDED)
-    return ValueRhythms(value, tuple(_with_angles(rhythms)), undecided, tuple(ends.tolist()))
+    return ValueRhythms(value, tuple(rhythms), undecided, tuple(ends.tolist()))
 
 
-def _name_of_state(group: EndingGroup) -> str:
-    """The pattern of a periodic motion without an orbit, from its angles and rates at one moment."""
-    state, omega = group.ending.state, 2 * np.pi * group.ending.returns / group.ending.period
-    return rhythm_name(np.asarray(state.links - 1j * state.link_rates / omega))
+def _branch_names(branches: Sequence[StableOrbits]) -> list[str]:
+    """What most orbits of each branch are called, with its number where others of this name exist at the same value."""
+    names = [Counter(map(rhythm_of, branch.orbits)).most_common(1)[0][0] for branch in branches]
+    spans = [(float(branch.orbits[0].value or 0.0), float(branch.orbits[-1].value or 0.0)) for branch in branches]
+    numbered = list(names)
+    for name in set(names):
+        alike = sorted((min(spans[k]), k) for k in range(len(names)) if names[k] == name)
+        ends = [max(spans[k]) for _, k in alike]
+        if any(begin < max(ends[:place]) for place, (begin, _) in enumerate(alike) if place):
+            for place, (_, k) in enumerate(alike, 1):
+                numbered[k] = f"{name}, branch {place}"
+    return numbered
 
 
-def _with_angles(rhythms: Sequence[Rhythm]) -> Iterator[Rhythm]:
-    """Rhythms of one name with their largest angles."""
-    names = [rhythm.name for rhythm in rhythms]
-    for rhythm in rhythms:
-        if names.count(rhythm.name) > 1 and rhythm.orbit:
-            yield replace(rhythm, name=f"{rhythm.name}, {degrees(rhythm.orbit.amplitude):.3g}°")
-        else:
-            yield rhythm
-
-
-def _orbit_events(branches: Sequence[StableOrbits]) -> Iterator[RhythmEvent]:
+def _orbit_events(branches: Sequence[StableOrbits], names: Sequence[str]) -> Iterator[RhythmEvent]:
     """Births and deaths of orbits."""
-    for branch in branches:
+    for branch, name in zip(branches, names, strict=True):
         for is_birth, event in ((True, branch.birth), (False, branch.death)):
             if event:
-                kind, value = event
-                orbit = branch.orbits[0 if is_birth else -1]
-                yield RhythmEvent(rhythm_name(orbit_amplitudes(orbit)), is_birth, kind, value)
-
-
-def _sampled_events(values: Sequence[ValueRhythms], branches: Sequence[StableOrbits]) -> Iterator[RhythmEvent]:
-    """Where rhythms without orbits appear and disappear: at a Neimark–Sacker point between two values, or sampled."""
-    points = [end for branch in branches for end in (branch.birth, branch.death) if end and end[0] == KINDS["torus"]]
-    for first, second in pairwise(values):
-        before, after = ({r.name for r in value.rhythms if r.orbit is None} for value in (first, second))
-        for name in sorted(before ^ after):
-            near = [value for _, value in points if first.value <= value <= second.value]
-            kind = KINDS["torus"] if near and name == "beat" else "sampled"
-            value = near[0] if kind != "sampled" else (first.value + second.value) / 2
-            between = (first.value, second.value) if kind == "sampled" else None
-            yield RhythmEvent(name, name in after, kind, value, between)
+                yield RhythmEvent(name, is_birth, *event)

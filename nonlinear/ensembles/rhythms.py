@@ -2,8 +2,9 @@
 
 At every value the same starts are run until they tell what they end in (`endings`).  The orbit of a periodic motion is
 followed along the number, to both sides of the value where it was found, while it is stable.  Where that ends, at a
-fold, a branch point, a Neimark–Sacker point or a doubling, it is born or dies.  The share of starts that end in a
-rhythm has Wilson's interval [Wilson1927]:
+fold, a branch point, a Neimark–Sacker point or a doubling, it is born or dies.  Any other motion, a beat above all, is
+itself continued from value to value (`rhythm_borders`), and its end enclosed between two values.  The share of starts
+that end in a rhythm has Wilson's interval [Wilson1927]:
 
     (p + z²/2n ± z sqrt(p(1 − p)/n + z²/4n²)) / (1 + z²/n),     z = 1.96
 """
@@ -14,7 +15,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import degrees, nan, sqrt
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,14 +23,12 @@ from modal.errors import MultipendulaError
 from modal.report import Displayed, Drawable, Form, ReportTable, Result, finite
 from modal.scene import Scene, describe
 from modal.scene.parameters import Variation
-from nonlinear.ensembles.endings import (
-    UNDECIDED,
-)
+from modal.types import Floats
+from nonlinear.ensembles.endings import UNDECIDED
 from nonlinear.orbits.orbit import Orbit
+from nonlinear.synchronization.attractors import orbit_amplitudes
 from nonlinear.synchronization.report import AveragedThreshold, averaged_thresholds
-
-if TYPE_CHECKING:
-    pass
+from nonlinear.system import State
 
 
 def wilson(count: int, total: int) -> tuple[float, float]:
@@ -48,7 +47,8 @@ def wilson(count: int, total: int) -> tuple[float, float]:
 class RhythmEvent(Displayed):
     """Where a rhythm is born or dies along the number, as that grows: at an orbit's special point of a `kind`.
 
-    The kind is "sampled" where nothing was computed: the `value` lies within the two values `between`.
+    The kind is "enclosed" where a motion without an orbit was continued: it ends within the two values `between`, and
+    goes over into the `successor` beyond; "undecided" where runs beyond the first of them were.
     """
 
     what, shows = "RhythmEvent", "name: rhythm; kind: kind; value: value"
@@ -58,17 +58,21 @@ class RhythmEvent(Displayed):
     kind: str
     value: float
     between: tuple[float, float] | None = None
+    successor: str = ""
 
     def record(self) -> dict[str, Any]:
         """For JSON."""
         what = "birth" if self.is_birth else "death"
-        more = {"between": list(self.between)} if self.between else {}
+        more = {"between": list(self.between), "successor": self.successor} if self.between else {}
         return {"name": self.name, "event": what, "kind": self.kind, "value": self.value, **more}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Rhythm(Displayed):
-    """What `count` of the `total` starts end in at a value; `branch` is the number of its orbit's branch, from 0."""
+    """What `count` of the `total` starts end in at a value; `branch` is the number of its orbit's branch, from 0.
+
+    With a count of 0 it was found by continuation.  What has no orbit has a `state` on it.
+    """
 
     what, shows = "Rhythm", "name: name; share: share of starts"
 
@@ -81,6 +85,15 @@ class Rhythm(Displayed):
     period: float = nan
     slow_period: float | None = None
     exponent: tuple[float, float] | None = None
+    state: State | None = None
+
+    @property
+    def phases(self) -> Floats:
+        """By how much pendula are ahead of the widest of them (rad), (N,), on a periodic orbit, else (0,)."""
+        if self.orbit is None:
+            return np.empty(0)
+        eta = orbit_amplitudes(self.orbit)
+        return np.asarray(np.angle(eta / eta[np.abs(eta).argmax()]))
 
     @property
     def share(self) -> float:
@@ -97,6 +110,7 @@ class Rhythm(Displayed):
         orbit = self.orbit and {
             "period_s": self.orbit.period,
             "amplitudes_deg": np.degrees(self.orbit.amplitudes).tolist(),
+            "phases_deg": np.degrees(self.phases).tolist(),
             "stable": self.orbit.is_stable,
             "largest_multiplier": float(np.abs(self.orbit.floquet.others).max(initial=0.0)),
             "branch": self.branch,
@@ -107,6 +121,7 @@ class Rhythm(Displayed):
             "share": self.share,
             "interval": list(self.interval),
             "starts": self.count,
+            "by_continuation": not self.count,
             "copies": self.copies,
             "orbit": orbit,
             "period_s": finite(self.period),
@@ -155,7 +170,7 @@ class RhythmMap(Drawable, Result):
 
     def distance(self, threshold: AveragedThreshold) -> float | None:
         """From a threshold of averaged equations to the nearest computed birth or death; None where there is none."""
-        exact = [event.value for event in self.births if not event.between]
+        exact = [event.value for event in self.births if event.kind != UNDECIDED]
         return min((value - threshold.value for value in exact), key=abs, default=None)
 
     @property
@@ -187,6 +202,8 @@ class RhythmMap(Drawable, Result):
                     "period_s": finite(rhythm.period),
                     "slow_period_s": rhythm.slow_period,
                     "largest_angle_deg": degrees(orbit.amplitude) if orbit else None,
+                    "smallest_angle_deg": degrees(orbit.amplitudes.min()) if orbit else None,
+                    "largest_phase_deg": degrees(np.abs(rhythm.phases).max()) if orbit else None,
                     "stable": orbit.is_stable if orbit else None,
                 }
 
@@ -226,7 +243,7 @@ class RhythmMap(Drawable, Result):
         yield "starts (%) that end in each rhythm:\n"
         yield ReportTable(columns, rows)
         if any("" in row or "0" in row for row in rows):
-            yield "blank: not found there; 0: it exists, and no start ended in it"
+            yield "blank: not found there; 0: it exists, found by continuation, and no start ended in it"
         yield "\n".join([*map(self.event_words, self.births), *map(self._averaged_words, self.averaged)])
         yield "\n".join(self._footnotes())
 
@@ -242,7 +259,10 @@ class RhythmMap(Drawable, Result):
         """A sentence about one of the events."""
         what, unit = "is born" if event.is_birth else "dies", f" {self.variation.unit}".rstrip()
         if event.between:
-            return f"{event.name} {what} between {event.between[0]:g} and {event.between[1]:g}{unit}, not computed."
+            places = f"between {event.between[0]:.7g} and {event.between[1]:.7g}{unit}"
+            if event.kind == UNDECIDED:
+                return f"{event.name} is last seen {places}: what it goes over into is undecided."
+            return f"{event.name} {what} {places}, where it goes over into another rhythm: {event.successor}."
         return f"{event.name} {what} at {event.value:.8g}{unit}: {event.kind}."
 
     def _footnotes(self) -> Iterator[str]:
@@ -251,6 +271,26 @@ class RhythmMap(Drawable, Result):
         for name in dict.fromkeys(entry[0] for entry in slow):
             periods = [f"{period:.4g} s at {value:g}" for entry, period, value in slow if entry == name]
             yield f"{name}: its slow period is {', '.join(periods)}{f' {self.variation.unit}'.rstrip()}."
+        chaotic = [(r.name, *r.exponent, v.value) for v in self.values for r in v.rhythms if r.exponent]
+        for name, exponent, half_width, value in chaotic:
+            place = f"{value:g} {self.variation.unit}".rstrip()
+            yield f"{name}: its exponent is {exponent:.3g} ± {half_width:.2g} 1/s at {place}."
+        for name in self.names:
+            if not any(self.shares(name)):
+                yield f"{name}: no start ended in it at any value; found by continuation."
+            yield from self._shapes(name)
+
+    def _shapes(self, name: str) -> Iterator[str]:
+        """Of a rhythm whose name tells neither phases nor amplitudes, what these are at both ends."""
+        if not name.startswith(("unequal", "out of phase")):
+            return
+        ends = [(value.value, r) for value in self.values for r in value.rhythms if r.name == name and r.orbit]
+        for value, rhythm in dict([ends[0], ends[-1]]).items() if ends else ():
+            assert rhythm.orbit
+            sizes = " and ".join(f"{angle:.3g}°" for angle in np.degrees(rhythm.orbit.amplitudes))
+            phase = degrees(np.abs(rhythm.phases).max())
+            unit = f" {self.variation.unit}".rstrip()
+            yield f"{name}: {sizes}, up to {phase:.3g}° apart, at {value:g}{unit}."
 
 
 def _sampling_words(maps: Sequence[RhythmMap]) -> str:
@@ -291,7 +331,7 @@ class RhythmGrid(Drawable, Result):
         previous = None
         for value, row in zip(self.axes[1].values, self.maps, strict=True):
             for event in row.births:
-                if event.between:
+                if event.kind == UNDECIDED:
                     continue
                 chains = lines.setdefault((event.name, event.kind, event.is_birth), [])
                 open_chains = [chain for chain in chains if chain[-1][1] == previous]

@@ -44,7 +44,7 @@ def rhythm_figure(rhythms: RhythmMap) -> Figure:
     marks = [
         (e.value, f"{e.kind}: {e.name} {'born' if e.is_birth else 'dies'}", "-")
         for e in rhythms.births
-        if not e.between
+        if e.kind != "undecided"
     ]
     dashed = [(each.value, f"averaged: {each.words}", "--") for each in rhythms.averaged]
     _mark(axis, [*marks, *dashed])

@@ -207,6 +207,23 @@ def slow_rotation(record: Floats, residual: float = 1e-2) -> float | None:
     return None
 
 
+def locked_rotation(record: Floats, gap: float) -> float | None:
+    """The ν of a record (K, D) of returns on a torus that has locked: it repeats, but only after many returns.
+
+    It is the multiple of 1/p, with p returns in which it repeats within a `gap`, that is nearest to the strongest line.
+
+    >>> n = np.arange(600)
+    >>> f"{locked_rotation((n * 3 % 100 < 40)[:, None] * 1.0, 1e-6):.3f}"  # no smooth function of a phase
+    '0.030'
+    """
+    x = record - record.mean(axis=0)
+    p = next((p for p in range(2, len(x) // 3) if np.abs(x[p:] - x[:-p]).max() < gap), None)
+    if p is None:
+        return None
+    lines = np.sum(np.abs(np.fft.rfft(x[-p:], axis=0)) ** 2, axis=1)
+    return max(int(lines.argmax()), 1) / p
+
+
 def _left_of(x: Floats, times: Ints, nu: float, harmonics: int) -> float:
     """The norm of what the multiples of a frequency leave of a record (K, D)."""
     phases = 2 * np.pi * nu * np.outer(times, np.arange(harmonics + 1))

@@ -10,7 +10,7 @@ leave the motions in which they all do the same (`sectors`), and where (`thresho
 measures, `continuation` follows branches, `report` words both.
 """
 
-from nonlinear.synchronization.attractors import Ending, ending_of, ending_orbit, orbit_amplitudes
+from nonlinear.synchronization.attractors import Ending, ending_of, ending_orbit, orbit_amplitudes, rhythm_of
 from nonlinear.synchronization.continuation import Branches, EquilibriumBranch, follow_branches
 from nonlinear.synchronization.modal_energy import Survival, find_survival
 from nonlinear.synchronization.patterns import agreement, rhythm_name
@@ -65,6 +65,7 @@ __all__ = [
     "phases_of",
     "population_phases",
     "rhythm_name",
+    "rhythm_of",
     "study_synchronization",
     "symmetric_motions",
     "sync_record",

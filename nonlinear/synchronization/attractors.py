@@ -6,7 +6,7 @@ function of one more phase is a torus, a beat where the phases between pendula s
 neither has not settled, or is chaos, which an exponent decides (`nonlinear.chaos`).
 
 To judge a run, `ending_of(returns_of(trajectory), trajectory.scene)`, with `nonlinear.postprocessing.returns`; of
-periodic ones `ending_orbit(scene, ending)` and `rhythm_name(orbit_amplitudes(orbit))` give orbit and name.
+periodic ones `ending_orbit(scene, ending)` and `rhythm_of(orbit)` give orbit and name.
 """
 
 from __future__ import annotations
@@ -25,12 +25,13 @@ from nonlinear.orbits import Orbit, periodic_orbit
 from nonlinear.postprocessing.returns import (
     JUDGED_STROBES,
     Returns,
+    locked_rotation,
     natural_rate,
     natural_units,
     repetition,
     slow_rotation,
 )
-from nonlinear.synchronization.patterns import STILL_AMPLITUDE_RATIO, amplitudes_of
+from nonlinear.synchronization.patterns import STILL_AMPLITUDE_RATIO, amplitudes_of, rhythm_name
 from nonlinear.synchronization.phases import from_rest
 from nonlinear.system import State, populations_of, system_of
 
@@ -88,7 +89,7 @@ def ending_of(returns: Returns, scene: Scene) -> Ending:
         kind = AT_REST if size[-1] < 0.9 * size[0] or size[-1] < CLOSING_GAP else PERIODIC
         return Ending(kind, float(returns.times[-1] - returns.times[-1 - repeats]), ordered, state, repeats)
     late = record[-1024:]
-    nu = slow_rotation(late)
+    nu = slow_rotation(late) or locked_rotation(late, CLOSING_GAP)
     if nu is None:
         return Ending(OPEN, mean, ordered, state, chimera=_is_chimera(last, scene))
     drifting = _largest_drift(late, system.n_links, natural_rate(system) * mean / (2 * np.pi)) >= 2
@@ -167,3 +168,9 @@ def orbit_amplitudes(orbit: Orbit) -> Complexes:
     angles = orbit.coordinates[:, orbit.flow.equations.layout.first :] - system.rest
     lines = np.fft.fft(angles, axis=0)[1 : len(angles) // 2] / (len(angles) / 2)
     return amplitudes_of(lines[np.linalg.norm(lines, axis=1).argmax()], system)
+
+
+def rhythm_of(orbit: Orbit) -> str:
+    """The name of the pattern of an orbit."""
+    populations = populations_of(orbit.scene)
+    return rhythm_name(orbit_amplitudes(orbit), are_equal=len(populations) == 1 and populations[0].are_alike)

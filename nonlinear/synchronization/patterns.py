@@ -62,12 +62,25 @@ def _phases(eta: Complexes, copies: int) -> str:
     return phase_pattern(phases) + (f", {len(phases)} of {len(eta)} swing" if len(phases) < len(eta) else "")
 
 
-def rhythm_name(eta: Complexes) -> str:
-    """The pattern of amplitudes η (N,), whichever of equal pendula they belong to, and how many of them are dead."""
+def rhythm_name(eta: Complexes, *, are_equal: bool = False) -> str:
+    """The pattern of amplitudes η (N,), whichever of equal pendula they belong to, and how many of them are dead.
+
+    Phases and amplitudes are no part of it, so that it lasts along a branch: two pendula are in phase, in antiphase or
+    "out of phase"; those that `are_equal` have "unequal amplitudes" where equal ones would do for the same pattern.
+
+    >>> rhythm_name(np.array([0.1, -0.05])), rhythm_name(np.array([0.1, -0.05]), are_equal=True)
+    ('antiphase', 'unequal amplitudes')
+    >>> rhythm_name(np.array([0.1, 0.1j])), rhythm_name(np.array([0.1, 0.001]))
+    ('out of phase', 'one pendulum dead')
+    """
     phases = relative_phases(eta)
     still = len(eta) - len(phases)
     dead = f"{'one' if still == 1 else still} pendul{'um' if still == 1 else 'a'} dead" if still else ""
     pattern = phase_pattern(phases) if len(phases) > 1 else "" if still else "swings"
+    pattern = "out of phase" if pattern.endswith("° apart") else pattern
+    is_even = pattern in ("in phase", "antiphase", "splay", "out of phase")
+    if are_equal and is_even and not still and np.ptp(np.abs(eta)) > 0.01 * np.abs(eta).max():
+        pattern = "unequal amplitudes"
     return ", ".join(filter(None, (pattern, dead)))
 
 

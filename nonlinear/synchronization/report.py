@@ -38,10 +38,10 @@ from nonlinear.averaging import ASIDE, RelativeEquilibrium
 from nonlinear.orbits import Orbit, growth
 from nonlinear.orbits.report import TABLE_ROWS_MAX
 from nonlinear.postprocessing import last, smooth
-from nonlinear.synchronization.attractors import orbit_amplitudes
+from nonlinear.synchronization.attractors import rhythm_of
 from nonlinear.synchronization.continuation import Branches, Change, EquilibriumBranch, follow_branches
 from nonlinear.synchronization.modal_energy import Survival
-from nonlinear.synchronization.patterns import agreement, own_amplitudes, rhythm_name
+from nonlinear.synchronization.patterns import agreement, own_amplitudes
 from nonlinear.synchronization.phases import ENDING
 from nonlinear.synchronization.population_report import (
     ends_of,
@@ -174,13 +174,9 @@ def _orbit_at_the_end(study: SynchronizationStudy) -> Iterator[str]:
     if study.orbit:
         size = float(np.abs(study.orbit.floquet.others).max())
         yield (
-            f"The run settles on a periodic motion of {study.orbit.period:.6g} s ({_rhythm(study.orbit)}), stable in "
+            f"The run settles on a periodic motion of {study.orbit.period:.6g} s ({rhythm_of(study.orbit)}), stable in "
             f"the full equations: no multiplier exceeds {size:.6g}."
         )
-
-
-def _rhythm(orbit: Orbit) -> str:
-    return rhythm_name(orbit_amplitudes(orbit))
 
 
 def _angles(study: SynchronizationStudy) -> str:
@@ -495,7 +491,7 @@ def _simulation_record(study: SynchronizationStudy) -> dict[str, Any]:
     return {
         "duration_s": float(trajectory.times[-1]),
         "verdict": study.verdict or None,
-        "orbit": study.orbit and {"name": _rhythm(study.orbit), **_orbit_record(study.orbit)},
+        "orbit": study.orbit and {"name": rhythm_of(study.orbit), **_orbit_record(study.orbit)},
         **(_survival_record(study.survival) if study.survival else {"no_modes": study.unmeasured_reason}),
         "own_mode": phases.leading + 1,
         "order_parameter": float(phases.order[late, phases.leading].mean()),

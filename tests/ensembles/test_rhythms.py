@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,17 +16,19 @@ from modal.scene.parameters import parse_variations, vary
 from modal.types import Floats
 from multipendula.cli import main
 from nonlinear import simulate
+from nonlinear.chaos import lyapunov_exponent
 from nonlinear.ensembles import RhythmMap, ensemble, find_rhythm_grid, find_rhythms
-from nonlinear.ensembles.endings import rhythm_starts
+from nonlinear.ensembles.endings import EndingGroup, _periodic_groups, exponent_of, is_orbit_of, rhythm_starts
+from nonlinear.ensembles.rhythm_borders import continued
 from nonlinear.ensembles.rhythm_maps import MapTask
 from nonlinear.ensembles.rhythms import Rhythm, RhythmGrid, ValueRhythms, wilson
-from nonlinear.orbits import follow_cycles
+from nonlinear.orbits import follow_cycles, limit_cycles
 from nonlinear.orbits.cycles import beginnings
 from nonlinear.orbits.stable import stable_orbits
 from nonlinear.postprocessing.returns import returns_of
 from nonlinear.synchronization import ending_of, ending_orbit, orbit_amplitudes, rhythm_name
 from nonlinear.synchronization.attractors import Ending, _is_chimera
-from nonlinear.system import State
+from nonlinear.system import Motion, State, motion_of
 
 METRONOMES = load("metronomes")
 LIGHT, HEAVY = 0.065, 0.1
@@ -96,6 +99,103 @@ def test_births_are_those_of_the_branches_of_orbits() -> None:
     assert segment.birth[1] == pytest.approx(values["torus"], rel=1e-6)
     higher = max(s.orbit.value or 0 for branch in branches for s in branch.special if s.kind == "branch point")
     assert segment.death[1] == pytest.approx(higher, rel=1e-6)
+
+
+def test_the_death_of_a_beat_is_enclosed() -> None:
+    """From its own last state the beat goes on below that by the equations written here, and not above it."""
+    (death,) = (event for event in two_values().births if event.name == "beat")
+    assert death.between
+    assert not death.is_birth
+    assert death.between[1] - death.between[0] <= 1e-3 * (HEAVY - LIGHT) * (1 + 1e-9)
+    beat = next(rhythm.state for rhythm in two_values().values[0].rhythms if rhythm.name == "beat")
+    assert beat
+    for base, lasts in ((death.between[0] - 1e-3, True), (death.between[1] + 1e-3, False)):
+        y = np.concatenate(([0.0], beat.links, [beat.cart_rate], beat.link_rates))
+        run = scipy.integrate.solve_ivp(
+            _rates, (0, 80.0), y, "DOP853", np.linspace(70.0, 80.0, 200), args=(base,), rtol=1e-7, atol=1e-8
+        )
+        assert (np.abs(run.y[1] - run.y[2]).max() > 0.1) == lasts, base
+
+
+class FakeRuns:
+    """A beat that lasts up to 0.3, if it begins from no further than a `reach` away; else runs are called otherwise."""
+
+    def __init__(self, reach: float, otherwise: str) -> None:
+        self.reach, self.otherwise, self.calls = reach, otherwise, 0
+
+    def groups(self, value: float, starts: Motion, *, may_be_chaotic: bool) -> tuple[EndingGroup, ...]:
+        """The state holds the value at which it was."""
+        self.calls += 1
+        lasts = value <= 0.3 and value - starts.cart[0] <= self.reach
+        state = State(np.zeros(2), np.zeros(2), value)
+        return (EndingGroup("beat" if lasts else self.otherwise, (0,), Ending("torus", 1.0, np.zeros((0, 0)), state)),)
+
+
+@pytest.mark.parametrize("reach", [1.0, 0.04])
+def test_a_rhythm_is_followed_to_where_it_ends(reach: float) -> None:
+    """Also where only short steps keep it; a Neimark–Sacker point there is its end."""
+    begun = Rhythm("beat", 3, 10, state=State(np.zeros(2), np.zeros(2), 0.0))
+    values = [ValueRhythms(0.0, (begun,), 0, ()), ValueRhythms(0.2, (), 0, ()), ValueRhythms(1.0, (), 0, ())]
+    runs = FakeRuns(reach, "in phase")
+    complete, (death,) = continued(runs.groups, values, [])
+    assert [[r.count for r in value.rhythms] for value in complete] == [[3], [0], []]
+    assert death.between
+    assert death.between[0] <= 0.3 < death.between[1] < death.between[0] + 1e-3
+    assert runs.calls < 80
+    _, (marked,) = continued(runs.groups, values, [("Neimark–Sacker", 0.3)])
+    assert (marked.kind, marked.value, marked.between) == ("Neimark–Sacker", 0.3, None)
+    _, (unknown,) = continued(FakeRuns(reach, "undecided").groups, values, [])
+    assert unknown.kind == "undecided"
+
+
+def test_what_is_beside_an_unstable_orbit_is_not_counted() -> None:
+    """A start on Huygens' clocks in phase, at 30 kg, repeats to 1e-6 for long before it leaves."""
+    scene, variation = load("huygens"), parse_variations(["support.mass=20:30:2"])[0]
+    (orbit,) = (cycle for cycle in limit_cycles(vary(scene, {variation.path: 30.0})) if not cycle.is_stable)
+    task = MapTask(scene, variation, motion_of([orbit.state]), 100.0, "auto")
+    groups = task(30.0)
+    assert groups[0].ending.kind == "periodic"
+    assert [group.name for group in groups] == ["undecided"]
+    assert not is_orbit_of(groups[0].ending, orbit)
+
+
+def test_a_branch_has_one_name_and_small_basins_are_found() -> None:
+    """Of two unequal swings phases and amplitudes change, the name does not; no start of six ends in phase."""
+    rhythms = find_rhythms(load("huygens"), "support.mass=20:30:2", members=6, limit=800.0)
+    assert {rhythm.name for value in rhythms.values for rhythm in value.rhythms} == {
+        "at rest", "antiphase", "unequal amplitudes", "in phase"
+    }  # fmt: skip
+    apart = [np.abs(r.phases).max() for at in rhythms.values for r in at.rhythms if r.name == "unequal amplitudes"]
+    assert abs(apart[0] - apart[1]) > 0.01
+    (in_phase,) = (rhythm for rhythm in rhythms.values[0].rhythms if rhythm.name == "in phase")
+    assert in_phase.record()["by_continuation"]
+    assert in_phase.interval[1] == pytest.approx(scipy.stats.binomtest(0, 6).proportion_ci(method="wilson").high)
+    death = next(event for event in rhythms.births if event.name == "in phase")
+    assert death.value == pytest.approx(26.6813, abs=1e-3)
+    assert "in phase: no start ended in it" in rhythms.report()
+
+
+def test_more_motions_than_are_told_apart_at_once_stay_apart() -> None:
+    """Of 45 periodic motions none is taken for another."""
+    orbit = SimpleNamespace(period=1.0, floquet=SimpleNamespace(others=np.array([0.5])))
+    endings = {
+        k: Ending("periodic", 1.0, np.full((50, 5), 0.01 * k), State(np.full(2, 0.01 * k), np.zeros(2)), 1)
+        for k in range(45)
+    }
+    groups = list(_periodic_groups(METRONOMES, endings, lambda ending: SimpleNamespace(orbit=orbit)))  # type: ignore[arg-type,return-value]
+    assert [group.members for group in groups] == [(k,) for k in range(45)]
+
+
+def test_exponents_by_second_motions_are_those_of_tangent_equations() -> None:
+    """Of chaos within the intervals of both; of settled metronomes none."""
+    scene = load("two-bobs")
+    starts = [State(np.array([2.5, 2.0 + 0.1 * k]), np.zeros(2)) for k in range(6)]
+    pairs = exponent_of(scene, motion_of(starts), 200.0, workers=1)
+    tangent = lyapunov_exponent(scene, 200.0, starts=starts)
+    assert abs(pairs.value - tangent.value) < pairs.half_width + tangent.half_width
+    assert pairs.members[-1] == pytest.approx(tangent.members[-1], rel=0.2)
+    settled = vary(METRONOMES, {"support.mass": HEAVY})
+    assert np.abs(exponent_of(settled, rhythm_starts(settled, 2, 52.0), 100.0, workers=1).members).max() < 0.02
 
 
 def test_wilson_is_that_of_scipy() -> None:
