@@ -192,7 +192,7 @@ class Hanging:
         return fsum(numbers) if number is floats else sum(numbers)
 
     def squares(self, arithmetic: Number | None = None) -> SceneSquares:
-        """Those of the whole scene without modal dampers, over η and the angles of all links; of floats by default."""
+        """Return the squares of the scene without modal dampers over η and all link angles; floats by default."""
         number = arithmetic or floats
         structure, d, gravity = self.structure, self.structure.size, self.rig.gravity
         parts = self._supporting(number)
