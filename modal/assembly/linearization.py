@@ -19,7 +19,7 @@ difference quotient with a large step
 
     ∂f/∂p = (f(p + h) − f(p − h))/2h,     at p = 0 (4 f(h) − f(2h) − 3 f(0))/2h
 
-is their derivative but for rounding. Lengths and positions of a structure turn its springs and change the paths of its
+is the derivative up to rounding. Lengths and positions of a structure turn its springs and change the paths of its
 supports: there the quotient of eight values p ± h, …, p ± 4h has an error of h⁸ f⁽⁹⁾/630, below rounding for h = p/128.
 """
 

@@ -2,7 +2,7 @@
 
 With the shapes φ of the scene without dampers, φᵀMφ = 1 and ω² > 0,
 
-    D_modal = Σ_k 2 ζ_k ω_k (Mφ_k)(Mφ_k)ᵀ,       eigenvalues −ζω ± iω√(1−ζ²) where there are no other dampers
+    D_modal = Σ_k 2 ζ_k ω_k (Mφ_k)(Mφ_k)ᵀ,       eigenvalues −ζω ± iω√(1−ζ²) without other dampers
 
 [Caughey1965]. A mode without restoring force, such as the translation of a free cart, and a growing mode have none. N
 equal pendula split exactly into one N times as heavy and N − 1 in antiphase, so that the size of every eigenproblem is

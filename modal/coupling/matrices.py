@@ -1,4 +1,4 @@
-"""The families of pendula on several coordinates, or that springs tie to each other, from the reduced matrices.
+"""Families of pendula on several coordinates, or joined by springs, from the reduced matrices.
 
 With a from the amplitudes of a family and everything else eliminated at x = ω_r²,
 
@@ -74,7 +74,7 @@ class ReducedPencil:
 
     @cached_property
     def moving(self) -> tuple[Floats, Floats]:
-        """ω² ascending and vectors (N, R) of all modes but those that leave everything but one family still."""
+        """ω² ascending and vectors (N, R) of all modes except those in which only one family moves."""
         d, K, M = self.reduced.d, self.reduced.K, self.reduced.M
         T = np.hstack([np.eye(len(K))[:, :d], *map(self._spread, range(len(self.members)), self.combinations)])
         square, shapes = stable_pencil(T.T @ K @ T, T.T @ M @ T)
@@ -182,7 +182,7 @@ class ReducedPencil:
 
     @property
     def cart_modes(self) -> tuple[CartMode, ...]:
-        """None: the mass of no single cart is felt."""
+        """None: there is no single cart."""
         return ()
 
     def between(self, modes: tuple[int, int]) -> tuple[float, bool]:
@@ -199,9 +199,9 @@ class ReducedPencil:
 
 
 def stable_pencil(K: Floats, M: Floats) -> tuple[Floats, Floats]:
-    """Squares ascending, 0 where nothing holds a mode, and vectors with vᵀMv = 1.
+    """Squares ascending, 0 for free modes, and vectors with vᵀMv = 1.
 
-    ComputationError for a structure that falls over.
+    Raise ComputationError for an unstable structure.
     """
     square, vectors = pencil(K, M)
     terms = NOISE_OF_SUM * np.einsum("ik,ij,jk->k", np.abs(vectors), np.abs(K), np.abs(vectors))

@@ -1,4 +1,4 @@
-"""Modes of springs and masses that add, every digit of them: K = Σ k a aᵀ and M = Σ m b bᵀ with k, m > 0.
+"""Modes of sums of springs and masses, to all digits: K = Σ k a aᵀ and M = Σ m b bᵀ with k, m > 0.
 
 Changing every k and m by a relative ε changes every ω² by 2ε at most: no subtraction is in the data.  To keep that,
 
@@ -8,8 +8,8 @@ Changing every k and m by a relative ε changes every ω² by 2ε at most: no su
 3. G = L D U by complete pivoting, a rank-revealing decomposition with L and U well conditioned;
 4. L D = Q' R' with pivoting, W = R' P' U, one-sided Jacobi on W ([Demmel1999, algorithm 3.1]; LAPACK's dgejsv).
 
-Steps 2 and 3 are computed in the widest floats of the machine where there are not too many coordinates: in plain ones
-they lose two or three digits in some scenes whose masses and springs each range over 24 orders.
+Steps 2 and 3 use the widest floats of the machine unless there are too many coordinates: in plain ones they lose two or
+three digits in some scenes whose masses and springs each range over 24 orders.
 
 Free motions, without any spring, have exactly ω = 0: their number is known, and they are never computed.
 """

@@ -1,4 +1,4 @@
-"""Natural frequencies of many scenes at once: together where they have one form, else one by one."""
+"""Natural frequencies of many scenes at once: together if they have one form, else one by one."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ MOST_MEMBERS = 100_000_000
 def natural_frequencies(
     scenes: Scene | Sequence[Scene], accuracy: float | None = None, *, vary: Vary | None = None
 ) -> Floats:
-    """Natural frequencies ω = |λ| of one scene or of many, ascending, each repeated by its multiplicity.
+    """Return natural frequencies ω = |λ| of one scene or many, ascending, each repeated by its multiplicity.
 
     Scenes of one form, the same kinds of links in the same pendula on the same kind of support without dampers and
-    joint springs, are solved together, many times faster than one by one.  The others go through `natural_modes`, also
-    where a varied number changes the form.
+    joint springs, are solved together, many times faster than one by one. The others use `natural_modes`, also if a
+    varied number changes the form.
 
     Parameters
     ----------
@@ -47,8 +47,8 @@ def natural_frequencies(
     Returns
     -------
     numpy.ndarray
-        Frequencies in rad/s: (R,) of a scene, (S, R) of S scenes, (…, R) with `vary`.  A free cart's rigid translation
-        is 0, a mode of which no digit is certain NaN.
+        Frequencies in rad/s: (R,) of a scene, (S, R) of S scenes, (…, R) with `vary`. The rigid translation of a free
+        cart is 0; a mode without a certain digit is NaN.
 
     Raises
     ------

@@ -9,8 +9,8 @@ With φ as in `Modes.shape` (which separates equal and zero frequencies as well 
 ([Tisseur2001, §3.5]: left and right vectors of a symmetric quadratic pencil.)  A cart
 whose acceleration or velocity is prescribed does not respond to the pendula: it is a separate block, and the modes are
 the fixed-base modes of the pendula.  So is a support whose acceleration or velocity is prescribed; the modes are then
-those of the scene.  Where springs or drag couple them with its motion, they deviate from what that makes of them while
-it is steady, z = X (s, s') with A X = X [[0, 1], [0, 0]].
+those of the scene. If springs or drag couple them with its motion, they are deviations from the response to its steady
+motion, z = X (s, s') with A X = X [[0, 1], [0, 0]].
 """
 
 from __future__ import annotations
@@ -122,10 +122,10 @@ def block_diagonal(blocks: Sequence[Floats]) -> Floats:
 
 @checked
 def to_modal_form(modes: Modes, model: StateSpace) -> ModalForm:
-    """The model of `modes.scene` decomposed into modes.
+    """Decompose the model of `modes.scene` into modes.
 
-    Raises ValueError for the model of another scene, ComputationError for one in discrete time and where dampers make
-    two modes coincide.
+    Raise ValueError for the model of another scene, ComputationError for one in discrete time and if dampers make two
+    modes coincide.
     """
     if model.dt:
         raise ComputationError("modal form needs a continuous model")

@@ -1,4 +1,4 @@
-"""The peaks of a frequency response: how high every output rises at every mode, and at what frequency.
+"""Peaks of a frequency response: their heights for every output at every mode, and their frequencies.
 
 Frequencies are closest within some half-widths |Re λ| of Im λ, where λ is the eigenvalue of a mode, and a peak among
 them is found between ever closer ones.  That of an undamped mode is infinite, at its own frequency.

@@ -2,9 +2,9 @@
 
     AᵀP + PA − PBR⁻¹BᵀP + Q = 0,    K = R⁻¹BᵀP    [Kwakernaak1972, §3.4]
 
-Without weights zᵀQz is the energy of the small motion and R one of each input's unit.  Of modes that fall the size of
-their potential energy counts, and one that nothing holds, such as a free cart's place, is held as gravity holds its
-longest link, ω² = g/l.
+Without weights zᵀQz is the energy of the small motion and R one of each input's unit. For unstable modes the magnitude
+of their potential energy is used, and a free mode, such as that of a free cart, gets the stiffness of the longest link,
+ω² = g/l.
 """
 
 from __future__ import annotations
@@ -59,10 +59,10 @@ class Regulator(Displayed):
 
 @checked
 def regulator(scene: Scene, inputs: tuple[str, ...] = (), weights: tuple[str, str] | None = None) -> Regulator:
-    """The regulator of a scene with its loops open, of these inputs (by default those of `state_space`).
+    """Return the regulator of a scene with its loops open, for these inputs (by default those of `state_space`).
 
     `weights` are CSV files of Q and R with the names of states and of inputs as headings: matrices, or the one row of a
-    diagonal.  SceneError for weights that do not fit, ComputationError where no gains make the motion decay.
+    diagonal.  Raise SceneError for weights that do not fit, ComputationError if no gains make the motion decay.
     """
     plant = scene.replace(feedback=())
     model = state_space(plant, inputs)
