@@ -20,7 +20,7 @@ Scalars = Sequence[Any] | NDArray[Any]
 def proportions(kind: str, m: Any, l: Any) -> tuple[Any, Any]:
     """Centre and moment of inertia of a bob (c = l, I = 0) or a uniform rod (c = l/2, I = m l²/12).
 
-    The centre scales with l and the inertia with m l² for every kind here; KeyError for another.
+    The centre scales with l and the inertia with m l² for every kind here; raise KeyError for another.
     """
     return PROPORTIONS[kind](m, l)
 

@@ -1,4 +1,4 @@
-"""Check a proof that each natural frequency of a scene is within the error printed beside it.
+"""Check a proof that each natural frequency of a scene is within the error printed next to it.
 
     python check_proof.py SCENE.toml TABLE.json PROOF.json
 
@@ -79,7 +79,7 @@ def combine(*terms: tuple[Q | int, Row]) -> Row:
 def part(data: Data, where: str, known: Data, unused: str = "") -> Data:
     """A table of a file, its numbers as fractions; no frequency depends on its `unused` keys.
 
-    Those `known` have their defaults, None where there must be something.
+    Those `known` have their defaults, None if there must be something.
     """
     for key in {**known, **data}:
         if key not in known and key not in unused.split():
@@ -472,7 +472,7 @@ def check(scene: Data, table: Data, proof: Data) -> list[Verdict]:
 
 
 def main(arguments: list[str]) -> int:
-    """0 where all is proved, 1 where not, 2 for files that it cannot read."""
+    """0 if all is proved, 1 where not, 2 for files that it cannot read."""
     if len(arguments) != 3:
         print("usage: python check_proof.py SCENE.toml TABLE.json PROOF.json", file=sys.stderr)
         return 2

@@ -53,7 +53,7 @@ KIND, SIZE = attrgetter("__class__", "count", "damping", "stiffness", "drag", "l
 class Stack:
     """S scenes in their natural units: blocks of arrays (n, P, 1, S), a cart of S masses and springs.
 
-    The `cart` is None where the supports are fixed; `rate` (S,) is the unit of angular frequency in rad/s.
+    The `cart` is None if the supports are fixed; `rate` (S,) is the unit of angular frequency in rad/s.
     """
 
     blocks: tuple[Block, ...]

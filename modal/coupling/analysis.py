@@ -148,7 +148,7 @@ class Coupling(TextResult):
 
     @cached_property
     def _mode_tables(self) -> tuple[Modes, Modes] | None:
-        """The modes without dampers, and those of the table; None where the table is not available."""
+        """The modes without dampers, and those of the table; None if the table is not available."""
         has_damping = self.scene.has_damping
         if has_damping and self.scene.n_links > MOST_COMPARED:
             return None
@@ -160,7 +160,7 @@ class Coupling(TextResult):
 
     @cached_property
     def _table(self) -> tuple[Floats, Ints] | None:
-        """ω of the modes without dampers and their numbers in the table; None where the table is not available."""
+        """ω of the modes without dampers and their numbers in the table; None if the table is not available."""
         if self._mode_tables is None:
             return None
         undamped_modes, table = self._mode_tables

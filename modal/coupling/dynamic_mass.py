@@ -263,7 +263,7 @@ class SecularEquation:
     def cart_modes(self) -> tuple[CartMode, ...]:
         """The modes that move a cart, ascending, except a free cart's rigid translation; none without a cart.
 
-        Raises ComputationError if one of them moves it too little for double precision.
+        Raise ComputationError if one of them moves it too little for double precision.
         """
         if not self.as_one_part:
             return ()

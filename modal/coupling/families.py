@@ -263,7 +263,7 @@ class Family(Displayed):
 
     @property
     def cart_mode(self) -> int | None:
-        """The index of the mode that moves the cart; None where there is none."""
+        """The index of the mode that moves the cart; None if there is none."""
         return self.branches[0].cart_mode if self.branches else None
 
     @property
@@ -279,7 +279,7 @@ class Family(Displayed):
 
     @property
     def splitting(self) -> float | None:
-        """Δω (rad/s) of the only mode that moves other things; None where there is none, or several."""
+        """Δω (rad/s) of the only mode that moves other things; None if there is none, or several."""
         moving = [branch.splitting for branch in self.branches if branch.is_finite]
         return moving[0] if len(moving) == 1 else None
 
@@ -332,7 +332,7 @@ COLUMNS = (
 
 @dataclass(frozen=True, repr=False)
 class FamilyRow(Displayed):
-    """A row of the table, None where a quantity is undefined.
+    """A row of the table, None if a quantity is undefined.
 
     `omega` ω_r (rad/s) with all else held, `mass` the modal effective mass (kg), `strength` ε, `splitting` Δω (rad/s),
     `beat` (s), and `share`, the energy of a released pendulum that the others of the family have halfway through a

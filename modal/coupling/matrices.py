@@ -4,8 +4,8 @@ With a from the amplitudes of a family and everything else eliminated at x = ω_
 
     F a = (x − ω_r²) a,    F = C_rr − (K − xM)_r· (K − xM')··⁻¹ (K − xM)·r,    M' without the family's h hᵀ,
 
-has the eigenvalues ε ω_r²: to first order mode (r, ε) is shifted by Δω = ½ ε ω_r.  For one cart ε = μ_r/m_r, as in
-`modal.coupling.dynamic_mass`.  The modes themselves are those of the reduced pencil (K, M).
+has the eigenvalues ε ω_r²: to first order mode (r, ε) is shifted by Δω = ½ ε ω_r. For one cart ε = μ_r/m_r, as in
+`modal.coupling.dynamic_mass`. The modes themselves are those of the reduced eigenvalue problem (K, M).
 """
 
 from __future__ import annotations
@@ -192,7 +192,7 @@ class ReducedPencil:
     def pulled(self, modes: tuple[int, int], *, with_dampers: bool = False) -> Any:
         """F of two own modes halfway between their frequencies, with dampers or without.
 
-        LinAlgError where nothing else resists.
+        Raise LinAlgError if nothing else resists.
         """
         x = float(self.reduced.fixed_base.omega[list(modes)].prod())
         return self.reduced.pulled(modes, x, self.D if with_dampers else None)

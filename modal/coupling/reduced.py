@@ -206,7 +206,7 @@ class ReducedStructure:
     def joints(self, name: str) -> tuple[Floats, Floats]:
         """√k_1 Ω of the first joints (kinds, d) of one copy, and √(N k_1) φ_1 (K,) of the modes.
 
-        The `name` tells whether k_1 are springs ("stiffness") or rotors.
+        The `name` says whether k_1 are springs ("stiffness") or rotors.
         """
         turning, modes = self.hanging.phi.turning[list(self.pivots)], self.fixed_base
         root = np.sqrt([getattr(self.rig.blocks[block], name)[0, column] for block, column in self.kinds])

@@ -349,7 +349,7 @@ def _tree(
     springs: dict[tuple[int, int], tuple[float, float, float]],
     hanging_chains: list[HungChains],
 ) -> Tree | None:
-    """The tree of coordinates in the order in which they are reached from the first; None where there is a loop."""
+    """The tree of coordinates in the order in which they are reached from the first; None if there is a loop."""
     neighbours: list[list[tuple[int, float, float, float]]] = [[] for _ in mass]
     for (first, second), (size, alpha, beta) in springs.items():
         neighbours[first].append((second, size, alpha, beta))

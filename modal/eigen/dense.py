@@ -1,7 +1,7 @@
 """The dense method, for small scenes without a structured one.
 
-Undamped: the symmetric pencil K φ = ω² M φ, also with inverted links and an indefinite K.  Free
-motions are eliminated first, and their momentum with them, so that they are exact.
+Undamped: the symmetric eigenvalue problem K φ = ω² M φ, also with inverted links and an indefinite K. Free motions are
+eliminated first, and their momentum with them, so that they are exact.
 
 With dampers, M q'' + D q' + K q = 0, each eigenvalue is from a problem scaled to a rate of its own magnitude.
 

@@ -135,7 +135,7 @@ def _descend(coefficients: list[Any], pivot: Any, square: Any, round_off: Any) -
 
 
 def _widen(values: Any) -> Any:
-    """Numbers of chains (P, W) beside those of chains and loads (P, L, W)."""
+    """Numbers of chains (P, W) next to those of chains and loads (P, L, W)."""
     return values[:, None]
 
 
@@ -351,9 +351,9 @@ def _in_digits(
 ) -> Complexes:
     """The values (…, W) in as many digits as they need; `terms` (…, W) is the size of what adds up to each.
 
-    A value below 10^−half of the digits of its terms is 0 where it is in the most digits at a frequency beside all of
+    A value below 10^−half of the digits of its terms is 0 if it is in the most digits at a frequency next to all of
     these, at an irrational ratio, where no response vanishes by the roundness of its numbers: it vanishes at all
-    frequencies.  Any other is sought in more digits.
+    frequencies. Any other is sought in more digits.
     """
 
     def compute(

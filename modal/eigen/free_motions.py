@@ -88,6 +88,6 @@ class FreeMotions:
 
 
 def significant_product(row: Floats, shape: Numbers) -> Floats:
-    """Return a row times shapes (n, R), 0 where its terms cancel to rounding."""
+    """Return a row times shapes (n, R), 0 if its terms cancel to rounding."""
     products: Floats = row @ shape
     return np.where(np.abs(products) <= 4 * len(row) * EPS * (np.abs(row) @ np.abs(shape)), 0.0, products)

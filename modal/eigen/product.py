@@ -31,7 +31,7 @@ from modal.types import Floats, Ints
 def product_modes(stiffness: SquareSum, inertia: SquareSum, free: int = 0) -> tuple[Floats, Floats]:
     """ω (n − free,), ascending, and shapes (n, n − free) with φᵀMφ = 1, of which `free` motions have no spring.
 
-    ComputationError where M is singular, or double precision does not suffice.
+    Raise ComputationError if M is singular, or double precision does not suffice.
     """
     number_type: Any = np.longdouble if is_wide(inertia.rows.shape[1]) else np.float64
     F1, F2 = (np.sqrt(factor.size.astype(number_type))[:, None] * factor.rows for factor in (stiffness, inertia))

@@ -32,7 +32,7 @@ LARGEST_SEEDED = 1500
 
 
 def seeds(suspension: Suspension) -> tuple[Floats, Floats]:
-    """ω² (N, S), ascending, and bounds on the relative errors (N, S), infinite where nothing is known."""
+    """ω² (N, S), ascending, and bounds on the relative errors (N, S), infinite if nothing is known."""
     matrix, removed_norm = _scaled_matrices(suspension)
     size = matrix.shape[-1]
     try:
@@ -136,7 +136,7 @@ def _scaled_matrices(suspension: Suspension) -> tuple[Floats, Floats]:
 
 
 def at_pivot(suspension: Suspension, x: Floats) -> Floats:
-    """The Rayleigh quotients (R, S) of the shapes at x (R, S) out of balance at the pivot; NaN where that is still."""
+    """The Rayleigh quotients (R, S) of the shapes at x (R, S) out of balance at the pivot; NaN if that is still."""
     with np.errstate(all="ignore"):
         if suspension.mass is None or suspension.stiffness is None:
             (chains,) = suspension.chains

@@ -251,7 +251,7 @@ def find_spectrum(rig: Rig, limits: Limits = EVERYTHING) -> ModalSpectrum:
 
 
 def _compare_with_states(rig: Rig, parts: Sequence[Batch]) -> None:
-    """ComputationError where the modes are not as many as the states, of which a decay or a dragged rest has one."""
+    """Raise ComputationError if the modes are not as many as the states, of which a decay or a dragged rest has one."""
     missing = sum(batch.source.is_singular for batch in parts)
     links = sum(int(block.count.sum()) * block.n for block in rig.blocks) * (1 + rig.spatial)
     states, mode_states = 2 * (rig.leading + links - missing), 0

@@ -124,7 +124,7 @@ def lies_within(problem: Counting, indices: Ints, guess: Floats, error: Floats |
 
 
 def search(problem: Counting, indices: Ints, guess: Floats, error: Floats, modes: int) -> Floats:
-    """The eigenvalues from guesses (R, S) with relative errors (R, S), infinite where there is no guess."""
+    """The eigenvalues from guesses (R, S) with relative errors (R, S), infinite if there is no guess."""
     lowest = problem.low[None].view(np.int64)
     highest = upper_bounds(problem.count, problem.low[None], np.array(modes)).view(np.int64)
     bits = np.clip(np.where(np.isfinite(error), guess, 1.0).view(np.int64), lowest, highest)

@@ -152,7 +152,7 @@ class OnStructure:
 
     @cached_property
     def _dense(self) -> dense.Eigen:
-        """Of dense matrices, free motions without dampers left out with their momentum."""
+        """Of dense matrices, free motions without dampers omitted with their momentum."""
         leans, positive = self.matrices.parted_rig.rig.leans, self.matrices.is_positive
         cause = "constant forces" if leans else "inverted links" if not positive else "joint springs"
         cause = cause if self._is_plain else "falling coordinates"

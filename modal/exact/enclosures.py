@@ -34,7 +34,7 @@ natural_modes = deferred("modal.modes:natural_modes")
 
 
 class _UndecidedError(ArithmeticError):
-    """A ball contains zero where a sign is needed."""
+    """A ball contains zero if a sign is needed."""
 
 
 class SceneInBalls:

@@ -306,7 +306,7 @@ class FittedNumbers(Drawable, Result):
         }
 
     def table_of_numbers(self: Any, more: Mapping[str, Floats]) -> ReportTable:
-        """Every number beside the scene's, with its standard deviation and `more` of them, (p,) by their headings."""
+        """Every number next to the scene's, with its standard deviation and `more` of them, (p,) by their headings."""
         held_rows = set(self.held.tolist())
 
         def spread(stds: Floats, k: int) -> str:

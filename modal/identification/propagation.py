@@ -57,7 +57,7 @@ def mode_slopes(modes: Modes, estimate: Estimate, rows: Sequence[int]) -> tuple[
 def mode_stds(modes: Modes, estimate: Estimate, rows: Sequence[int]) -> list[ModeStds]:
     """Standard deviations of the modes with these indices, from 0; `modes` are those of the estimate's scene.
 
-    Raises ComputationError for scenes too large for dense matrices.
+    Raise ComputationError for scenes too large for dense matrices.
     """
     if not rows:
         return []

@@ -97,7 +97,7 @@ def follow_loci(scene: Scene, variation: Variation, report: Report = silent) -> 
     >>> [(e.kind, round(e.value, 3), round(e.gap, 4)) for e in found.encounters]
     [('veering', 10.083, 0.0944)]
 
-    Raises SceneError for a variation of fewer than two values or of a count, ComputationError where modes are damped,
+    Raise SceneError for a variation of fewer than two values or of a count, ComputationError if modes are damped,
     uncertain, too many, change their number or cannot be followed.
     """
     validate_variations(scene, [variation])

@@ -344,7 +344,7 @@ def proof_columns(proofs: Mapping[int, str] | None) -> list[Column]:
 
 
 def _with_stds(stds: Stds) -> list[Column]:
-    """All columns, with those of standard deviations beside what they are of."""
+    """All columns, with those of standard deviations next to what they are of."""
     std_columns = {
         "omega_rad_per_s": ("omega_std_rad_per_s", 0, 1.0, "± (rad/s)", r"$\pm$ (rad/s)"),
         "frequency_hz": ("frequency_std_hz", 0, 1 / (2 * pi), "± (Hz)", r"$\pm$ (Hz)"),

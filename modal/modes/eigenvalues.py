@@ -199,7 +199,7 @@ class Eigenvalues:
 
     @cached_property
     def omega(self) -> Floats:
-        """Natural frequencies |λ| (R,) in rad/s; NaN where no digit is certain."""
+        """Natural frequencies |λ| (R,) in rad/s; NaN if no digit is certain."""
         if self.short_chain:
             return read_only(self.short_chain.omega)
         return read_only(np.where(self.error < UNCERTAIN, np.abs(self.eigenvalue), np.nan))
@@ -221,7 +221,7 @@ class Eigenvalues:
 
     @cached_property
     def damping_ratio(self) -> Floats:
-        """−Re λ/|λ| (R,); NaN where no digit is certain."""
+        """−Re λ/|λ| (R,); NaN if no digit is certain."""
         ratio = np.zeros(len(self))
         np.divide(-self.eigenvalue.real, self.omega, out=ratio, where=self.omega > 0)
         certain = self.error < UNCERTAIN

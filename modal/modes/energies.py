@@ -294,7 +294,7 @@ class _Parts:
         return energies
 
     def _energies(self, index: int, copy: int) -> Floats:
-        """Of one shape, as φᴴMφ = 1; NaN where rounding keeps them from their balance."""
+        """Of one shape, as φᴴMφ = 1; NaN if rounding keeps them from their balance."""
         value = complex(self.modes.eigenvalue[index])
         phi = self.modes.column(self.modes.shape(index, copy))
         energies = np.zeros(len(self.names))

@@ -161,7 +161,7 @@ def _fill_missing(omegas: Floats, scenes_of: Callable[[Sequence[int]], list[Scen
 
 
 def _concatenate(pieces: Sequence[Floats]) -> Floats:
-    """All rows; ValueError where they are of different lengths."""
+    """All rows; raise ValueError if they are of different lengths."""
     if len(sizes := {piece.shape[1] for piece in pieces}) > 1:
         raise ValueError(f"scenes have from {min(sizes)} to {max(sizes)} modes: of one form all have as many")
     return np.concatenate(pieces) if pieces else np.zeros((0, 0))

@@ -69,9 +69,9 @@ class Mode(Displayed):
     relative_error_bound  bound on the relative error of omega
     indistinct          whether a neighbour is closer than the sum of both bounds
 
-    NaN where a quantity is undefined: effective mass of a mode whose shape dampers change (with light ones it is that
-    of the mode without, see `modal.modes.numbering`), κ above a damping ratio of 0.1 or where the parts of a shape are
-    far out of phase, everything but `residual` in a row that is uncertain.
+    NaN if a quantity is undefined: effective mass of a mode whose shape dampers change (with light ones it is that of
+    the mode without, see `modal.modes.numbering`), κ above a damping ratio of 0.1 or where the parts of a shape are far
+    out of phase, everything but `residual` in a row that is uncertain.
 
     >>> from modal import load, natural_modes
     >>> mode = natural_modes(load("paper-cart-2"))[2]
@@ -131,7 +131,7 @@ class Mode(Displayed):
         return self.family
 
     def to_dict(self) -> dict[str, Any]:
-        """The row by the keys of CSV and JSON, with their units; None where there is no value.
+        """The row by the keys of CSV and JSON, with their units; None if there is no value.
 
         Only `fixed_base_effective_mass_kg` is missing, which needs the other modes too: `Modes.to_dict` has it.
 

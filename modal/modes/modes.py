@@ -162,7 +162,7 @@ class Modes(TextResult, Eigenvalues, Sequence[Mode]):
 
     @cached_property
     def kappa(self) -> Floats:
-        """κ (R,) in 1/rad² in ω(a) = ω(1 + κa²), a the largest angle; NaN where it is undefined."""
+        """κ (R,) in 1/rad² in ω(a) = ω(1 + κa²), a the largest angle; NaN if it is undefined."""
         return self._column("kappa")
 
     @cached_property
@@ -253,7 +253,7 @@ class Modes(TextResult, Eigenvalues, Sequence[Mode]):
         return text
 
     def to_dict(self) -> dict[str, NDArray[Any]]:
-        """Every column of the table (R,) by its key in CSV and JSON, with its unit; NaN where there is no value.
+        """Every column of the table (R,) by its key in CSV and JSON, with its unit; NaN if there is no value.
 
         `pandas.DataFrame(modes.to_dict())` is the table.
 
@@ -297,7 +297,7 @@ class Modes(TextResult, Eigenvalues, Sequence[Mode]):
 
 
 def _indices(numbers: Sequence[int] | None) -> Sequence[int] | None:
-    """The same; SceneError for what is no list of indices, or an empty one."""
+    """The same; raise SceneError for what is no list of indices, or an empty one."""
     if numbers is not None and (np.ndim(numbers) != 1 or not np.size(numbers)):
         raise SceneError([f"{numbers!r:.40}: must be indices of modes from 0, such as [0, 1]"])
     return numbers

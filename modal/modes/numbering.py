@@ -151,10 +151,10 @@ def fixed_base_masses(
 ) -> Floats:
     """Return the modal effective mass (kg) along the rail of the fixed-base mode to which each mode belongs.
 
-    Of the modes with these indices (from 0), by default all (R,).  On a fixed support that is the mode's own; NaN where
+    Of the modes with these indices (from 0), by default all (R,). On a fixed support that is the mode's own; NaN if
     modes do not belong to fixed-base modes one to one: on a cart with a spring, on a structure, about an inverted
-    equilibrium, and with dampers that are not light; 0 for the rigid translation.  `effective` (R,)
-    are the modes' own masses (kg), if known.
+    equilibrium, and with dampers that are not light; 0 for the rigid translation. `effective` (R,) are the modes' own
+    masses (kg), if known.
 
     >>> from modal import load, natural_modes
     >>> fixed_base_masses(natural_modes(load("paper-cart-2"))).round(6).tolist()
@@ -221,7 +221,7 @@ def _masses(spectrum: ModalSpectrum, groups: Sequence[Sequence[SpectrumPart]]) -
 
 
 class UndampedMasses(NamedTuple):
-    """Effective masses (R,) in kg along the rail, across it, and of the fixed-base mode; NaN where no mode is light."""
+    """Effective masses (R,) in kg along the rail, across it, and of the fixed-base mode; NaN if no mode is light."""
 
     along: Floats
     across: Floats

@@ -173,7 +173,7 @@ def following(
 ) -> str:
     """Whether all pendula with a fair share of the energy swing with their pivots (P,) or against; "" for neither.
 
-    `several` tells that one column represents several pendula moving alike.
+    `several` says that one column represents several pendula moving alike.
     """
     energy = energies(shares, at)
     top = np.concatenate([angle[0, :, at] for angle in angles])
@@ -287,7 +287,7 @@ def _pieces(modes: Eigenvalues, numbers: Sequence[int]) -> dict[int, list[_RowPa
 
 
 def _details(modes: Eigenvalues, source: int, rows: list[int]) -> list[tuple[Details, int] | None]:
-    """The details of each row of a source and its place in them; None where double precision does not suffice."""
+    """The details of each row of a source and its place in them; None if double precision does not suffice."""
     try:
         details = modes.spectrum.details(source, rows)
     except ComputationError:

@@ -106,7 +106,7 @@ def sensitivities(modes: Modes, number: int) -> Sensitivities:
     All are 0 if ω = 0. Raise ComputationError for a mode that grows, for one that a `damping_ratio` of the scene damps,
     for one beyond double precision and for a frequency that several modes share: it splits into branches, along shapes
     that depend on the parameter changed; SceneError under constant forces. Close to another frequency, or to critical
-    damping, the derivative holds for changes much smaller than the gap. Raises IndexError for a mode that does not
+    damping, the derivative holds for changes much smaller than the gap. Raise IndexError for a mode that does not
     exist.
 
     12 digits of the largest p ∂ω/∂p are correct: z_i is a running sum, and comes from `centre_displacements` where that
@@ -351,7 +351,7 @@ def _load_link(
 
 
 class Sensitivity(NamedTuple):
-    """A number p of the scene, ∂ω/∂p in rad/s per unit of p, and (p/ω) ∂ω/∂p; None where it is undefined."""
+    """A number p of the scene, ∂ω/∂p in rad/s per unit of p, and (p/ω) ∂ω/∂p; None if it is undefined."""
 
     number: float
     derivative: float
@@ -434,7 +434,7 @@ def _sensitivity(number: float, derivative: float, omega: float) -> Sensitivity:
 def sensitivities_of(modes: Modes, rows: Sequence[Mode]) -> tuple[str, ReportTable, str]:
     """The relative sensitivities, a row for each number of the scene and a column for each mode, between two sentences.
 
-    ComputationError for too many.
+    Raise ComputationError for too many.
     """
     size = len(rows) * 5 * sum(len(pendulum.links) for pendulum in modes.scene.pendulum)
     size *= modes.rig.leading if modes.rig.structure else 1

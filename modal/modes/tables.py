@@ -287,7 +287,7 @@ def record_of(mode: Mode) -> dict[str, Any]:
 
 
 def table_of(modes: Modes) -> dict[str, NDArray[Any]]:
-    """The columns (R,) of the table by their keys; NaN where there is no value."""
+    """The columns (R,) of the table by their keys; NaN if there is no value."""
     rows = modes.every
     return {column.key: _array([column.value(row) for row in rows]) for column in columns_of(modes, rows)}
 

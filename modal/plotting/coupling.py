@@ -274,7 +274,7 @@ def _window(family: Family) -> tuple[float, float]:
 
 
 def _is_close(coupling: Coupling, family: Family) -> bool:
-    """Whether the zero is so close to the pole that both are seen better enlarged, and no other pole lies beside."""
+    """Whether the zero is so close to the pole that both are seen better enlarged, and no other pole lies next to."""
     if not family.splitting or abs(family.strength) > 0.5:  # of a stronger one the zero is seen without enlargement
         return False
     distances = coupling.dynamic.omega - family.omega
@@ -461,7 +461,7 @@ def _structure_matches(coupling: Coupling) -> list[int]:
 
 
 def _words(axis: Axes, labels: list[tuple[float, str]], x: float, ha: str) -> None:
-    """Words beside levels, pushed apart where they would touch; a drift stands at the lower end."""
+    """Words next to levels, pushed apart where they would touch; a drift stands at the lower end."""
     axis.set_ylim(axis.get_ylim())
     transform, linear = axis.transScale + axis.transLimits, axis.get_yscale() == "linear"
     labels = sorted(labels)

@@ -3,7 +3,7 @@
 A film is a figure of which most stands still: what moves is drawn anew over the pixels of the rest.
 
 A film of modes has all of them side by side, each swinging once a loop, so that it goes round without a seam: a mode
-moves by q(s) = a Re(φ e^{−2πis}), s from 0 to 1 over the loop, its damping or growth left out.  One that does not
+moves by q(s) = a Re(φ e^{−2πis}), s from 0 to 1 over the loop, its damping or growth omitted. One that does not
 oscillate decays from its shape, or grows to it, and is brought back in the last part of the loop.
 """
 
@@ -125,7 +125,7 @@ def form_problems(form: str, fps: float | None = None) -> list[str]:
 
 
 def require_writer(form: str, frames: int) -> None:
-    """SceneError for too many frames, ComputationError for an MP4 without ffmpeg, before anything is drawn."""
+    """Raise SceneError for too many frames, ComputationError for an MP4 without ffmpeg, before anything is drawn."""
     if frames > FRAMES_MAX:
         raise SceneError([f"{frames} frames: must be at most {FRAMES_MAX}; use fewer seconds or fps"])
     if form == "mp4":
@@ -420,7 +420,7 @@ def film_modes(
     """Write a film of the modes with these indices (from 0), by default the first ones, as "gif", "mp4" or "html".
 
     `amplitude_deg` is the largest angle of each, `fps` the frame rate (25 in a GIF, else 30); `report` is called with
-    the seconds of film done.  Raises SceneError for invalid arguments, ComputationError for more modes than one film
+    the seconds of film done. Raise SceneError for invalid arguments, ComputationError for more modes than one film
     holds and for an MP4 without ffmpeg.
     """
     if problems := form_problems(form, fps):

@@ -85,7 +85,7 @@ class Diagram:
 def diagrams(bodies: FreeBodies, parts: str = "") -> tuple[list[Diagram], str]:
     """The diagrams that are drawn, and what to say of those that are not.
 
-    SceneError where `parts` is none of "3" and "1:8" within the parts of the scene.
+    Raise SceneError if `parts` is none of "3" and "1:8" within the parts of the scene.
     """
     total = len(bodies.parts)
     numbers = _chosen(parts, total) if parts else range(min(total, MOST_PARTS))

@@ -143,7 +143,7 @@ def _fit_legend(labels: list[str], columns: int, room: float, make: Callable[[li
 
 
 def shorten(name: str, letters: int = NAME_LETTERS) -> str:
-    """A name of at most this many letters, its middle left out where it has more."""
+    """A name of at most this many letters, its middle omitted where it has more."""
     readable_name = visible(name)
     if len(readable_name) <= letters:
         return readable_name

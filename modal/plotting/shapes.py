@@ -233,7 +233,7 @@ def shapes_figure(
     Up to PENDULA_MAX pendula are drawn as they hang; of more, the angles over the number of the pendulum.  An
     overdamped mode is drawn where it begins and after one and two time constants.
 
-    Raises ComputationError for more modes than one picture holds.
+    Raise ComputationError for more modes than one picture holds.
     """
     require_type("modes", modes, "Modes")
     first = some_words(modes, numbers)
@@ -256,7 +256,7 @@ def shapes_figure(
 
 
 def some_words(modes: Modes, numbers: Sequence[int] | None) -> str:
-    """What is left out where no modes are asked for, "" where none is."""
+    """What is omitted where no modes are requested, "" where none is."""
     return f"the first {USUAL_PANELS} of {len(modes)} modes; " if numbers is None and len(modes) > USUAL_PANELS else ""
 
 

@@ -171,7 +171,7 @@ def thickness(k: int, first: float = 2.3) -> float:
 
 
 def narrowing(k: int) -> float:
-    """The width of curve k in points where dashes have a meaning: a wider one shows beside those upon it."""
+    """The width of curve k in points where dashes have a meaning: a wider one shows next to those upon it."""
     return 4.2 * 0.7 ** min(k, HUES - 1)
 
 

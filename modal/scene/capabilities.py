@@ -267,9 +267,9 @@ SPATIAL_ROTORS = {("space", "rotor"): "a joint in space bends about two axes, an
 
 
 def _with_laws(capability: Capability) -> Capability:
-    """A capability with entries for laws of joints by their nature.
+    """A capability with entries for joint laws by their nature.
 
-    What is left out because it vanishes at small angles, or sustains small swings, is no reason: laws have derivatives.
+    What is omitted because it vanishes at small angles, or sustains small swings, is no reason: laws have derivatives.
     """
     taken = set(capability.takes)
     sentences: dict[str, Any] = {kind: dict(getattr(capability, kind)) for kind in KINDS}
@@ -298,7 +298,7 @@ def _complete(capability: Capability) -> Capability:
 
 
 def _of_loops(capability: Capability) -> Sentences:
-    """What is said of kinds of loops where feedback itself is refused or left out."""
+    """What is said of kinds of loops where feedback itself is refused or omitted."""
     silent = [name for name in sorted(LOOPS - {"feedback"}) if not capability.entries(name)]
     why = "has no part in what is refused or left out as feedback"
     return {} if "feedback" in capability.takes else dict.fromkeys(silent, why)

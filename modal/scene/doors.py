@@ -182,7 +182,7 @@ class _Door:
 
 
 def _check(annotation: str, names: Mapping[str, Any], has_no_bound: bool) -> Check | None:
-    """The check of an annotation, None where it says more than can be checked."""
+    """The check of an annotation, None if it says more than can be checked."""
     atoms = [atom.strip() for atom in annotation.split(" | ")]
     checks = [_of_atom(atom, names, has_no_bound) for atom in atoms if atom != "None"]
     known_checks = [check for check in checks if check is not None]

@@ -199,7 +199,7 @@ def _sustains(value: Any) -> bool:
 
 
 def _is_active(value: Any) -> bool:
-    """Whether a law may supply energy, without being left out as drives are."""
+    """Whether a law may supply energy, without being omitted as drives are."""
     laws = [part.law for part in _laws(value)]
     return any(not (law.is_conservative or law.is_dissipative or law.is_drive) for law in laws)
 

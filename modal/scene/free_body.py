@@ -288,7 +288,7 @@ class JointMoment(NamedTuple):
 
 
 def joint_law(bodies: FreeBodies, part: FreeBody) -> JointMoment | None:
-    """What makes the moment of the joint above a link; None where nothing does."""
+    """What makes the moment of the joint above a link; None if nothing does."""
     link: Any = part.link
     if link is None or not has_moment(link):
         return None

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class JointPart(Part):
-    """The numbers of a law of joints.
+    """The numbers of a joint law.
 
     >>> from modal.scene import VanDerPol
     >>> VanDerPol(strength=0.1, angle_deg=5.0).numbers

@@ -68,7 +68,7 @@ class LengthLaw(Displayed):
 
     @property
     def greatest(self) -> float:
-        """A bound of all lengths, speeds and accelerations (SI); inf or NaN where double precision has none."""
+        """A bound of all lengths, speeds and accelerations (SI); inf or NaN if double precision has none."""
         sizes, bounds = np.abs(self.coefficients), []
         powers = np.diff(self.knots)[:, None] ** np.arange(sizes.shape[1])
         for _ in range(3):

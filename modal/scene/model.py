@@ -321,7 +321,7 @@ class Scene(Displayed, Part):
         return self._with(law=None, point_force=None) if has_forces or "law" in self.features else self
 
     def _with_laws(self, stays: Callable[[JointLaw], bool]) -> Scene:
-        """The same scene with those laws of joints alone that stay."""
+        """The same scene with those joint laws alone that stay."""
         if "law" not in self.features:
             return self
         pendula = (

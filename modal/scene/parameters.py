@@ -215,7 +215,7 @@ def _steps(at: Any, word: str) -> list[tuple[Step, Any]]:
 
 
 def _at(scene: Scene, place: Place) -> Any:
-    """The value at a place, None where there is none."""
+    """The value at a place, None if there is none."""
     at: Any = scene
     for step in place:
         at = _step_into(at, step)

@@ -195,7 +195,7 @@ def _end_problems(scene: Described, spring: Any, text: str) -> Iterator[str]:
 
 
 def _support(scene: Described, point: CarrierPoint | None) -> Any:
-    """The support of a point, None where there is none."""
+    """The support of a point, None if there is none."""
     if point is None:
         return None if isinstance(scene.support, tuple) else scene.support
     names = scene.support_names

@@ -76,7 +76,7 @@ def _restored(path: type[Support], data: dict[str, Any]) -> Part:
 
 
 def _problems(part: Any) -> Any:
-    """A body without inertia; ExtensionError where its place or potential is not what it must be as drawn."""
+    """A body without inertia; raise ExtensionError if its place or potential is not what it must be as drawn."""
     path, d = part.path, len(part.path.coordinates)
     values = {parameter.name: getattr(part, parameter.name) for parameter in path.parameters}
     rest = [0.0] * d

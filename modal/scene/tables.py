@@ -116,7 +116,7 @@ class DataTable(Displayed):
         return len(self.lines)
 
     def numbers(self, column: str) -> Floats:
-        """Return the K numbers of a column, NaN where one is missing; raise SceneError with the first invalid cell."""
+        """Return the K numbers of a column, NaN if one is missing; raise SceneError with the first invalid cell."""
         cells = self.cells[self.columns.index(column)]
         if isinstance(cells, np.ndarray) and cells.dtype.kind == "f":
             values = cells

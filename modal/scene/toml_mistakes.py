@@ -230,7 +230,7 @@ def _repeated_key(broken: Broken) -> Iterator[Guess]:
 
 
 def _repeated_table(broken: Broken) -> Iterator[Guess]:
-    """[pendulum] twice, or beside [[pendulum]]: each of several has two brackets."""
+    """[pendulum] twice, or next to [[pendulum]]: each of several has two brackets."""
     header = HEADER.fullmatch(broken.line)
     if header is None or not broken.why.startswith(("Cannot declare", "Cannot overwrite", "Cannot mutate")):
         return
@@ -282,7 +282,7 @@ def _lines_in_table(broken: Broken) -> Iterator[Guess]:
 
 
 def _closing(document: str, start: int) -> int:
-    """The end of what a bracket opens, 0 where it is not closed."""
+    """The end of what a bracket opens, 0 if it is not closed."""
     depth = 0
     for token in TOKEN.finditer(document, start):
         depth += bool(token["open"]) - bool(token["close"])

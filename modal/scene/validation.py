@@ -47,7 +47,7 @@ def _zero_or_sizeable(value: float) -> float:
 
 
 def _to_integer(value: object) -> object:
-    """NumPy's whole numbers as Python's; True and False are rejected."""
+    """NumPy's integers as Python's; True and False are rejected."""
     try:
         return value if isinstance(value, bool) else index(value)  # type: ignore[arg-type]
     except TypeError:
@@ -197,7 +197,7 @@ def field(schema: Schema, meaning: str = "", unit: str = "", *, default: Any = R
 class Part:
     """An immutable part of a scene, checked on construction; `replace` returns a changed copy.
 
-    Raises SceneError with every mistake and its place.
+    Raise SceneError with every mistake and its place.
     """
 
     __slots__ = ("__dict__", "__pydantic_extra__", "__pydantic_fields_set__", "__pydantic_private__")
@@ -233,7 +233,7 @@ class Part:
         )
 
     def __init__(self, /, **data: Any) -> None:
-        """Raises SceneError."""
+        """Raise SceneError."""
         try:
             self._validator().validate_python(data, self_instance=self)
         except ValidationError as error:

@@ -118,7 +118,7 @@ class Gains(TextResult):
         return f"{self._grid(self.inputs)}\n\n{self._grid(self.outputs)}\n"
 
     def _rate(self, number: int) -> str:
-        """ω, or the growth or decay rate (1/s) of a mode that does not oscillate; empty where no digit is certain."""
+        """ω, or the growth or decay rate (1/s) of a mode that does not oscillate; empty if no digit is certain."""
         value = self.modes.eigenvalue[number]
         if self.modes.error[number] >= UNCERTAIN:
             return "–"
@@ -177,7 +177,7 @@ def unreached(gains: Gains, threshold: float = RELATIVE_GAIN_MIN) -> tuple[int, 
 
 
 def without_noise(rows: NDArray[Number], matrix: Floats) -> NDArray[Number]:
-    """Gains rows · matrix, set to 0 where they may be rounding."""
+    """Gains rows · matrix, set to 0 if they may be rounding."""
     product: NDArray[Number] = rows @ matrix
     return product * (np.abs(product) > NOISE_OF_SUM * (np.abs(rows) @ np.abs(matrix)))
 

@@ -268,7 +268,7 @@ class Travel:
         """From `begin` (s) on over a `duration` (s), within `limits` in the shortest time, or that of a CSV file.
 
         The file has the accelerations of a cart at rest before and afterwards, which straight lines join, and its times
-        are those of the travel.  Raises SceneError for a file that is no such record.
+        are those of the travel. Raise SceneError for a file that is no such record.
 
         >>> round(Travel.planned(20.0, 0.0, 30.0, TravelLimits(acceleration=0.4, speed=1.5)).duration, 9)
         17.083333333
@@ -411,8 +411,8 @@ def _residual_angle(scene: Scene, travel: Travel, train: Train) -> float:
 def shaper_residual(scene: Scene, shaper: Shaper, drive: Drive = "cart_acceleration") -> float:
     """Return the residual of a shaped impulse at the beginning of the hoist, relative to the unshaped impulse.
 
-    At the end of the hoist, or of the impulses if that is later, in the largest angle of any link.  Raises SceneError
-    for a scene without hoist, ComputationError for a force on a cart with which the mass matrix is singular.
+    At the end of the hoist, or of the impulses if that is later, in the largest angle of any link. Raise SceneError for
+    a scene without hoist, ComputationError for a force on a cart with which the mass matrix is singular.
     """
     _refuse_many(scene)
     hoisting = hoisting_of(scene)
@@ -451,7 +451,7 @@ def _impulse_response(scene: Scene, times: Floats, amplitudes: Floats, last: flo
 def largest_swing(scene: Scene, y: Floats, *, is_prescribed: bool) -> float:
     """The largest angle (rad) that the swings of all frequencies can add up to in any link, about the rest of (q, q').
 
-    Under drag that is the rest beside a cart that moves on.
+    Under drag that is the rest next to a cart that moves on.
     """
     linear = matrices(scene)
     first, n = int(is_prescribed), len(linear.M)

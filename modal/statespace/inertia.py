@@ -138,6 +138,6 @@ def solve_inertia(M: Floats, right: Floats) -> Floats:
 
 
 def refuse_no_inertia(M: Floats) -> None:
-    """ComputationError for a mass matrix that is singular, on which a force has no finite acceleration."""
+    """Raise ComputationError for a mass matrix that is singular, on which a force has no finite acceleration."""
     if len(M) and is_singular(M):
         raise ComputationError(NO_INERTIA)

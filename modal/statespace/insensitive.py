@@ -6,7 +6,7 @@ such that the residual vibration of none exceeds the tolerance v,
     e^{−ζ_j ω_j t_n} |Σ A_i e^{s_j t_i}| ≤ v,     s_j = ζ_j ω_j + iω_j √(1−ζ_j²)        ([Singhose1996]).
 
 With times on a grid these are convex: a linear program, with a tangent plane of a cone wherever what its solution
-leaves is too much ([Kelley1960]).  The duration is bisected.  Then the grid is refined beside the impulses, again and
+leaves is too much ([Kelley1960]). The duration is bisected. Then the grid is refined next to the impulses, again and
 again, unless a controller's samples are the grid.
 """
 
@@ -170,7 +170,7 @@ class _Program:
         return ticks[:most], amplitudes
 
     def polish(self, times: Floats, amplitudes: Floats) -> Train | None:
-        """A local minimum of the duration near these impulses (n,), those that meet there joined; None where none is.
+        """A local minimum of the duration near these impulses (n,), those that meet there joined; None if none is.
 
         The variables are the times but the first, which stays 0, then the amplitudes.
         """

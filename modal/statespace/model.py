@@ -134,9 +134,9 @@ Maps = tuple[Pair | None, ...]
 
 
 class _Motion(NamedTuple):
-    """A and B with the maps from (z, u) to q, q' and q'', each a pair; None where they contain impulses.
+    """A and B with the maps from (z, u) to q, q' and q'', each a pair; None if they contain impulses.
 
-    `support` are the maps to the displacement of a moved support, its velocity and its acceleration.
+    `support` are the maps to the displacement of a moving support, its velocity and its acceleration.
     """
 
     A: Floats
@@ -255,7 +255,7 @@ def _usual(geometry: Geometry) -> tuple[tuple[str, ...], tuple[str, ...]]:
 
 
 def without_carrier(scene: Scene) -> Scene:
-    """The same pendula on a fixed support; SceneError for damping ratios by mode, which are those of other modes.
+    """The same pendula on a fixed support; raise SceneError for damping ratios by mode, which are those of other modes.
 
     Of a scene with one cart alone: what springs join to it they join to the ground in its place.
     """
@@ -363,7 +363,7 @@ def _rows(maps: Pair | None, rows: slice) -> Pair | None:
 def _partition(
     linear: Matrices, geometry: Geometry, F: Floats, *, is_prescribed: bool
 ) -> tuple[Floats, Floats, Floats]:
-    """K, D and F of `_motion` beside a cart that moves as prescribed, the first coordinate, or on a support under all.
+    """K, D and F of `_motion` next to a cart that moves as prescribed, the first coordinate, or on a support under all.
 
     J = M⁻¹ p is exact where everything can move along with the ground, as on a cart.
     """

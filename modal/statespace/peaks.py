@@ -86,7 +86,7 @@ def _records(form: ModalForm, source: int, outputs: Sequence[int]) -> Iterator[d
 
 
 def _peaks(size: Callable[[Floats], Floats], omega: Floats) -> Iterator[tuple[float, float]]:
-    """Where a magnitude is larger than to either side, found between the frequencies beside it, and how large."""
+    """Where a magnitude is larger than to either side, found between the frequencies next to it, and how large."""
     heights = size(omega)
     for k in np.flatnonzero((heights[1:-1] > heights[:-2]) & (heights[1:-1] >= heights[2:])) + 1:
         low, at, high, height = omega[k - 1], omega[k], omega[k + 1], heights[k]

@@ -220,7 +220,7 @@ def truncate(modes: Modes, model: StateSpace, count: int, by: Choice = "contribu
     `by` "contribution" keeps those that contribute most to any one transfer function, "lowest" those of lowest
     frequency. A rigid translation, a prescribed cart and growing modes are always kept, uncontrollable or unobservable
     modes are not; the static gain of all others is added to D, so that G(0) without the rigid part is that of the whole
-    model. Raises ValueError for a count below 0 and another `by`, SceneError for more modes than the model has.
+    model. Raise ValueError for a count below 0 and another `by`, SceneError for more modes than the model has.
     """
     if count < 0 or by not in get_args(Choice):
         raise ValueError(f'count = {count}, by = {by!r}: must be a number of modes, by "contribution" or "lowest"')
@@ -281,10 +281,10 @@ class Balanced(Displayed):
 def balance(model: StateSpace, count: int) -> Balanced:
     """The model reduced to `count` states, with the same inputs and outputs.
 
-    Its states are combinations of all old ones, and the choice depends on the units of inputs and outputs.  Raises
-    ValueError for a count outside 1 … n; ComputationError for a model in discrete time, for one that is not stable and
-    damped in every mode, for which gramians do not exist, and for a count beyond the controllable and observable
-    states.
+    Its states are combinations of all old ones, and the choice depends on the units of inputs and outputs. Raise
+    ValueError for a count outside 1 … n; raise ComputationError for a model in discrete time, for one that is not
+    stable and damped in every mode, for which gramians do not exist, and for a count beyond the controllable and
+    observable states.
     """
     if not 1 <= count <= len(model.A):
         raise ValueError(f"count = {count}: must be between 1 and the {len(model.A)} states of the model")

@@ -94,7 +94,7 @@ class SignalPlace(NamedTuple):
 
 
 def place_of(kinds: dict[str, tuple[str, int]], name: str, tips: Sequence[int]) -> SignalPlace:
-    """Where a signal of this name is; `tips` are the last links of all pendula.  KeyError for an unknown name."""
+    """Where a signal of this name is; `tips` are the last links of all pendula.  Raise KeyError for an unknown name."""
     match = NAME.fullmatch(name)
     if not match:
         raise KeyError(name)
@@ -119,8 +119,8 @@ def place_of_input(driven: Signal | Dissipator, tips: Sequence[int]) -> SignalPl
 class ExactResponse:
     """G between these signals of a scene of constant lengths, evaluated by elimination.
 
-    A dissipator among the inputs is the pair of unit forces along its row.  KeyError for signals that are not those of
-    `modal.statespace.signals`.
+    A dissipator among the inputs is the pair of unit forces along its row. Raise KeyError for signals that are not
+    those of `modal.statespace.signals`.
     """
 
     def __init__(self, scene: Scene, inputs: Sequence[Signal | Dissipator], outputs: Sequence[Signal]) -> None:
@@ -149,7 +149,7 @@ class ExactResponse:
         """G(iω) (p, m, W) at ω (W,) in rad/s, each entry to this relative error.
 
         Positive frequencies may be given as sums of two floats: `remainder` (W,) is the part omitted by one float,
-        which matters within some billionths of a resonance. At ω = 0 the limit, infinite where there is none.
+        which matters within some billionths of a resonance. At ω = 0 the limit, infinite if there is none.
         """
         is_static = omega == 0
         at = np.where(is_static, STATIC_FREQUENCY * self.unit, np.abs(omega))

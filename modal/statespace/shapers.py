@@ -156,8 +156,8 @@ def swings_of(scene: Scene, drive: Drive = "cart_acceleration") -> list[DampedSw
     """Return the modes that a drive excites, in ascending order: fixed-base modes under a prescribed motion.
 
     Under "cart_force" they are the free modes that move the cart, under the force on a coordinate of a structure those
-    that move this.  Raises SceneError for a drive that the scene does not have and for a fixed support,
-    ComputationError for an unstable equilibrium.
+    that move this. Raise SceneError for a drive that the scene does not have and for a fixed support, ComputationError
+    for an unstable equilibrium.
     """
     validate_scene(scene)
     modes, rows = swing_rows(scene, drive)
@@ -282,7 +282,7 @@ def residual_vibration(shaper: Shaper, omega: ArrayLike, zeta: ArrayLike = 0.0) 
 def insensitivity(shaper: Shaper, swing: DampedSwing, tolerance: float = TOLERANCE_OF_RESIDUAL) -> tuple[float, float]:
     """The range of ω (rad/s) about that of `swing` in which the residual vibration stays below `tolerance`.
 
-    Raises ComputationError if it exceeds it at `swing` itself.
+    Raise ComputationError if it exceeds it at `swing` itself.
     """
 
     def works(omega: Floats) -> Booleans:

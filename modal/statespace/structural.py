@@ -77,7 +77,7 @@ def loss_matrix(losses: Sequence[Dissipator], size: int, numbers: Arithmetic) ->
 
 
 def find_inputs(scene: Scene, geometry: Geometry, signals: Sequence[Signal | Dissipator]) -> list[Given]:
-    """What these inputs are; KeyError for an unknown name."""
+    """What these inputs are; raise KeyError for an unknown name."""
     none = np.zeros(geometry.size), np.zeros(len(geometry.tips))
     groups, pushes = by_name(PUSHES, geometry), []
     for signal in signals:
@@ -96,7 +96,7 @@ def find_inputs(scene: Scene, geometry: Geometry, signals: Sequence[Signal | Dis
 
 
 def find_outputs(geometry: Geometry, signals: Sequence[Signal]) -> list[Reading]:
-    """What these outputs are; KeyError for an unknown name."""
+    """What these outputs are; raise KeyError for an unknown name."""
     groups = by_name(READINGS, geometry)
     return [_reading(*groups[signal.name]) for signal in signals]
 

@@ -3,7 +3,7 @@
     G(s) = D + Σ_k (s N1_k + N0_k)/(s² + 2ζ_kω_k s + ω_k²) = g Π (s − z_i)/Π (s − p_k)
 
 Modes of one frequency are one term; uncontrollable or unobservable modes have none. The zeros are the finite
-eigenvalues λ of the pencil
+eigenvalues λ of the eigenvalue problem
 
     [ A  b ]       [ 1  0 ]
     [ c  d ]  − λ  [ 0  0 ]

@@ -58,7 +58,7 @@ def derive(
 ) -> Iterator[Section]:
     """The sections of SECTIONS and ASKED_FOR named in `show`, in their order.
 
-    `scene` is the scene of which `system` is the exact form, if any: its polynomial is then exact and integer.  Raises
+    `scene` is the scene of which `system` is the exact form, if any: its polynomial is then exact and integer. Raise
     SceneError for more links than readable equations allow.
     """
     require_type("system", system, "SymbolicStructure")
@@ -227,7 +227,7 @@ def target(
 ) -> tuple[SymbolicStructure, Scene | None]:
     """The system specified by `name`, and its scene if it is one.
 
-    `kind` and `ways` (down or up, top to bottom) apply to chain: and cart: only, as a scene has its own.  Raises
+    `kind` and `ways` (down or up, top to bottom) apply to chain: and cart: only, as a scene has its own. Raise
     SceneError for anything invalid.
     """
     unknown = [word for word in chosen if word not in symbolic.SYMBOLIC]

@@ -132,7 +132,7 @@ class NewtonEuler(Displayed):
                 joint_x, joint_z = joint_x + length * swing, joint_z + length * sink
 
     def support_accelerations(self) -> tuple[Any, Any]:
-        """The accelerations of a support that moves along the rail and down, a_x and a_z; 0 where it does not."""
+        """The accelerations of a support that moves along the rail and down, a_x and a_z; 0 if it does not."""
         ways = {motion.direction for motion in self.bodies.scene.motions}
         names = (("horizontal", "a_x"), ("vertical", f"a_{self.bodies.downward}"))
         x_acceleration, z_acceleration = (sp.Symbol(name) if way in ways else sp.S.Zero for way, name in names)
@@ -205,7 +205,7 @@ def _unit_acceleration(theta: Coordinate) -> tuple[Any, Any]:
 def part_sections(bodies: FreeBodies) -> list[Section]:
     """A section for every part, for the constraints and for what forces are; last how many equations there are.
 
-    Raises SceneError for more links than readable equations allow.
+    Raise SceneError for more links than readable equations allow.
 
     >>> from modal import load
     >>> from modal.scene import free_bodies

@@ -69,7 +69,7 @@ def _numbers(part: JointPart) -> dict[str, Any]:
 
 
 def _integral(part: JointPart, torque: Any, by: Any) -> Any:
-    """The integral from 0; SceneError where SymPy finds none."""
+    """The integral from 0; raise SceneError if SymPy finds none."""
     integral = sp.integrate(sp.sympify(torque), by)
     if integral.has(sp.Integral):
         raise SceneError([f"law {part.law.name}: SymPy finds no integral of its torque: give it a potential"])
@@ -140,7 +140,7 @@ class SymbolicStructure(Displayed):
 
     @property
     def without_laws(self) -> SymbolicStructure:
-        """The same without the laws of joints: all that has two routes to compare."""
+        """The same without the joint laws: all that has two routes to compare."""
         return replace(self, laws=()) if self.laws else self
 
     def _summary(self) -> Summary:

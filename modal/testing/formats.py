@@ -25,7 +25,7 @@ TITLES = ('a "title"', "*/ /*", "{}; \\ % ' <&>", "Größe ∀", "")
 
 
 class FormatTests(ExtensionTests):
-    """Tests of a format: `read` gets A, B, C, D back from its bytes, None where nobody can read them.
+    """Tests of a format: `read` gets A, B, C, D back from its bytes, None if nobody can read them.
 
     >>> from modal.testing import FormatTests
     >>> class TestMine(FormatTests):

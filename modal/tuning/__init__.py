@@ -1,7 +1,7 @@
 """Best numbers of a scene: which damper, length or spring makes peaks, RMS, decay or a residual swing best.
 
-In: a scene, the places of free numbers with bounds, and quantities to minimize or maximize.  Out: a `Tuned` with the
-scene of the best numbers, what each is worth, Den Hartog's values beside them, and curves before and after.
+In: a scene, the places of free numbers with bounds, and quantities to minimize or maximize. Out: a `Tuned` with the
+scene of the best numbers, what each is worth, Den Hartog's values next to them, and curves before and after.
 
     min over p of max over k |H(iω_k; p)|,      dH = −yᵀ dZ x
 

@@ -1,8 +1,8 @@
 """Best values in closed form of one pendulum as the damper of one mode: those of Den Hartog, and the exact ones.
 
-A pendulum of one link with the inertia A about its joint and the first moment b is, beside a carrier that it pulls by
-b, a mass b²/A on a spring; what is left of the carrier is M + m − b²/A.  With μ their ratio, ω_1² = k/(M + m − b²/A),
-f = ω_d/ω_1 and ζ = c/(2 A ω_d), the peak of k|x/F| is least, to first order about its two fixed points, for
+A pendulum of one link with the inertia A about its joint and the first moment b is, next to a carrier that it pulls by
+b, a mass b²/A on a spring; what is left of the carrier is M + m − b²/A. With μ their ratio, ω_1² = k/(M + m − b²/A), f
+= ω_d/ω_1 and ζ = c/(2 A ω_d), the peak of k|x/F| is least, to first order about its two fixed points, for
 
     f = 1/(1 + μ),    ζ = √(3μ/(8(1 + μ)))                      [DenHartog1956, §3.3]
 
@@ -98,7 +98,7 @@ class Beside:
 
 
 def rest_of_scene(scene: Scene, pendula: Sequence[int]) -> Beside | None:
-    """The rest of a scene without these pendula of one link; None where it has no modes, or springs couple them."""
+    """The rest of a scene without these pendula of one link; None if it has no modes, or springs couple them."""
     linear = matrices(scene)
     counts = [pendulum.count * sum(link.count for link in pendulum.links) for pendulum in scene.pendulum]
     first = len(linear.M) - sum(counts)

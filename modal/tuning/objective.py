@@ -135,7 +135,7 @@ class Objective:
         return Faces(sign * values / self.scale, sign * slopes / self.scale, labels)
 
     def value_of(self, pieces: Sequence[Pieces]) -> float:
-        """The objective itself, a quantity alone without its sign and weight; infinite where it has no value."""
+        """The objective itself, a quantity alone without its sign and weight; infinite if it has no value."""
         values = [extreme(aim.quantity, piece) for aim, piece in zip(self.aims, pieces, strict=False)]
         if len(self.aims) == 1:
             return values[0]
@@ -152,7 +152,7 @@ class Objective:
 
 
 def extreme(quantity: Quantity, pieces: Pieces) -> float:
-    """The quantity itself, infinite where it has no value."""
+    """The quantity itself, infinite if it has no value."""
     if not len(pieces.values):
         return np.inf if quantity.is_largest else -np.inf
     return float(pieces.values.max() if quantity.is_largest else pieces.values.min())
@@ -162,7 +162,7 @@ def extreme(quantity: Quantity, pieces: Pieces) -> float:
 class Worth(Displayed):
     """What a number is worth: the objective's relative change where it is 1 % larger, or smaller, and its range.
 
-    Within `low` and `high`, in the number's unit, the objective is at most 1 % worse; infinite or 0 where it always is.
+    Within `low` and `high`, in the number's unit, the objective is at most 1 % worse; infinite or 0 if it always is.
     """
 
     path: str
@@ -208,7 +208,7 @@ def _loss(objective: Objective, z: Floats, k: int, best: float) -> Callable[[flo
 
 
 def _edge(loss: Callable[[float], float], way: float) -> float:
-    """The change at which the objective is 1 % worse, infinite where it never is."""
+    """The change at which the objective is 1 % worse, infinite if it never is."""
     inner, outer = 0.0, PERCENT
     while loss(way * outer) < PERCENT:
         inner, outer = outer, 2 * outer

@@ -100,7 +100,7 @@ class Tuned(Drawable, TextResult):
 
     @cached_property
     def worst_before(self) -> float:
-        """The same of the scene as it was, infinite where it has no value."""
+        """The same of the scene as it was, infinite if it has no value."""
         start = np.log([number.given_level or number.start for number in self.objective.free])
         return worst_case(self._nominal, start).value if np.isfinite(self.before) else np.inf
 

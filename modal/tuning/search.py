@@ -70,7 +70,7 @@ def tune(
     case of all masses ±5 %.  A `crew` shares random starts, the last descents and the cases of masses; the first
     descents follow each other, since each may end in a valley that is known.
 
-    Raises SceneError that names every mistake, ComputationError where nothing is best.
+    Raise raise SceneError with every mistake, ComputationError if nothing is best.
 
     >>> from modal import Bob, Cart, Pendulum, Scene
     >>> damper = Bob(mass=0.5, length=2.0, damping=0.4)
@@ -273,7 +273,7 @@ def _valleys(objective: Objective, starts: Sequence[Floats], report: Report) -> 
 
 
 def _descend(objective: Objective, z: Floats) -> Minimum:
-    """The minimum beside z, about which the arrays are interpolated anew."""
+    """The minimum next to z, about which the arrays are interpolated anew."""
     _centre(objective, z)
     return descend(objective.evaluate, z, objective.low, objective.high)
 

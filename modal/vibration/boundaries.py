@@ -135,8 +135,8 @@ class Tongues(Displayed):
 def tongues(scene: Scene, amplitude: ArrayLike, frequency_hz: ArrayLike) -> Tongues:
     """The boundaries of growth of a scene within the range of amplitudes (m) and frequencies (Hz), ascending grids.
 
-    Curves are found where they pass a line of the grid once, tongues of losses also where they lie between two.  Of a
-    single amplitude or frequency each boundary is one point.  SceneError for a scene without vertical sine
+    Curves are found where they pass a line of the grid once, tongues of losses also where they lie between two. Of a
+    single amplitude or frequency each boundary is one point. Raise SceneError for a scene without vertical sine
     (`vertical_sine`) and for grids that do not ascend.
 
     >>> from modal import Bob, Pendulum, Scene
@@ -319,7 +319,7 @@ def _trace_boundaries(curve: Curve, amplitude: Floats, hertz: Floats) -> Iterato
 
 
 def _holds(places: Sequence[CurvePlace], place: CurvePlace) -> bool:
-    """Whether a place is on a curve: beside it with what grows on the same side, which of its neighbours is not so."""
+    """Whether a place is on a curve: next to it with what grows on the same side, which of its neighbours is not so."""
     points = np.array([place_on.point for place_on in places])
     if len(points) == 1:
         return hypot(*(points[0] - place.point)) < SLOW_STEP_MAX

@@ -172,7 +172,7 @@ def _join_samples(
     slopes = monotone_slopes(times, values)
 
     def spline(first: int, last: int) -> Any:
-        """Where displacements are joined, its slopes at ends within the record are those of the cubics beside."""
+        """Where displacements are joined, its slopes at ends within the record are those of the cubics next to."""
         x, y = times[first : last + 1], values[first : last + 1]
         has_left, has_right = (of == 0 and k not in (0, len(times) - 1) for k in (first, last))
         ends = [

@@ -99,9 +99,9 @@ class ThermalNoise(ModalResponse):
 def thermal_noise(scene: Scene, temperature: float, outputs: tuple[str, ...] = USUAL) -> ThermalNoise:
     """The thermal noise of a scene at a temperature (K), at small angles about its equilibrium.
 
-    `outputs` are groups of `modal.statespace.signals.OUTPUTS` but those of forces.  Raises SceneError for a temperature
-    that is none, outputs that are forces, and a scene without dampers, drag and loss angles; ComputationError where a
-    mode grows by itself, and where too much would be computed.
+    `outputs` are groups of `modal.statespace.signals.OUTPUTS` but those of forces. Raise SceneError for a temperature
+    that is none, outputs that are forces, and a scene without dampers, drag and loss angles; raise ComputationError if
+    a mode grows by itself, and where too much would be computed.
 
     >>> from modal import Bob, Pendulum, Scene
     >>> scene = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=40.0, length=0.6, wire_loss=1e-6)])])

@@ -59,7 +59,7 @@ def error_time_count(duration: float, swing: float) -> int:
 class Attempt:
     """One method that was tried: its tolerance (NaN for a closed form), its cost (s; derivatives), its error (rad).
 
-    The error is an upper estimate, inf where it is unknown.
+    The error is an upper estimate, inf if it is unknown.
     """
 
     way: str

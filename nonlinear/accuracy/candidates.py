@@ -88,7 +88,7 @@ class Candidate:
         return self.family if self.modal else f"{self.family} {self.tolerance:g}"
 
     def prepare(self, question: Question) -> Task:
-        """A task that computes the motion, once; ComputationError or SceneError where this is impossible.
+        """A task that computes the motion, once; ComputationError or SceneError if this is impossible.
 
         The task raises ComputationError where the run fails, GivenUpError where it takes too long, KeyboardInterrupt on
         Ctrl-C.

@@ -101,7 +101,7 @@ class FrequencyTradeoff(Result):
 def measure_frequencies(scene: Scene, accuracies: tuple[float, ...] = (1e-8,)) -> FrequencyTradeoff:
     """The times and true errors of all natural frequencies of a scene, by every way.
 
-    Raises SceneError for scenes with losses or structures, and for too large ones.
+    Raise SceneError for scenes with losses or structures, and for too large ones.
 
     >>> from modal import load
     >>> [row.way for row in measure_frequencies(load("chain-2")).rows]
@@ -146,7 +146,7 @@ def _squares(scene: Scene) -> list[Fraction]:
 
 
 def _dense(planes: list[tuple[Floats, Floats]], size: int) -> Floats:
-    """ω (R,) by LAPACK, NaN where that gives up; a massless cart has one row more than modes."""
+    """ω (R,) by LAPACK, NaN if that gives up; a massless cart has one row more than modes."""
     try:
         values = np.concatenate([scipy.linalg.eigh(K, M, eigvals_only=True) for K, M in planes])
     except np.linalg.LinAlgError:

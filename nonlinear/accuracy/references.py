@@ -82,7 +82,7 @@ class Reference(Displayed):
 
 
 def reference_of(question: Question) -> Reference:
-    """The finest motion and its horizon; ComputationError where two references disagree from the beginning."""
+    """The finest motion and its horizon; raise ComputationError if two references disagree from the beginning."""
     scene, duration = question.scene, float(question.times[-1])
     finest, check = choose_references(scene)
     size = question.request.size

@@ -15,8 +15,8 @@ cos β = −ρ, its harmonics in ψ and its mean over ψ are
 
     −(4M/πh) sin hβ cos hψ,        −(2M/π) arcsin ρ,
 
-so that, of one frequency, the first is −(4M/π) cos ψ whatever V is, and beside it a weaker one is damped in proportion
-to its own velocity (dither: Gelb & Vander Velde, ch. 6).  This is exact as long as the joint slides.
+so that, of one frequency, the first is −(4M/π) cos ψ whatever V is, and next to it a weaker one is damped in proportion
+to its own velocity (dither: Gelb & Vander Velde, ch. 6). This is exact as long as the joint slides.
 
 Arrays are over B bands, J joints and S states: `swing` Γ of every band (B, J, S), `turning` Ω (B, S), `impulse` and
 `angle` (J,), the `corner` Pκ/2π (J, S).

@@ -102,7 +102,7 @@ class RelativeEquilibrium(Displayed):
 
     @cached_property
     def is_family(self) -> bool:
-        """Whether it is one of a continuous family of states: an eigenvalue beside those of the phases is 0."""
+        """Whether it is one of a continuous family of states: an eigenvalue next to those of the phases is 0."""
         return bool(np.any(np.abs(self.rates) <= NEUTRAL_RATE_RATIO * self.recovery))
 
     @cached_property

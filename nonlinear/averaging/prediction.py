@@ -173,8 +173,8 @@ class Prediction(Displayed):
 def predict(scene: Scene, start: State | None = None) -> Prediction:
     """The prediction for a self-excited scene from its own start or another, perturbed if it ends in an unstable state.
 
-    Raises ComputationError where nothing excites it or it is outside the scope of `nonlinear.averaging.equations`, for
-    a start at rest, and where drives are so strong that averaged amplitudes grow without bound.
+    Raise ComputationError if nothing excites it or it is outside the scope of `nonlinear.averaging.equations`, for a
+    start at rest, and where drives are so strong that averaged amplitudes grow without bound.
     """
     validate_scene(scene)
     require(scene, "a prediction of synchronization")

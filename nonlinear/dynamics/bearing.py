@@ -179,7 +179,7 @@ class Bearing:
         return self.structure.carriers[end.carrier].displacement(end.where, eta), moving, moving.velocity(rates)
 
     def base(self, group: int) -> Base | None:
-        """Angles and rates of what carries the first joints of a group; None where nothing there turns."""
+        """Angles and rates of what carries the first joints of a group; None if nothing there turns."""
         bundles = self.carriers.bundles[group]
         if all(self.structure.carriers[bundle.carrier].turning is None for bundle in bundles):
             return None

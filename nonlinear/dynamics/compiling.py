@@ -71,7 +71,7 @@ def _watch(compilation: Callable[..., Any], *signature: Any) -> Any:
 
 
 def _has_place(function: Any) -> bool:
-    """Whether numba would keep it beside its source or under an absolute path, not in the folder of the moment."""
+    """Whether numba would keep it next to its source or under an absolute path, not in the folder of the moment."""
     if os.environ.get("NUMBA_CACHE_DIR"):
         return True
     folder = Path(inspect.getfile(function)).parent

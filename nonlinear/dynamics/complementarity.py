@@ -50,7 +50,7 @@ def friction_of(a: Any, G: Any, limit: Any, sign: Any, n: int) -> Any:
 
 
 def consistent(a: Any, G: Any, limit: Any, sign: Any, n: int) -> Any:
-    """The friction τ (n,) and the signs (n,) that contacts of sign 0 begin with; τ is empty where there are none."""
+    """The friction τ (n,) and the signs (n,) that contacts of sign 0 begin with; τ is empty if there are none."""
     rest, signs = [s == 0 for s in sign], [*sign]
     scale = []
     for i in range(n):

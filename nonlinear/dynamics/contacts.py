@@ -58,8 +58,8 @@ JAMMED = "the rail's friction has no consistent value: its coefficient is too la
 class Contacts:
     """The J contacts of a system from the cart down each pendulum, all arrays (J,).
 
-    `below` and `above` are the coordinates of v whose difference is γ', −1 standing for the support; `limit` is in
-    N m, or N on the rail, which comes first where `rail` is true; its limit is 0 where there is a `coefficient` μ.
+    `below` and `above` are the coordinates of v whose difference is γ', −1 standing for the support; `limit` is in N m,
+    or N on the rail, which comes first where `rail` is true; its limit is 0 if there is a `coefficient` μ.
     """
 
     below: Ints

@@ -306,5 +306,5 @@ def bend(group: Group, angles: Any, base: Any = None) -> Any:
 
 
 def spread(constant: Any, like: Any) -> Any:
-    """Constants of links (n, P), or as many axes as they have, beside values (n, P, ...)."""
+    """Constants of links (n, P), or as many axes as they have, next to values (n, P, ...)."""
     return constant.reshape(*constant.shape, *[1] * (like.ndim - constant.ndim))

@@ -44,7 +44,7 @@ class Written(ABC):
     @property
     @abstractmethod
     def inputs_at(self) -> InputFunction | None:
-        """The inputs u at a time (s) and a state y; None where there are none."""
+        """The inputs u at a time (s) and a state y; None if there are none."""
 
     @property
     def is_time_only(self) -> bool:
@@ -109,7 +109,7 @@ class Generated(Written, Arranged):
 
     @cached_property
     def inputs_at(self) -> InputFunction | None:
-        """The inputs u at a time (s) and a state y; None where there are none."""
+        """The inputs u at a time (s) and a state y; None if there are none."""
         if not self.inputs.count:
             return None
         if self.load is None:

@@ -97,7 +97,7 @@ class Hamiltonian(Generated):
 
     @cached_property
     def inputs_at(self) -> InputFunction | None:
-        """The inputs u at a time (s) and a y, whose velocities a load sees; None where there are none."""
+        """The inputs u at a time (s) and a y, whose velocities a load sees; None if there are none."""
         inputs, half = super().inputs_at, self.layout.half
         if inputs is None or self.load is None:
             return inputs

@@ -247,7 +247,7 @@ class Suspended(Arranged):
         return slopes, friction
 
     def forces(self, y: Any, instant: Instant) -> tuple[Any, Any]:
-        """The generalized forces Q (half, ...) of all that acts, weights left out, and the power (W)."""
+        """The generalized forces Q (half, ...) of all that acts, weights omitted, and the power (W)."""
         half, first = self.layout.half, self.layout.first
         v, groups, instant = y[half : 2 * half], self.system.groups, self.close_loops(y, instant)
         bearing, Q = self.bearing(y[:half], v, instant, massless=True), np.zeros_like(v)

@@ -117,7 +117,7 @@ def mounting_forces(carrier: CarrierNumbers, eta: Sequence[Any], rates: Sequence
 
 
 def stored(carrier: CarrierNumbers, eta: Sequence[Any]) -> Any:
-    """The carrier's energy (J) beside springs and weight, as a jet along each coordinate; None without any."""
+    """The carrier's energy (J) next to springs and weight, as a jet along each coordinate; None without any."""
     return carrier.path.forces(eta, carrier.values) if carrier.path and carrier.stores else None
 
 

@@ -151,9 +151,9 @@ def find_basins(
 ) -> Basins:
     """The measure over two numbers of a scene, by default the first angles of its first two pendula or links.
 
-    Where no start is given or varied, all begin in the usual one of the scene.  `measure` is one that `basins` takes in
+    Where no start is given or varied, all begin in the usual one of the scene. `measure` is one that `basins` takes in
     `nonlinear.measures`, NAME or NAME:N for so many seconds in place of a `duration`; `options` are those of
-    `ensemble`.  SceneError for anything else.
+    `ensemble`. Raise SceneError for anything else.
     """
     axes = grid_of(scene, vary)
     measure, duration = _measure_of(scene, measure, duration)
@@ -179,7 +179,7 @@ def find_basins(
 
 
 def _measure_of(scene: Scene, text: str | None, duration: float | None) -> tuple[str, float | None]:
-    """The name of the measure in a text, and for how long (s), None where nothing says so."""
+    """The name of the measure in a text, and for how long (s), None if nothing says so."""
     if text is None:
         return "configuration" if scene.is_driven else "first_turn", duration
     measure, seconds = parse_request("basins", text)
@@ -200,7 +200,7 @@ def _names(scene: Scene) -> tuple[str, ...]:
 
 @checked
 def grid_of(scene: Scene, vary: Sequence[str] | Sequence[Variation] = ()) -> tuple[Variation, ...]:
-    """The two numbers that are varied; SceneError where there are more or fewer."""
+    """The two numbers that are varied; raise SceneError if there are more or fewer."""
     wanted = vary or usual_axes(scene)
     texts = [axis for axis in wanted if isinstance(axis, str)]
     axes = parse_variations(texts) if texts else tuple(axis for axis in wanted if isinstance(axis, Variation))

@@ -73,7 +73,7 @@ class BifurcationDiagram(Drawable, Result):
 
     @property
     def repeats(self) -> Ints:
-        """After how many periods the motion repeats, (V,); 0 where it does not within 16."""
+        """After how many periods the motion repeats, (V,); 0 if it does not within 16."""
         return repetition(natural_units(self.system, self.states), self.system.n_links)[0]
 
     def points(self, link: int) -> tuple[Floats, Floats]:
@@ -136,9 +136,9 @@ def find_bifurcations(
     """The last 50 strobes of a plane scene driven by sines at every value of one of its numbers.
 
     Every value has its own run, from the start of the scene: a transient of `settle` (s), by default ten times the
-    slowest decay of its modes and at least 200 periods, then 50 periods, looked at once in each at `phase_deg`.  `of`
-    names the links to draw, "theta_1_1".  `options` are those of `ensemble`; values of a share that others compute are
-    NaN.  SceneError where no value gives a motion.
+    slowest decay of its modes and at least 200 periods, then 50 periods, looked at once in each at `phase_deg`. `of`
+    names the links to draw, "theta_1_1". `options` are those of `ensemble`; values of a share that others compute are
+    NaN. Raise SceneError if no value gives a motion.
 
     >>> from modal import Bob, Pendulum, Scene
     >>> from modal.scene import SineForce
@@ -182,7 +182,7 @@ def _tails(system: System) -> list[tuple[int, ...]]:
 
 
 def _variation(scene: Scene, vary: str | Variation) -> Variation:
-    """What is varied; SceneError for no place, and for a number on which it depends how many links there are."""
+    """What is varied; raise SceneError for no place, and for a number on which it depends how many links there are."""
     variation = parse_variations([vary])[0] if isinstance(vary, str) else vary
     validate_variations(scene, (variation,))
     if variation.path.endswith(".count"):
@@ -191,7 +191,7 @@ def _variation(scene: Scene, vary: str | Variation) -> Variation:
 
 
 def _in_time(scene: Scene, variation: Variation, settle: float | None) -> tuple[Floats, Floats, dict[int, str]]:
-    """At every value the period and the transient (s), NaN where there is none, and why not."""
+    """At every value the period and the transient (s), NaN if there is none, and why not."""
     variable, reasons = Variable(scene, [variation.path]), dict[int, str]()
     seconds = np.full((2, len(variation.values)), np.nan)
     for k, value in enumerate(variation.values):

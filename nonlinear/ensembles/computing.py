@@ -29,7 +29,7 @@ Engine = Callable[[Numbers, Floats, Wanted], MemberResults]
 class Chunk:
     """S members from `first` on: `columns` (S, ...), crossings apart; why some failed, by their numbers.
 
-    `differences` (rad) are those at the end of members that were also run by themselves; NaN where a member lies beyond
+    `differences` (rad) are those at the end of members that were also run by themselves; NaN if a member lies beyond
     its horizon.
     """
 
@@ -41,7 +41,7 @@ class Chunk:
 
 
 def engine_of(name: str) -> Engine:
-    """The engine of this name; MissingExtraError where what it needs is not installed."""
+    """The engine of this name; raise MissingExtraError if what it needs is not installed."""
     if name == LANES:
         return lanes.run
     from nonlinear.ensembles import compiled

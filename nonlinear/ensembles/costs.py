@@ -66,7 +66,7 @@ def choose_engine(
     begun: str = "",
     anew: bool = False,
 ) -> Decision:
-    """The engine for these members; SceneError for one that cannot take them.
+    """The engine for these members; raise SceneError for one that cannot take them.
 
     Where the choice is free it is that of the engine by which a folder was `begun`; `anew` it does not depend on what
     is ready, so that processes that know nothing of each other choose alike.
@@ -144,7 +144,7 @@ def first_numbers(members: Members) -> Numbers:
 
 
 def code_of(name: str, numbers: Numbers, measures: Sequence[str] = ()) -> Code | None:
-    """What an engine compiles for members with such numbers, and how far it is; None where it compiles nothing.
+    """What an engine compiles for members with such numbers, and how far it is; None if it compiles nothing.
 
     Where exponents are measured it is the tangent equations, which come after the others.
     """

@@ -44,7 +44,7 @@ class Accounts:
 
     @property
     def lowest(self) -> Floats:
-        """Potential energy (J) of links that all hang, springs left out."""
+        """Potential energy (J) of links that all hang, springs omitted."""
         system = self.numbers.arrays
         standing = sum(np.where(group.block.sigma < 0, group.block.b, 0.0).sum((0, 1)) for group in system.groups)
         return np.asarray(-2 * system.gravity * standing)

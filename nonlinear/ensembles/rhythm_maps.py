@@ -56,7 +56,7 @@ class MapTask:
         return groups, tuple(self.beginning(value, group) for group in groups)
 
     def beginning(self, value: float, group: EndingGroup) -> Beginning | None:
-        """The stable orbit that a group ends in, None where there is none."""
+        """The stable orbit that a group ends in, None if there is none."""
         if group.name != PERIODIC:
             return None
         start = group.ending.state, group.ending.period
@@ -81,8 +81,8 @@ def find_rhythms(
 
     At each value the same `members` starts, drawn by `seed` with angles up to `largest_deg`, by default twice the
     drives' angle, run until they have settled, at most for `limit` (s), by default 2,048 periods of the slowest
-    pendulum.  Values that are done are kept in a `folder`, where a call that was killed goes on; a `crew` computes them
-    together.  `report` is called with the number of values done.  SceneError for a scene without limit cycles.
+    pendulum. Values that are done are kept in a `folder`, where a call that was killed goes on; a `crew` computes them
+    together. `report` is called with the number of values done. Raise SceneError for a scene without limit cycles.
     """
     variation = parse_variations([vary])[0] if isinstance(vary, str) else vary
     require_cycles(scene, variation)

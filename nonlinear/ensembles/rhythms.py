@@ -154,7 +154,7 @@ class RhythmMap(Drawable, Result):
             return ()
 
     def distance(self, threshold: AveragedThreshold) -> float | None:
-        """From a threshold of averaged equations to the nearest computed birth or death; None where there is none."""
+        """From a threshold of averaged equations to the nearest computed birth or death; None if there is none."""
         exact = [event.value for event in self.births if not event.between]
         return min((value - threshold.value for value in exact), key=abs, default=None)
 

@@ -113,7 +113,7 @@ def find_section(
     """The section of a conservative plane scene at an energy (J), by default that of its usual start.
 
     `crossing` is a coordinate with what it passes, such as "theta[1,1]>0" (deg, or m of the cart), by default the first
-    angle upwards through 0.  SceneError for a scene that does not keep its energy, and where no start has it.
+    angle upwards through 0. Raise SceneError for a scene that does not keep its energy, and where no start has it.
     """
     require(scene, "a Poincaré section")
     checked_index("members", members, 1, MEMBERS_MAX)

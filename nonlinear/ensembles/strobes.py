@@ -2,7 +2,7 @@
 
     t_k = (φ/360° + k) T,    y(t_{k+p}) = y(t_k) + 2π n
 
-A motion of period p comes back after p periods T, its links by n whole turns further: p points of the section; one that
+A motion of period p comes back after p periods T, its links by n full turns further: p points of the section; one that
 is quasi-periodic fills a curve, a chaotic one a strange attractor.
 """
 
@@ -173,8 +173,8 @@ def find_strobes(
 
     Each of `members` motions begins as the scene does, all but the first with angles up to `spread_deg` aside, drawn by
     `seed`, and is looked at once a period, at `phase_deg` of it, from `settle` (s) to the `duration` (s), by default
-    200 periods later.  `of` names the links to draw, "theta_1_1".  `options` are those of `ensemble`.  SceneError for a
-    scene without a common period of its drives, and where nothing would be seen.
+    200 periods later. `of` names the links to draw, "theta_1_1". `options` are those of `ensemble`. Raise SceneError
+    for a scene without a common period of its drives, and where nothing would be seen.
 
     >>> from modal import Bob, Pendulum, Scene
     >>> from modal.scene import SineForce
@@ -207,14 +207,14 @@ def find_strobes(
 
 
 def links_named(names: str | Sequence[str], system: System) -> tuple[int, ...]:
-    """The links, from 0, of names such as "theta_1_2", by default the first; SceneError names every mistake."""
+    """The links, from 0, of names such as "theta_1_2", by default the first; raise SceneError with every mistake."""
     names, known = texts_of(names, splits_commas=True), [f"theta_{place}" for place in places(system)]
     refuse_any(f"of {name}: must be one of {', '.join(known)}" for name in names if name not in known)
     return tuple(dict.fromkeys(map(known.index, names))) or (0,)
 
 
 def validate_strobes(*, phase_deg: float, spread_deg: float = 0.0, settle: float = 0.0) -> None:
-    """SceneError for a phase, a spread of starts or a transient that cannot be."""
+    """Raise SceneError for a phase, a spread of starts or a transient that cannot be."""
     problems = [] if isfinite(phase_deg) else [f"phase_deg {phase_deg!r}: must be a number of degrees"]
     for name, value in (("spread_deg", spread_deg), ("settle", settle)):
         problems += [] if 0 <= value < inf else [f"{name} {value!r}: must be at least 0"]

@@ -58,7 +58,7 @@ def compare(
     report: Callable[[float], object] = silent,
     **options: object,
 ) -> list[ComparedLaw]:
-    """The candidates, the best by BIC first; `options` are those of `fit`.  SceneError for an unknown law.
+    """The candidates, the best by BIC first; `options` are those of `fit`.  Raise SceneError for an unknown law.
 
     A `crew` fits several laws at once; `report` is called with the part that is done.
     """

@@ -52,7 +52,7 @@ def _turns(result: Fit) -> Iterator[str]:
 
 
 def _outliers(result: Fit) -> Iterator[str]:
-    """Single readings far from those beside them."""
+    """Single readings far from those next to them."""
     for c, sensor in enumerate(result.recording.sensors):
         if result.misfit[c] > MISFIT_MAX:
             continue
@@ -259,7 +259,7 @@ def _turning(result: Fit) -> Iterator[str]:
 
 
 def turning_points(times: Floats, values: Floats, rate: float) -> float | None:
-    """The loss of amplitude (rad) a half swing where turning points fall on a straight line, None where they do not.
+    """The loss of amplitude (rad) a half swing where turning points fall on a straight line, None if they do not.
 
     `rate` (rad/s) is about that of the swing.
     """

@@ -42,7 +42,7 @@ class Mistake:
 def find_mistake(scene: Scene, recording: Recording, misfit: Callable[[Recording], float]) -> str:
     """The mistake without which the motion fits best, with the way out; "" where none helps.
 
-    `misfit` is that of a fit to the beginning of a recording, infinite where there is none.
+    `misfit` is that of a fit to the beginning of a recording, infinite if there is none.
     """
     present = misfit(recording)
     attempts = [(misfit(mistake.recording), mistake) for mistake in possible(scene, recording)]
@@ -108,7 +108,7 @@ def _largest(recording: Recording, angles: list[int]) -> float:
 
 
 def require_radians(recording: Recording, rate: float, misfit: Callable[[Recording], float]) -> None:
-    """SceneError for angles that turn far faster than `rate` (rad/s) and in degrees fit from the beginning."""
+    """Raise SceneError for angles that turn far faster than `rate` (rad/s) and in degrees fit from the beginning."""
     angles = [c for c, sensor in enumerate(recording.sensors) if sensor.is_angle and not sensor.quantity]
     fast = [c for c in angles if _speed(recording, c) > 4 * rate]  # a pendulum from the top reaches 2 sqrt(g/l)
     if fast:
@@ -134,7 +134,7 @@ def _describe(mistake: Mistake, remainder: float) -> str:
 
 
 def require_seconds(scene: Scene, recording: Recording) -> None:
-    """SceneError for times a thousand times too long or too short: lines so far from the scene's frequencies."""
+    """Raise SceneError for times a thousand times too long or too short: lines so far from the scene's frequencies."""
     try:
         omega = natural_modes(scene).omega
     except ComputationError:

@@ -73,7 +73,7 @@ class Unknowns:
 
 
 def require_fittable(scene: Scene, free: Sequence[Parameter] = ()) -> None:
-    """SceneError for a scene whose motions cannot be fitted, or not by these numbers, with every reason."""
+    """Raise SceneError for a scene whose motions cannot be fitted, or not by these numbers, with every reason."""
     reasons = refusals(scene, "a fit of motions")
     if scene.n_links > FITTED_LINKS_MAX:
         reasons.append(f"the scene has {scene.n_links} links: motions of at most {FITTED_LINKS_MAX} are fitted")
@@ -232,7 +232,7 @@ class FitProblem(Displayed):
         return scene_with(self.scene, numbers_at(self.parameters, u[: self.layout.numbers]))
 
     def readings(self, u: Floats, with_derivatives: bool = False) -> list[Floats]:
-        """What the sensors would read, (K, C) for each segment; ComputationError where a motion cannot be followed.
+        """What the sensors would read, (K, C) for each segment; raise ComputationError if a motion cannot be followed.
 
         With `with_derivatives` these are computed along, as for `residuals`.
         """

@@ -113,7 +113,7 @@ class Fit(FittedNumbers):
 
     @cached_property
     def covariance(self) -> Floats:
-        """Of the numbers (p, p), zero for those held, NaN where the motion does not fit the record."""
+        """Of the numbers (p, p), zero for those held, NaN if the motion does not fit the record."""
         count = len(self.parameters)
         cov = np.asarray(self.slopes[:, None] * self.cov[:count, :count] * self.slopes)
         if not self.fits:
@@ -122,7 +122,7 @@ class Fit(FittedNumbers):
 
     @cached_property
     def stds(self) -> Floats:
-        """Standard deviations of the numbers (p,), zero for those held, NaN where the motion does not fit."""
+        """Standard deviations of the numbers (p,), zero for those held, NaN if the motion does not fit."""
         return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
 
     what = "fit to measured motions"

@@ -190,7 +190,7 @@ class Look:
     lane: int
 
     def value(self, part: float) -> float:
-        """The value on the interpolant; ComputationError where it is not finite."""
+        """The value on the interpolant; raise ComputationError if it is not finite."""
         motion = self.equations.read(self.inside.at(np.array([part])).T)
         value = float(self.event.value(motion[0]))
         if not isfinite(value):

@@ -6,11 +6,11 @@ arithmetic that Python has.  A lane takes the steps that it would take alone, an
 in `nonlinear.integration.lanes`.  Steps in which something happens that is measured go into a buffer, to be looked at
 in NumPy.
 
-Of a lane `front` holds the TIME and the STEP to try (s), whether the last one was REFUSED, whether it is FRESH,
-with rates yet to be found, the sample DUE, the LARGEST angle (rad), ERROR (rad) and HORIZON (s), and how often each
-link has TURNED.  What belongs to switches are constants d of their texts, numbers a, a `state`, what beside y their
-values s take, values and rates V of these (5, 2 N, WIDTH) at the looks of a step, the one that is sought, `aim`, and
-the one that is due, `next`, −1 for none; the bracket low, high, and lengths (s) tried and usual.
+Of a lane `front` holds the TIME and the STEP to try (s), whether the last one was REFUSED, whether it is FRESH, with
+rates yet to be found, the sample DUE, the LARGEST angle (rad), ERROR (rad) and HORIZON (s), and how often each link has
+TURNED. What belongs to switches are constants d of their texts, numbers a, a `state`, what next to y their values s
+take, values and rates V of these (5, 2 N, WIDTH) at the looks of a step, the one that is sought, `aim`, and the one
+that is due, `next`, −1 for none; the bracket low, high, and lengths (s) tried and usual.
 """
 
 from __future__ import annotations

@@ -87,7 +87,7 @@ class Code:
 
     @property
     def owed(self) -> float:
-        """Seconds until it runs in this process; inf where its package is not installed, or runs are reproducible."""
+        """Seconds until it runs in this process; inf if its package is not installed, or runs are reproducible."""
         if share := _reproducible_share.get():
             return self.anew * share
         if not (self.is_ready or has_package(self.package)):
@@ -170,7 +170,7 @@ def folder() -> Path:
 
 
 def made_private(path: Path) -> Path:
-    """A folder that is there and its owner's alone; OSError where it cannot be, or is somebody else's."""
+    """A folder that is there and its owner's alone; raise OSError if it cannot be, or is somebody else's."""
     path.mkdir(mode=S_IRWXU, parents=True, exist_ok=True)
     if os.name == "posix":
         status = path.stat()
@@ -183,7 +183,7 @@ def made_private(path: Path) -> Path:
 
 @cache
 def temporary() -> Path:
-    """The one temporary folder of this process, removed when it ends; OSError where there is none."""
+    """The one temporary folder of this process, removed when it ends; raise OSError if there is none."""
     path, process = Path(mkdtemp(prefix="multipendula-")), os.getpid()
 
     def remove() -> None:
@@ -246,7 +246,7 @@ def _version(package: str) -> str:
 def look_up(
     package: str, name: str, expected_seconds: float, words: str, function: Callable[[], Any] = lambda: None
 ) -> Code:
-    """Code of this name, as far as this process knows it, or the notes beside the kernels.
+    """Code of this name, as far as this process knows it, or the notes next to the kernels.
 
     Compiling takes as long as it took here last; where it never did, as much longer than `expected_seconds` (s) as what
     the package compiled last.
@@ -286,7 +286,7 @@ def make_ready(code: Code) -> Iterator[Callable[[], AbstractContextManager[objec
 
 
 def compiled_in(code: Code) -> float:
-    """The seconds in which this process has compiled it, 0 where it was loaded or not needed."""
+    """The seconds in which this process has compiled it, 0 if it was loaded or not needed."""
     return _compile_seconds[code.name]
 
 

@@ -91,7 +91,7 @@ class Switched(Written):
     ) -> list[float]:
         """The y after the switch that was met at y, where y' = f; columns V (k, size) are changed in place.
 
-        ComputationError where friction has none: nothing has changed then.
+        Raise ComputationError if friction has none: nothing has changed then.
         """
         columns = [] if V is None else V
         u = inputs(time, y)[: self.switches.places.input_count] if inputs else ()
@@ -162,7 +162,7 @@ class Switched(Written):
 
     @cached_property
     def inputs_at(self) -> InputFunction | None:
-        """The inputs u at a time (s) and a state y; None where there are none."""
+        """The inputs u at a time (s) and a state y; None if there are none."""
         time_inputs = self.free.inputs_at
         if not self.switches.places.J:
             return time_inputs

@@ -274,7 +274,7 @@ def _rows(carried: LohnerSet, times: Floats, radius: float, report: Callable[[fl
 
 
 def _decimal(ball: Any, radius: float) -> DecimalBall:
-    """A ball in decimal numbers around it, to a thousandth of its radius, or of the one asked for if that is more."""
+    """A ball in decimal numbers around it, to a thousandth of its radius, or of the one requested if that is more."""
     size, finest = abs(float(ball.mid())), max(float(ball.rad()), radius) / 1000
     digits = max(17, ceil(log10(size / finest))) if size else 17
     mid, rest, exponent = ball.mid_rad_10exp(digits)

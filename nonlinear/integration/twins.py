@@ -66,7 +66,7 @@ def slightly(system: System, start: State) -> float:
 
 
 def perturb_last_digits(request: Request) -> Request | None:
-    """The request with a start perturbed in its last digits; None where the start has no exact symmetry to break.
+    """The request with a start perturbed in its last digits; None if the start has no exact symmetry to break.
 
     Without a symmetry or an unstable equilibrium that rounding preserves, runs at two tolerances are as informative.
     """

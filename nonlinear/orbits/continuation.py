@@ -102,7 +102,7 @@ def tangent_of(J: Floats, direction: Floats) -> Floats:
 
 
 def point(problem: OrbitProblem, guess: Floats, row: Floats, rcond: float | None = None) -> OrbitPoint | None:
-    """The point of a branch across `row` from a guess, None where there is none."""
+    """The point of a branch across `row` from a guess, None if there is none."""
     if (solution := correct(problem, guess, row, rcond)) is None:
         return None
     u, J = solution

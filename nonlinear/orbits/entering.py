@@ -40,7 +40,7 @@ LEAVES = ("branch point", "period doubling")
 def leaving_branch(branch: Branch, special: Special, *, max_orbits: int | None = None, step: float = 0.05) -> Branch:
     """The branch that leaves at a branch point or a period doubling.
 
-    It has up to `max_orbits` orbits, by default 100, of a forced motion 1,000.  Raises ComputationError at other points
+    It has up to `max_orbits` orbits, by default 100, of a forced motion 1,000. Raise ComputationError at other points
     and where no branch is found.
     """
     if special.kind not in LEAVES:

@@ -43,7 +43,7 @@ PAIR_SPLIT_MIN = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Map:
-    """A map M (d, d) of disturbances with its known eigenvectors, `right` (r, d) and `left` (l, d), of `deflate`.
+    """A map M (d, d) of perturbations with its known eigenvectors, `right` (r, d) and `left` (l, d), of `deflate`.
 
     It is C, above, where `half`, else the monodromy matrix.  All three change smoothly along a branch.
     """
@@ -134,7 +134,7 @@ class Floquet(Displayed):
 
     @property
     def is_stable(self) -> bool:
-        """Whether no disturbance grows and, where energy is lost, all others decay."""
+        """Whether no perturbation grows and, where energy is lost, all others decay."""
         if not len(self.others):
             return True
         if self.half:

@@ -36,8 +36,8 @@ class Orbit(Displayed):
     """A motion of `scene` that begins at y and closes after `period` (s), but for `residual` in natural units.
 
     `value` is that of the number along which it was continued, if any; `path` covers the period, or where `symmetric`
-    its first quarter, or its first half where it comes to rest at both ends of that.  A forced motion has so many
-    `cycles` of its drives in it, and links gain `turns` whole turns.
+    its first quarter, or its first half where it comes to rest at both ends of that. A forced motion has so many
+    `cycles` of its drives in it, and links gain `turns` full turns.
     """
 
     scene: Scene = field(repr=False)
@@ -59,7 +59,7 @@ class Orbit(Displayed):
 
     @property
     def is_stable(self) -> bool:
-        """Whether disturbances do not grow."""
+        """Whether perturbations do not grow."""
         return self.floquet.is_stable
 
     @property
@@ -91,9 +91,9 @@ class Orbit(Displayed):
     def phases(self) -> Floats:
         """By how much the fundamental of every link is ahead of the first drive (rad), (L,), in −π to π.
 
-        The fundamental of an angle θ of a forced motion is the part of θ at the frequency ω of the drive: with
-        c = 2/T ∫ θ e^(−iωt) dt it is |c| cos(ωt + arg c), and the drive's A sin(ωt + φ) is ahead by nothing of itself.
-        NaN where it is less than 1 % of the largest angle, as in a motion of twice the drive's period.
+        The fundamental of an angle θ of a forced motion is the part of θ at the frequency ω of the drive: with c = 2/T
+        ∫ θ e^(−iωt) dt it is |c| cos(ωt + arg c), and the drive's A sin(ωt + φ) is ahead by nothing of itself. NaN if
+        it is less than 1 % of the largest angle, as in a motion of twice the drive's period.
         """
         drive = next(iter(sines_of(self.scene).values()))
         times, q, _ = self._samples

@@ -106,7 +106,7 @@ def orbit_rows(branch: Branch, number: int = 1) -> Iterator[dict[str, Any]]:
 
 
 def _columns(driven: dict[str, Any]) -> dict[str, Any]:
-    """The same as columns, whole turns separated by blanks."""
+    """The same as columns, full turns separated by blanks."""
     return driven | ({"whole_turns": " ".join(map(str, driven["whole_turns"]))} if driven else {})
 
 

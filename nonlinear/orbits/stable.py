@@ -26,7 +26,7 @@ KINDS = {"torus": "Neimark–Sacker", "period doubling": "doubling"}
 
 @dataclass(frozen=True, eq=False, repr=False)
 class StableOrbits(Displayed):
-    """A stable orbit at the values of the number between its birth and its death, None where the range ends before."""
+    """A stable orbit at the values of the number between its birth and its death, None if the range ends before."""
 
     what, shows = "StableOrbits", "birth: birth; death: death"
 

@@ -65,7 +65,7 @@ class _DrawnLinks:
 def run_figure(trajectory: Trajectory) -> Figure:
     """The picture of a run; of many links it draws some and the range of all, as its caption says.
 
-    Links that move alike throughout are one curve with one name.  ComputationError for a run of a single instant.
+    Links that move alike throughout are one curve with one name.  Raise ComputationError for a run of a single instant.
     """
     require_type("trajectory", trajectory, "Trajectory")
     if len(trajectory.times) < 2:
@@ -279,7 +279,7 @@ def _spectrum(axis: Axes, trajectory: Trajectory, chosen_links: _DrawnLinks) -> 
 
 
 def _without(scene: Scene) -> str:
-    """What the marked modes do not know of, where it moves the peaks beside them."""
+    """What the marked modes do not know of, where it moves the peaks next to them."""
     if scene.is_hoisted:
         return " before the hoist"
     return " without dry friction" if scene.has_friction else ""

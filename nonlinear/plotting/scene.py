@@ -186,7 +186,7 @@ def energies_of(trajectory: Trajectory, at: Floats) -> FilmEnergies:
 
 
 def carrier_name(system: System) -> str:
-    """What has energy beside the pendula, in a word; "" where nothing has.
+    """What has energy next to the pendula, in a word; "" where nothing has.
 
     A structure has that of all springs between points.
     """

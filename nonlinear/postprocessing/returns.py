@@ -159,14 +159,14 @@ def clustered(strobes: Floats, period: Ints, turns: Ints, gap: float = ATTRACTOR
 
 
 def _apart(strobes: Floats, other: Floats, links: int) -> Floats:
-    """The largest difference between strobes (S, p, D) and (p, D), angles modulo whole turns, (S,)."""
+    """The largest difference between strobes (S, p, D) and (p, D), angles modulo full turns, (S,)."""
     change = strobes - other
     change[..., :links] -= 2 * np.pi * np.round(change[..., :links] / (2 * np.pi))
     return np.asarray(np.abs(change).max((1, 2)))
 
 
 def slow_rotation(record: Floats, residual: float = 1e-2) -> float | None:
-    """The ν of a record (K, D) of returns that is a function of one phase, None where none is seen.
+    """The ν of a record (K, D) of returns that is a function of one phase, None if none is seen.
 
     The strongest line, or one of which it is the second or third multiple, with its multiples leaves at most `residual`
     of the record's standard deviation: so much is left by an amplitude that changes by some 3 % over the record.  A

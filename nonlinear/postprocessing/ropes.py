@@ -5,8 +5,8 @@ The tension of a link without mass is the force on it from above along it, of wh
     S = −F · u,    F = Σ m (a − g) − drag − springs,  over the bob and all below it.
 
 Between samples the angles are the quintics through them, their rates and their accelerations; in space and where
-accelerations are computed one by one they are the cubics through samples and rates.  S is that of the equations of
-motion at these states, and its zeros are found on them.  Links that stand up at rest are no ropes and are left out.
+accelerations are computed one by one they are the cubics through samples and rates. S is that of the equations of
+motion at these states, and its zeros are found on them. Links that stand up at rest are no ropes and are omitted.
 """
 
 from __future__ import annotations

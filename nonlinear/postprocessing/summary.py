@@ -207,7 +207,7 @@ class Inventory:
 
 
 def run_inventory(trajectory: Trajectory) -> Inventory:
-    """The inventory of a run made in this process; ComputationError for one that was read from a file."""
+    """The inventory of a run made in this process; raise ComputationError for one that was read from a file."""
     require_type("trajectory", trajectory, "Trajectory")
     system, equations = trajectory.system, trajectory.equations
     if trajectory.run.method == CLOSED:

@@ -151,8 +151,8 @@ class Superposition(Displayed):
 def superpose(scene: Scene, start: State, *, corrected: bool) -> Superposition:
     """The motion from this start as a function of times (T,) in s, amplitude-corrected or linear.
 
-    Raises ComputationError where the modes do not span the start, as where eigenvalues of damped modes coincide,
-    and for dry friction and quadratic drag.
+    Raise ComputationError if the modes do not span the start, as where eigenvalues of damped modes coincide, and for
+    dry friction and quadratic drag.
     """
     require(scene, "motion in closed form")
     if scene.space == "plane":

@@ -65,7 +65,7 @@ class RowFolder(Checkpoint):
         super().__init__([row for number in numbers for row in self._read(number) if not row.reason])
 
     def add(self, rows: Sequence[Row]) -> None:
-        """Write the chunk with these rows beside those that it had."""
+        """Write the chunk with these rows next to those that it had."""
         if not rows:
             return
         number = rows[0].index // self._study.chunk
@@ -101,8 +101,8 @@ class RowFolder(Checkpoint):
 def open_checkpoint(path: str | os.PathLike[str], study: Study, *, fresh: bool = False) -> Iterator[Checkpoint]:
     """The journal at a path, new or resumed; `fresh` restarts it, whatever sweep it belongs to.
 
-    Rows of points that failed are dropped, so that these are tried again.  Raises SceneError where the file is not a
-    journal, is damaged, belongs to another sweep or to one that is running, OSError where it cannot be written.
+    Rows of points that failed are dropped, so that these are tried again. Raise SceneError if the file is not a
+    journal, is damaged, belongs to another sweep or to one that is running, OSError if it cannot be written.
     """
     name, salt = os.fspath(path), study.fingerprint
     first = json.dumps({"multipendula_journal": JOURNAL_VERSION, "sweep": salt}).encode() + b"\n"

@@ -164,7 +164,7 @@ class Portion:
 
 @dataclass(frozen=True)
 class RequestedMeasure:
-    """A measure with its N, 0 where it chooses one itself; its class is at module level, for other processes."""
+    """A measure with its N, 0 if it chooses one itself; its class is at module level, for other processes."""
 
     measure: Measure
     number: float
@@ -214,12 +214,12 @@ def _those(numbers: list[int]) -> str:
 
 
 def validate_requests(requests: Sequence[RequestedMeasure], scene: Scene) -> None:
-    """SceneError where a scene has nothing of what is measured, before anything is computed."""
+    """Raise SceneError if a scene has nothing of what is measured, before anything is computed."""
     validate(*(partial(request.measure.require, scene, 0.0) for request in requests))
 
 
 def parse_measures(texts: Sequence[str], verb: str = "sweep") -> tuple[RequestedMeasure, ...]:
-    """The measures in texts such as "frequencies" or "frequencies:6"; SceneError names every mistake.
+    """The measures in texts such as "frequencies" or "frequencies:6"; raise SceneError with every mistake.
 
     >>> [request.text for request in parse_measures(["frequencies:6", "beat"])]
     ['frequencies:6', 'beat']

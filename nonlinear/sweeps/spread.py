@@ -167,9 +167,9 @@ def _number(text: str, word: str) -> float:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Spread(Drawable, Result):
-    """Members with drawn numbers: `values` (S,) by path, `omega` (S, R) in rad/s, and their motion where asked for.
+    """Members with drawn numbers: `values` (S,) by path, `omega` (S, R) in rad/s, and their motion where requested.
 
-    `measured` has the columns of measures that were asked for: the scene's own number, and those of members (S,).
+    `measured` has the columns of measures that were requested: the scene's own number, and those of members (S,).
     """
 
     scene: Scene
@@ -282,7 +282,7 @@ class Spread(Drawable, Result):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the frequencies leave out, a sentence each."""
+        """What the frequencies omit, a sentence each."""
         return left_out(self.scene)
 
     @cached_property
@@ -363,10 +363,10 @@ def find_spread(
 ) -> Spread:
     """Frequencies of so many members with numbers as `uncertain` as these texts say, and their motion.
 
-    Fitted numbers are drawn by their `covariance`, an `Estimate` or the file of a report of `fit`.  The motion over a
+    Fitted numbers are drawn by their `covariance`, an `Estimate` or the file of a report of `fit`. The motion over a
     `duration` (s) is from `start`, if not from the scene's own; `measures`, NAME or NAME:N of those that `spread` takes
-    in `nonlinear.measures`, are computed of every member in this process, as a sweep computes them.  `options` are
-    those of `ensemble`.  SceneError names every mistake; ComputationError where no member can be.
+    in `nonlinear.measures`, are computed of every member in this process, as a sweep computes them. `options` are those
+    of `ensemble`. SceneError names every mistake; raise ComputationError if no member can be.
     """
     read: Callable[..., Estimate] = deferred("modal.identification:read_estimate")
     estimate = read(scene, covariance) if isinstance(covariance, str | os.PathLike) else covariance

@@ -88,7 +88,7 @@ class Survival(Displayed):
 
     @property
     def survivor(self) -> int:
-        """The row, from 1, with most energy at the end; ComputationError where nothing is left."""
+        """The row, from 1, with most energy at the end; raise ComputationError if nothing is left."""
         return int(self.row[self._place])
 
     @property
@@ -123,7 +123,7 @@ class Survival(Displayed):
 
     @cached_property
     def beat(self) -> Beat | None:
-        """The beat in which the late part of the run goes on: three slow periods alike; None where there is none."""
+        """The beat in which the late part of the run goes on: three slow periods alike; None if there is none."""
         if self.is_at_rest:
             return None
         periods = np.diff(self._rises)
@@ -192,7 +192,7 @@ class Survival(Displayed):
 def find_survival(trajectory: Trajectory, modes: Modes | None = None) -> Survival:
     """The energies of a run in the plane in the modes of its scene without dampers, which may be given.
 
-    Raises ComputationError for a motion in space, for more than 2,000 coordinates, and where no mode oscillates.
+    Raise ComputationError for a motion in space, for more than 2,000 coordinates, and where no mode oscillates.
     """
     scene = trajectory.scene.conservative
     size = scene.n_links + (scene.cart is not None)

@@ -203,6 +203,6 @@ def _list(numbers: Ints) -> str:
 
 
 def population_phases(phases: Phases) -> PopulationPhases | None:
-    """The phases of a run by populations; None where the scene is not structured."""
+    """The phases of a run by populations; None if the scene is not structured."""
     scene = phases.trajectory.scene
     return PopulationPhases(phases, populations_of(scene)) if scene.is_structured else None

@@ -94,7 +94,7 @@ class MovingSupport:
         return tuple(direction for direction, _ in self.motions)
 
     def components(self, sizes: Any) -> tuple[Any, Any]:
-        """The components along the rail and down of one number for each motion; 0.0 where none has any."""
+        """The components along the rail and down of one number for each motion; 0.0 if none has any."""
         along, down = 0.0, 0.0
         for (x, z), size in zip(self.directions, sizes, strict=True):
             along = along + x * size if x else along
