@@ -1,4 +1,4 @@
-"""Trajectories on disk: NPZ keeps every bit, CSV holds the same numbers for other programs.
+"""Trajectories on disk: NPZ stores every bit, CSV holds the same numbers for other programs.
 
 Both have a record in JSON: the scene, how the run was made, and its events. That of a CSV stands next to it, in
 FILE.csv.json, or as a comment on its first line, where files had it before; a column is named by its quantity, the

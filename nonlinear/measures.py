@@ -1,4 +1,4 @@
-"""The measures: what each is, in which columns, what it needs of a scene, and how it is computed.
+"""Measures: their meanings, columns, requirements and computation.
 
 Each is a class of `modal.extend.measures`, as a stranger writes one.  A sweep computes it of a scene, with what a
 `Portion` of scenes knows of it; an ensemble of members side by side, with their `Context`.
@@ -249,7 +249,7 @@ class OrderParameter(Measure):
 
 @register
 class MeanEnergies(Measure):
-    """The mean energies of the pendula and of what carries them."""
+    """The mean energies of the pendula and of their supports."""
 
     name = "pendulum_energy"
     words = "the mean energies over the last tenth of N seconds: of all pendula, of each, of what carries them"
@@ -305,7 +305,7 @@ class LockingTime(Measure):
 
 @register
 class EndingConfiguration(Measure):
-    """Which stable relative equilibrium the end is one of."""
+    """The stable relative equilibrium in which the run ends."""
 
     name = "configuration"
     words = "the steady oscillation of sync in which the motion ends after N seconds, by its number, 0 for none"
@@ -335,7 +335,7 @@ class EndingConfiguration(Measure):
 
 @register
 class EndingAttractor(Measure):
-    """Which periodic motion the end is one of; told apart among many starts, by `find_attractors`."""
+    """The periodic motion in which the run ends, as distinguished by `find_attractors` among many starts."""
 
     name = "attractor"
     words = "the periodic motion in which the motion ends after N seconds, by its number, 0 for none"

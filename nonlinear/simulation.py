@@ -64,7 +64,7 @@ def simulate(
     before: Kicks = NO_KICKS,
     report: Report = silent,
 ) -> Trajectory:
-    """The motion of a scene over `duration` seconds at large angles.
+    """Simulate the motion of a scene over `duration` seconds at any angle.
 
     On Ctrl-C the part computed so far is returned, and `run.stopped` says how far it goes.
 
@@ -152,7 +152,7 @@ def advise(
     start_time: float = 0.0,
     **options: Any,
 ) -> Advice:
-    """The cheapest method by which no angle is off by more than `accuracy` (rad), and all attempts.
+    """Find the cheapest method with errors of at most `accuracy` (rad) in any angle, and list all attempts.
 
     It is what `simulate` does with an accuracy, whose other arguments these are. Raise SceneError for invalid
     arguments, SimulationError if an integrator fails.

@@ -95,7 +95,7 @@ class Advice(Result):
 
     @property
     def limit(self) -> str:
-        """The message where the accuracy is not met throughout."""
+        """The message if the accuracy is not met throughout."""
         words = f"{self.accuracy:g} rad can be shown to be met up to {self.horizon:.4g} s and no further"
         if self.has_parted or self.attempts[-1].tolerance <= TOLERANCE_RATIO**2 * SMALLEST:
             words += ": beyond it double precision cannot determine where the links are"
@@ -116,7 +116,7 @@ class Advice(Result):
 
     @property
     def what(self) -> str:  # type: ignore[override]
-        """What was requested."""
+        """The request in words."""
         return f"the cheapest way to {self.accuracy:g} rad"
 
     @property
@@ -161,7 +161,7 @@ def advice_table(advice: Advice, form: Form) -> str:
 
 
 def seek_accuracy(goal: Goal) -> Advice:
-    """The cheapest method that meets the accuracy, or the finest method if none does.
+    """Find the cheapest method that meets the accuracy, or the finest method if none does.
 
     After Ctrl-C the run in progress is returned, with errors where a looser run has been. Raise SimulationError if the
     integrator fails at the finest tolerance too: a loose run may fail where a tighter one does not.

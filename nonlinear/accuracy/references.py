@@ -1,4 +1,4 @@
-"""The reference solutions for the candidates, and the horizon up to which they are reliable.
+"""Reference solutions for the candidates, and the horizon up to which they are reliable.
 
 The reference is the finest run available, checked against a second one with another implementation or form of the
 equations or another integrator; in space, where there is one form, with another tolerance.  With d(t) the largest
@@ -99,7 +99,7 @@ def reference_of(question: Question) -> Reference:
 
 
 def enclose_reference(question: Question) -> Reference:
-    """The midpoints of a tube that provably contains the motion, which shares no error with any candidate."""
+    """Return the midpoints of a tube that provably contains the motion, independent of the errors of candidates."""
     duration = float(question.times[-1])
     tube = enclose_motion(
         question.scene,

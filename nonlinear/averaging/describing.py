@@ -91,7 +91,7 @@ def rubbing_torques(limit: Floats, swing: Complexes, turning: Floats, phases: Co
 def mixing_ratio(angle: Floats, swing: Complexes, turning: Floats) -> float:
     """The largest speed of the other bands over the leading band's when that kicks.
 
-    From 1 on a joint may pass the angle twice on one side, and is kicked only once.
+    From 1 on a joint may pass the angle twice on one side but is kicked only once.
     """
     first, size = _leading(swing), np.abs(swing).max(axis=0)
     fast = turning[:, None] * np.abs(swing)

@@ -1,4 +1,4 @@
-"""Populations that do the same, every one as one pendulum: their patterns, and who leaves them, by averaged equations.
+"""Populations in identical motion, each as one pendulum: patterns and their stability by averaged equations.
 
 In a pattern (all populations in phase, or two in antiphase) every population moves as one pendulum of its mass. Small
 perturbations fall into sectors that do not mix. Where G exchanges the two populations with their supports, in antiphase
@@ -87,7 +87,7 @@ class Pattern(Displayed):
 
     @property
     def is_split(self) -> bool:
-        """Whether own and other perturbations are told apart."""
+        """Whether "own" and "other" perturbations are separate sectors."""
         return self.sectors[0].name == OWN
 
     def at(self, scene: Scene) -> Pattern:
@@ -98,7 +98,7 @@ class Pattern(Displayed):
 def patterns_of(scene: Scene) -> tuple[Pattern, ...]:
     """The patterns of a structured scene with one or two populations, all in phase first.
 
-    Raise ComputationError for more populations, and where no small set of pendula represents the others.
+    Raise Raise ComputationError for more populations, and if no small set of pendula represents the others.
     """
     require_type("scene", scene, "Scene")
     populations = populations_of(scene)

@@ -71,7 +71,7 @@ class SlowFlow(Displayed):
 
     @property
     def survivor(self) -> int:
-        """The row that holds most energy at the end, from 0."""
+        """The row with most energy at the end, from 0."""
         return int(self.share[:, -1].argmax())
 
     def locking_time(self, threshold: float = LOCKED) -> float | None:

@@ -65,7 +65,7 @@ CONFIDENCE = 0.95
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Exponent(TextResult):
-    """λ of E starts: `growth` (K, E) is the gain of ln |v| between the `times` (K + 1,) in s, the transient included.
+    """λ of E starts: `growth` (K, E) is the gain of ln |v| between the `times` (K + 1,) in s, including the transient.
 
     `energy_drift` is the largest change of energy over a run, relative to g Σ b; NaN in a scene with dampers.
     """
@@ -156,7 +156,7 @@ class Exponent(TextResult):
 
     @property
     def is_negative(self) -> bool:
-        """Whether λ is distinguishable from zero, and below it: motions that began nearby become one."""
+        """Whether λ is distinguishable from zero, and below it: nearby motions converge."""
         return self.value + self.half_width < -self.floor
 
     @property
@@ -254,7 +254,7 @@ def lyapunov_exponent(
     crew: Crew | None = None,
     report: Callable[[float], object] = silent,
 ) -> Exponent:
-    """λ of a plane scene from `duration` seconds, after a transient of half that length that is discarded.
+    """Compute λ of a plane scene from `duration` seconds, after a discarded transient of half that length.
 
     By default the duration is 200 sqrt(l/g) of the longest link, and the `starts` are `start`, by default the scene's
     own, and `members` − 1 more whose angles differ from it by up to `spread` (rad): in chaos they soon become

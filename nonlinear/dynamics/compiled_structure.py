@@ -89,13 +89,13 @@ class FlatStructure(NamedTuple):
 
 
 def with_own_room(flat: FlatStructure) -> FlatStructure:
-    """The same with room that nobody else writes into."""
+    """Return the same with its own work arrays."""
     names = ("A", "right", "slopes", "turns", "bias", "joint_motion", "loads")
     return flat._replace(**{name: getattr(flat, name).copy() for name in names})
 
 
 def flat_of(system: System) -> FlatStructure:
-    """The arrays of a system on a structure; raise SceneError if the loops do not know how a support moves."""
+    """Return the arrays of a system on a structure; raise SceneError for unsupported kinds of supports."""
     carriers = Carriers(system)
     if unknown := [carrier for carrier in carriers.structure.carriers if not carrier.is_compiled]:
         raise SceneError([f"support.{each.name}: supports of kind {each.kind} are not compiled" for each in unknown])

@@ -1,4 +1,4 @@
-"""Which contacts stick: the complementarity problem of dry friction, in scalars.
+"""The complementarity problem of dry friction, which decides which contacts stick, in scalars.
 
 Of J contacts with γ'' = a + Gτ, G symmetric and positive definite, those at rest obey |τ| ≤ M: γ'' = 0 inside the
 limit, else γ'' is against τ.  The first contact that violates this changes its state until none does: finite for a

@@ -47,7 +47,7 @@ SINGULAR = "the mass matrix is singular in double precision"
 
 
 def loses_digits(group: Group, system: System) -> bool:
-    """Whether a carrier, a link above a heavier one or next to a rotor is so light that dense matrices lose digits."""
+    """Whether a support, a link above a heavier one or next to a rotor is so light that dense matrices lose digits."""
     heaviest = np.maximum.accumulate(group.block.mass[::-1])[::-1]
     least = CART_RATIO_MIN * sum(part.block.mass.sum((0, 1)) for part in system.groups)
     carriers = [carrier for carrier in system.suspension.carriers if carrier.size]

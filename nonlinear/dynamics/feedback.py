@@ -1,4 +1,4 @@
-"""Inputs of feedback loops (`nonlinear.system.loops`): of a state in any arithmetic, and held between samples."""
+"""Inputs of feedback loops (`nonlinear.system.loops`) for a state in any arithmetic, and held between samples."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def _clip(value: Any, limit: Any) -> Any:
 
 
 class HeldInputs:
-    """The inputs of loops that are sampled, each taken as a motion arrives at its time and held until the next one."""
+    """The inputs of sampled loops, each computed at its sample time and held until the next one."""
 
     def __init__(self, loops: Sequence[ActingLoop]) -> None:
         self.loops = [loop for loop in loops if loop.sample_time]

@@ -1,4 +1,4 @@
-"""The text of the equations of a form of scene: what all scenes have in common that differ in their numbers alone.
+"""Generated equations of a form of scene, shared by all scenes that differ only in their numbers.
 
 The lines of `nonlinear.dynamics.minimal`, in space of `nonlinear.dynamics.spatial`, are run once with symbols in place
 of numbers, state and inputs, and what they leave on the tape is written (`nonlinear.dynamics.text`).  A number that is
@@ -41,7 +41,7 @@ Table = tuple[tuple[Any, ...], ...]
 
 @dataclass(frozen=True)
 class Form:
-    """What the text depends on; a `system` of this form.
+    """The properties on which the generated code depends; a `system` of this form.
 
     `chains` are the places of links and their directions at equilibrium group by group, and whether their equations are
     solved by elimination; `present` says which numbers (`nonlinear.system.numbers`) are not 0, `ends` which links have
@@ -74,12 +74,12 @@ class Form:
 
     @property
     def first(self) -> int:
-        """How many coordinates there are before those of links."""
+        """The number of coordinates before those of links."""
         return self.system.first
 
     @property
     def count(self) -> int:
-        """How many numbers p there are."""
+        """The number of parameters p."""
         return sum(self.present) + sum(self.ratios) + (self.constant_count or 0)
 
     def numbers(self, entries: Sequence[Any], constants: Sequence[Any]) -> list[Any]:

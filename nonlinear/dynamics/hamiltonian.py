@@ -1,4 +1,4 @@
-"""Hamilton's equations, the comparison suggested at the end of paper 002: in the plane from T and V alone.
+"""Hamilton's equations, the comparison suggested at the end of paper 002; in the plane from T and V alone.
 
     p = ∂T/∂q'        q' = M⁻¹ p        p' = ∂T/∂q − ∂V/∂q + Q        H = T + V
 
@@ -169,7 +169,7 @@ def hamilton_of(form: Form) -> Module:
 
 
 def without_springs(system: System) -> System:
-    """The same system, none of whose springs pulls."""
+    """Return the same system with unstressed springs."""
     groups, structure = [], system.suspension
     for group in system.groups:
         laws = tuple(replace(term, pulls=False) for term in group.laws)

@@ -1,4 +1,4 @@
-"""What time brings to the equations of motion, next to the state: a support's motion, lengths, applied forces.
+"""Time-dependent inputs of the equations of motion: support motions, lengths, applied forces.
 
 At one instant these are an `Instant`; as inputs u of what is written they are a list, in this order, each only where a
 scene has it:
@@ -76,7 +76,7 @@ QUIET = Instant()
 
 @dataclass(frozen=True, eq=False)
 class Inputs:
-    """What time brings to a system under a load, with `contacts` (the coordinates below and above each).
+    """The time-dependent inputs of a system under a load, with `contacts` (the coordinates below and above each).
 
     `drags` says that others of its form, with numbers of their own, have drag.
     """
@@ -117,7 +117,7 @@ class Inputs:
 
     @property
     def is_analytic(self) -> bool:
-        """Whether all that is prescribed is written out, of its constants and the time."""
+        """Whether all prescribed functions are plain expressions of constants and time."""
         return self.system.is_analytic
 
     def inputs_at(self, time: float, y: Sequence[float], layout: Layout) -> list[Any]:

@@ -156,7 +156,7 @@ class Maximal:
         return np.concatenate((half, half * rate, clock, [self.system.energy] * self.works))
 
     def drift(self, y: Floats) -> Drift:
-        """By how much y violates its constraints."""
+        """Return the constraint violation of y."""
         (q, v), pivots = self._halves(y), self._pivots_of(y)
         reach, gravity = pivots.reach, self.system.gravity
         return Drift(_widest(pivots.gaps(q)) / reach, _widest(pivots.opening(q, v)) / sqrt(gravity * reach))
@@ -220,7 +220,7 @@ class Pivots:
 
     @cached_property
     def above(self) -> Ints:
-        """The link that each link hangs from, −1 for the support, (L,)."""
+        """The link from which each link hangs, −1 for the support, (L,)."""
         upper = np.full(self.system.n_links, -1)
         for group in self.system.groups:
             upper[group.index[1:]] = group.index[:-1]

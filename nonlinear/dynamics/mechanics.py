@@ -115,7 +115,7 @@ class Mechanics(Displayed):
 
     @cached_property
     def bearing(self) -> Bearing:
-        """What carries the pendula at all times, its numbers being (T,)."""
+        """The supports of the pendula at all times, with arrays (T,)."""
         return Bearing(carriers_of(self.system), *self._coordinates, bare=True)
 
     @property
@@ -234,7 +234,7 @@ class Mechanics(Displayed):
 
     @cached_property
     def momentum(self) -> Floats:
-        """Momentum (kg m/s) along the rail, (T,): conserved where nothing holds or drives the cart."""
+        """Momentum (kg m/s) along the rail, (T,): conserved for a free cart."""
         return np.asarray(self.bearing.momentum + self.speeds[..., 0] @ self.system.mass)
 
     @cached_property

@@ -27,7 +27,7 @@ Vector = tuple[Any, Any]
 
 
 class Carrying(Protocol):
-    """What is asked of carriers at an instant; groups of pendula are given by their numbers."""
+    """Interface of supports at an instant; groups of pendula are given by their numbers."""
 
     def pivots(self, group: int) -> tuple[Vector, Vector]:
         """Displacements (m) and velocities (m/s) of first joints, (P, ...) each."""

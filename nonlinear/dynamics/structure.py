@@ -1,4 +1,4 @@
-"""What carries pendula: carriers that move with coordinates η, at any angle; a fixed support has none, a cart one.
+"""Supports that move with coordinates η, at any angle; a fixed support has none, a cart one.
 
 The pivots r_p(η) have J_p = ∂r_p/∂η.  A chain answers an acceleration a of its pivot with the force R (a − g e_z) + p,
 found by one pass from its tip (`nonlinear.dynamics.recursion`), so that
@@ -130,13 +130,13 @@ def _product(row: Sequence[Any], values: Sequence[Any]) -> Any:
 
 @lru_cache(maxsize=16)
 def carriers_of(system: System) -> Carriers:
-    """What carries the pendula of a system, once for all instants."""
+    """Return the supports of a system, valid for all instants."""
     return Carriers(system)
 
 
 @dataclass(frozen=True, eq=False)
 class Carriers:
-    """What carries the pendula of a system, these in bundles."""
+    """The supports of a system with its pendula in bundles."""
 
     system: System
 

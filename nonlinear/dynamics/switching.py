@@ -1,4 +1,4 @@
-"""What switches need of the equations of motion, as texts of a form (`nonlinear.dynamics.text`).
+"""Functions of the equations of motion for event handling, generated for a form (`nonlinear.dynamics.text`).
 
 Escapements kick joints `kicks`, dry friction acts at the `contacts` of a form. Every switch has a value that passes
 from below to above 0 if it switches, and the rate of it along y' and the rates of the inputs:

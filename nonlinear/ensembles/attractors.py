@@ -55,7 +55,7 @@ class Attractor(Displayed):
         return f"period {self.period}, turns {rates} a period"
 
     def record(self) -> dict[str, Any]:
-        """Everything, for JSON."""
+        """All contents, for JSON."""
         return {
             "name": self.name,
             "period": self.period,
@@ -77,10 +77,10 @@ def find_attractors(
     report: Callable[[float], object] = silent,
     **options: Any,
 ) -> tuple[Ensemble, tuple[Attractor, ...], Floats]:
-    """The members over a grid of starts, the attractors, and the number of each member's from 1, 0 for none, (S,).
+    """The members over a grid of starts, the attractors, and each member's attractor from 1, 0 for none, (S,).
 
-    Judged are the last 50 strobes of `duration` (s), by default of a transient of ten times the slowest decay. Raise
-    SceneError for a shorter one, and where another number than one of the start is varied.
+    The last 50 stroboscopic samples of `duration` (s) are judged, by default of a transient of ten times the slowest
+    decay. Raise SceneError for a shorter one, and where another number than one of the start is varied.
     """
     if other := [axis.path for axis in axes if ".start." not in axis.path]:
         words = (

@@ -1,4 +1,4 @@
-"""Bifurcation diagrams: the last strobes of a driven scene at every value of one of its numbers.
+"""Bifurcation diagrams: the last stroboscopic samples of a driven scene at every value of a parameter.
 
 One point is a motion of the period of the drives, two and four those after doublings of the period, many chaos.
 """
@@ -40,7 +40,7 @@ VALUES_TOGETHER = 128
 
 @dataclass(frozen=True, eq=False, repr=False)
 class BifurcationDiagram(Drawable, Result):
-    """The last strobes of a scene at each of V values: `times` (V, K) in s, `states` as in `strobes`, (V, K, …).
+    """The last stroboscopic samples at each of V values: `times` (V, K) in s, `states` as in `strobes`, (V, K, …).
 
     `settle` (V,) in s is the transient before; values that failed are NaN, with their `reasons`; `shown` are the links
     that are drawn, from 0.
@@ -82,7 +82,7 @@ class BifurcationDiagram(Drawable, Result):
         return np.repeat(self.variation.values, angles.shape[1]), angles.ravel()
 
     def facts(self) -> dict[str, Any]:
-        """What is varied, and after how many periods the motion repeats."""
+        """The varied parameter, and after how many periods the motion repeats."""
         return {
             "place": self.variation.path,
             "unit": self.unit,
@@ -103,7 +103,7 @@ class BifurcationDiagram(Drawable, Result):
                 yield from (of_value | {"time_s": time} | row for time, row in zip(times, strobes, strict=True))
 
     def parts(self, form: Form = "text") -> Iterator[ReportTable | str]:
-        """What motions of each period there are and at which values, and how they were looked at."""
+        """The periods of the motions at all values, and how they were sampled."""
         yield ReportTable(("repeats after (periods)", "values", "from", "to"), list(self._ranges()))
         values, settle = self.variation.values, self.settle[np.isfinite(self.settle)]
         lines = [
@@ -133,7 +133,7 @@ def find_bifurcations(
     report: Callable[[float], object] = silent,
     **options: Any,
 ) -> BifurcationDiagram:
-    """The last 50 strobes of a plane scene driven by sines at every value of one of its numbers.
+    """Compute the last 50 stroboscopic samples of a plane scene driven by sines at every value of a parameter.
 
     Every value has its own run, from the start of the scene: a transient of `settle` (s), by default ten times the
     slowest decay of its modes and at least 200 periods, then 50 periods, looked at once in each at `phase_deg`. `of`

@@ -1,4 +1,4 @@
-"""Roughly how long an ensemble takes by each engine, as benchmarks/ensembles.py finds it, and which to take."""
+"""Estimated time of an ensemble for each engine, from benchmarks/ensembles.py, and the choice of the engine."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ RECORDED = CAPABILITIES["engine numba"].unless["moved_support"]
 
 
 class Decision(NamedTuple):
-    """An engine, why it is taken, and what ones that are not ready would save."""
+    """An engine, the reason for it, and what engines that are not ready would save."""
 
     engine: str
     reason: str

@@ -1,4 +1,4 @@
-"""What many starts of a scene end in: each is run until its returns tell, up to a limit, then they are grouped.
+"""Outcomes of many starts: each is run until its returns are conclusive, up to a limit, then they are grouped.
 
 Runs go in rounds, each as long as all before it together: after a round the last of it is judged by
 `nonlinear.synchronization.attractors`, and what has not settled runs on.  What is left at the limit is chaotic where
@@ -82,7 +82,7 @@ def rhythm_starts(scene: Scene, count: int, largest_deg: float, seed: int = 7) -
 
 
 def groups_of(scene: Scene, starts: Motion, limit: float, **options: Any) -> tuple[EndingGroup, ...]:
-    """What these starts end in, the most frequent first, within `limit` (s); `options` are those of `ensemble`."""
+    """Group these starts by their outcomes, the most frequent first, within `limit` (s); `options` as in `ensemble`."""
     count = len(starts.links)
     endings: dict[int, Ending] = {}
     left, motion, elapsed = np.arange(count), starts, 0.0
@@ -169,7 +169,7 @@ def _near(period: float | None, other: float | None) -> bool:
 
 
 def distinct_states(states: Iterable[State]) -> int:
-    """How many of these states, each on the section, differ by more than 0.01 rad in an angle."""
+    """Return how many of these states on the section differ by more than 0.01 rad in an angle."""
     seen: list[Floats] = []
     for state in states:
         turned = np.concatenate((np.sin(state.links), np.cos(state.links)))

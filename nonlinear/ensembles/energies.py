@@ -1,4 +1,4 @@
-"""Energies of many members at once, and how far they are from being kept."""
+"""Energies of many members at once, and their drift."""
 
 from __future__ import annotations
 

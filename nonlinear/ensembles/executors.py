@@ -1,4 +1,4 @@
-"""Workers: processes on this machine, or any other `concurrent.futures.Executor`, or what makes one.
+"""Workers: processes on this machine, any other `concurrent.futures.Executor`, or a factory of one.
 
 `Workers` have the `map` of an executor, for what is shared one by one: branches of orbits, fits, cases of a study.
 
@@ -129,7 +129,7 @@ def computed(
     lost: Callable[[P], R],
     divided: Callable[[P], Sequence[P]] | None = None,
 ) -> Generator[R, None, None]:
-    """What a function makes of portions, as it comes, by a crew or by `count` processes of this machine.
+    """Yield a function's results for portions as they come, from a crew or `count` processes of this machine.
 
     Portions whose processes died are computed one by one by a new crew, and `divided`, if they can be, where they die
     again; `lost` is what a part gives at which its process dies. Raise ComputationError if an executor has died that
@@ -171,7 +171,7 @@ class Failure(NamedTuple):
 
 @dataclass(frozen=True)
 class WorkerCall(Generic[P, R]):
-    """A function whose errors are told from those of the executor that carries it."""
+    """A function whose errors are distinguished from those of its executor."""
 
     function: Callable[[P], R]
 
@@ -262,7 +262,7 @@ class NumberedResult(NamedTuple, Generic[R]):
 
 @dataclass(eq=False)
 class KeptPool:
-    """Processes that are started where they are first requested, and lent again until one dies or a call fails."""
+    """Processes that are started on first request, and reused until one dies or a call fails."""
 
     stack: ExitStack = field(default_factory=ExitStack)
     pool: WorkerPool | None = None
@@ -284,7 +284,7 @@ class KeptPool:
 
 @dataclass(frozen=True, repr=False)
 class Workers(Displayed):
-    """Those who compute what is independent: `workers` processes, by default one per core, or the `crew`, an executor.
+    """Workers for independent tasks: `workers` processes, by default one per core, or the executor `crew`.
 
     Results are the same to the bit whoever computes them.  This process begins, and starts others once enough is left
     to do; as many workers as things are started at once.

@@ -1,4 +1,4 @@
-"""How members side by side are measured, on the way or at their ends, so that nothing else need be kept.
+"""Measurement of members simulated at once, on the way or at their ends, without storing motions.
 
 What there is to measure is listed in `nonlinear.measures`. A measure is requested by its name, a section with what is
 passed: `section:theta[1,1]=0`.
@@ -40,7 +40,7 @@ Columns = dict[str, Floats]
 
 @dataclass(frozen=True, eq=False)
 class Context:
-    """What a measure needs next to what was found: the scene, its form, the members' numbers and where they began."""
+    """Context of a measure: the scene, its form, the members' numbers and starts."""
 
     scene: Scene
     system: System
@@ -235,7 +235,7 @@ def columns_of_members(
 
 
 def why_one_by_one(names: Sequence[str]) -> str:
-    """Why members that are measured so go one by one; "" where they can go side by side."""
+    """Return why members with these measures are simulated one at a time; "" if they can be simulated at once."""
     alone = (name for name in names if not measure_for("ensemble", name).has("of_members"))
     return next((f"measure {name}, which is read off {WHOLE_MOTION}" for name in alone), "")
 

@@ -185,7 +185,7 @@ class Members(Displayed):
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """How many there are along every axis."""
+        """The numbers along every axis."""
         if self.axes:
             return tuple(len(axis.values) for axis in self.axes)
         if self.states is not None:
@@ -199,12 +199,12 @@ class Members(Displayed):
 
     @property
     def paths(self) -> tuple[str, ...]:
-        """The places that are varied."""
+        """The varied places."""
         return (*(axis.path for axis in self.axes), *(self.lists or ()))
 
     @cached_property
     def varied(self) -> tuple[str, ...]:
-        """The features that some members may have by what is varied."""
+        """The features that some members may have because of the variation."""
         return tuple(sorted({name for path in self.paths for name in varied_features(path)}))
 
     @property

@@ -1,4 +1,4 @@
-"""The plain route: one member by `simulate`, for scenes that no engine takes side by side."""
+"""One member by `simulate`, for scenes that no engine supports."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an engine is requested, and what it finds of some members."""
+"""Requests to engines, and their results for some members."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Passing:
 
 @dataclass(frozen=True)
 class Wanted:
-    """What to find of members until `duration` (s) at a tolerance: y at `times` (s), and what else happens."""
+    """Requested results of members until `duration` (s) at a tolerance: y at `times` (s), and events."""
 
     duration: float
     tolerance: float

@@ -1,4 +1,4 @@
-"""How maps of rhythms are found: the same starts at every value, what they end in, and the orbits of that followed."""
+"""Computation of maps of rhythms: the same starts at every value, their outcomes, and continuation of the orbits."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def find_rhythms(
     crew: Crew | None = None,
     report: Callable[[float], object] = silent,
 ) -> RhythmMap:
-    """The rhythms of a scene with drives along a number: shares, orbits, births and deaths.
+    """Map the rhythms of a scene with drives along a parameter: shares, orbits, births and deaths.
 
     At each value the same `members` starts, drawn by `seed` with angles up to `largest_deg`, by default twice the
     drives' angle, run until they have settled, at most for `limit` (s), by default 2,048 periods of the slowest

@@ -1,4 +1,4 @@
-"""The map of rhythms: along a number, what a scene with drives can end in, how often, and where each is born and dies.
+"""Map of rhythms along a parameter: outcomes of a driven scene, their shares, and where each is born and dies.
 
 At every value the same starts are run until they tell what they end in (`endings`).  The orbit of a periodic motion is
 followed along the number, to both sides of the value where it was found, while it is stable.  Where that ends, at a
@@ -68,7 +68,7 @@ class RhythmEvent(Displayed):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Rhythm(Displayed):
-    """What `count` of the `total` starts end in at a value; `branch` is the number of its orbit's branch, from 0."""
+    """The outcome of `count` of the `total` starts at a value; `branch` is the number of its orbit's branch, from 0."""
 
     what, shows = "Rhythm", "name: name; share: share of starts"
 

@@ -1,4 +1,4 @@
-"""Many members of a scene integrated together, and what was found of them.
+"""Many members of a scene integrated together, and their results.
 
 >>> import modal
 >>> from nonlinear.ensembles import ensemble
@@ -54,7 +54,7 @@ Numbered = tuple[int, Chunk]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Ensemble(Displayed):
-    """What was found of S members, in chunks; `reason` says why this engine, `interrupted` whether all are done.
+    """The results of S members, in chunks; `reason` explains the engine, `interrupted` says whether it was cut short.
 
     >>> import numpy as np
     >>> from modal import load
@@ -81,7 +81,7 @@ class Ensemble(Displayed):
 
     @property
     def engine(self) -> str:
-        """What they were integrated by."""
+        """The engine that integrated them."""
         return self.question.engine
 
     @cached_property
@@ -158,7 +158,7 @@ class Ensemble(Displayed):
         return self
 
     def record(self) -> dict[str, Any]:
-        """How motions were found, for JSON."""
+        """The method, for JSON."""
         return {
             "motions": self.size,
             "duration_s": self.question.duration,
@@ -215,7 +215,7 @@ class Ensemble(Displayed):
         return Summary(title, facts)
 
     def words(self) -> str:
-        """How many there are, by which engine, and how far to trust them."""
+        """The number of members, the engine and the accuracy."""
         drift, horizon = self.energy_drift, self.column("horizon_s")
         lost = f"{np.count_nonzero(self.beyond)} members past their predictability horizon"
         told = "horizons not estimated" if np.all(np.isnan(horizon)) else lost
@@ -235,7 +235,7 @@ class Ensemble(Displayed):
 
 
 class EnsembleResult(Drawable, Result):
-    """What an `ensemble` shows."""
+    """The displayed result of an `ensemble`."""
 
     ensemble: Ensemble
 

@@ -1,4 +1,4 @@
-"""Many scenes side by side, for whoever measures scenes one by one: their runs, or what an ensemble measures of them.
+"""Many scenes at once for callers that measure scenes one by one: their runs, or measures by an ensemble.
 
 Scenes of one form, the same pendula and links in number and the same joints, go together; each has the samples that
 `simulate` would keep.  Runs with kicks of escapements or dry friction go alone, since these belong to a trajectory.
@@ -37,7 +37,7 @@ REASON = "side by side with others of its form"
 
 
 def form_of(scene: Scene) -> Hashable:
-    """Equal for scenes that go together, None for one that goes alone."""
+    """Return a key equal for scenes that can be simulated together, None for one that cannot."""
     if one_by_one(scene) or refusals(scene, "an ensemble"):
         return None
     pendula = tuple(

@@ -1,4 +1,4 @@
-"""What is computed in chunks, on disk: a folder with a file for each, or one file that a process holds as its own.
+"""Storage of chunks on disk: a folder with a file for each, or one file locked by a process.
 
 In a folder each chunk is an NPZ file, written completely or not at all, next to a header that says of what question.
 What is there is not computed again, so that an ensemble or a sweep goes on where it was killed.
@@ -38,7 +38,7 @@ CROSSING = "crossing_"
 
 
 def engine_of_folder(folder: str | os.PathLike[str] | None) -> str:
-    """The engine by which a folder was begun; "" where there is no header that says so."""
+    """Return the engine with which a folder was begun; "" if its header does not say."""
     try:
         return str(json.loads(text_of(Path(folder or "") / HEADER))["engine"])
     except (ValueError, KeyError, TypeError, RecursionError):

@@ -1,4 +1,4 @@
-"""Stroboscopic sections: a driven scene looked at once a period of its drives, and after how many periods it repeats.
+"""Stroboscopic sections: a driven scene sampled once per period of its drives, and after how many periods it repeats.
 
     t_k = (φ/360° + k) T,    y(t_{k+p}) = y(t_k) + 2π n
 
@@ -48,7 +48,7 @@ def strobe_times(period: float, phase_deg: float = 0.0, *, settle: float = 0.0, 
 
 
 def settling_time(scene: Scene, period: float) -> float:
-    """Ten times the slowest decay of the modes (s), where they tell one, and no less than 200 periods."""
+    """Ten times the slowest decay of the modes (s), where they tell one, and at least 200 periods."""
     try:
         decay = [-float(value.real) for value in natural_modes(scene).eigenvalue if value.real < 0]
     except MultipendulaError:
@@ -57,7 +57,7 @@ def settling_time(scene: Scene, period: float) -> float:
 
 
 def repetition_words(period: Ints) -> str:
-    """How many motions have which period.
+    """Return how many motions have which period.
 
     >>> repetition_words(np.array([1, 2, 2, 0]))
     '1 motion has period 1, 2 motions have period 2, 1 motion does not repeat within 16, or not yet'
@@ -105,7 +105,7 @@ class StroboscopicSection(EnsembleResult):
 
     @property
     def repeats(self) -> Ints:
-        """After how many periods each motion repeats, by its last strobes, (S,); 0 for none."""
+        """After how many periods each motion repeats, by its last samples, (S,); 0 for none."""
         states = [rows[:, -JUDGED_STROBES:] for rows in self.states]
         return repetition(natural_units(self.system, states), self.system.n_links)[0]
 
@@ -115,7 +115,7 @@ class StroboscopicSection(EnsembleResult):
         return within_a_turn(angle), rate
 
     def facts(self) -> dict[str, Any]:
-        """When motions are looked at, and how they were found."""
+        """The sampling times, and the method."""
         return {
             "period_s": self.period,
             "phase_deg": self.phase_deg,
@@ -134,7 +134,7 @@ class StroboscopicSection(EnsembleResult):
                 yield {"motion": motion + 1, "time_s": time} | record
 
     def parts(self, form: Form = "text") -> Iterator[str]:
-        """How many motions and when, and after how many periods they repeat."""
+        """The number of motions, the sampling times, and after how many periods they repeat."""
         motions, times = counted(self.ensemble.size, "motion", "motions"), counted(len(self.times), "time", "times")
         lines = [
             f"{motions} of {self.ensemble.question.duration:.4g} s, looked at once a period of {self.period:.6g} s, "
@@ -169,7 +169,7 @@ def find_strobes(
     report: Callable[[float], object] = silent,
     **options: Any,
 ) -> StroboscopicSection:
-    """The stroboscopic section of a plane scene that is driven by sines, from many starts.
+    """Compute the stroboscopic section of a plane scene driven by sines, from many starts.
 
     Each of `members` motions begins as the scene does, all but the first with angles up to `spread_deg` aside, drawn by
     `seed`, and is looked at once a period, at `phase_deg` of it, from `settle` (s) to the `duration` (s), by default

@@ -1,4 +1,4 @@
-"""What the residuals of a fit say that the model lacks."""
+"""Diagnosis of model errors from the residuals of a fit."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ WINDOWS_MIN = 8
 
 
 def diagnose(result: Fit, mistake: str = "") -> list[str]:
-    """Sentences on the record, the motion's misfit, numbers and residuals, each with a way out if there is one.
+    """Return sentences on the record, the misfit, parameters and residuals, each with a remedy if there is one.
 
     A `mistake` in how the record is read is said first.  From a motion that does not fit no number is judged.
     """

@@ -1,4 +1,4 @@
-"""Fit the numbers of a scene to measured motions, by least squares on exact derivatives.
+"""Fits of a scene's parameters to measured motions, by least squares with exact derivatives.
 
 The unknowns next to the numbers (initial states, offsets, delays) are fitted with them, first to the beginning of every
 segment and then to ever longer parts, so that a motion that loses step with the record is never compared with it.
@@ -83,7 +83,7 @@ def fit(
     window: float | None = None,
     report: Report = silent,
 ) -> Fit:
-    """The numbers at the places `free` that fit a recording best, from the scene's values on.
+    """Fit the parameters at the places `free` to a recording, starting from the scene's values.
 
     `priors` are texts such as "gravity=9.81±0.01"; `scale` frees the scale of every sensor; `shift` frees the
     delay of all behind the motions and forces that the scene prescribes, up to sqrt(l/g); `loss` is one of
@@ -206,7 +206,7 @@ class Search:
         return u
 
     def join(self, u: Floats) -> Floats:
-        """Fitted in short windows that join more and more, all at once; states are read off every window's samples."""
+        """Fit all short windows at once, joined gradually; initial states come from every window's samples."""
         problem, layout = self.problem, self.problem.layout
         windows = replace(problem, recording=problem.recording.windows(self.span), tolerance=ROUGH_TOLERANCE)
         v = np.concatenate((u[: layout.delays.stop], initial_states(windows).ravel()))
@@ -248,7 +248,7 @@ class Search:
         return v
 
     def lengthen(self, u: Floats) -> Floats:
-        """Fitted to ever longer parts of all segments."""
+        """Fit ever longer parts of all segments."""
         problem = self.problem
         longest = max(segment.times[-1] - segment.times[0] for segment in problem.recording.segments)
         part = PERIOD_PART * 2 * np.pi / problem.system.rate
@@ -264,7 +264,7 @@ class Search:
         return u
 
     def finish(self, u: Floats) -> Fit:
-        """Fitted to the whole, with the noise that it leaves, and what is not determined held."""
+        """Fit the whole record with the estimated noise, undetermined parameters being held."""
         problem = self.problem
         u = self.solve(replace(problem, tolerance=ROUGH_TOLERANCE), u, rough=False)
         for turn in range(2):

@@ -1,4 +1,4 @@
-"""Mistakes in how a record is read that explain why no motion of the scene fits it.
+"""Mistakes in the interpretation of a record that explain why no motion of the scene fits it.
 
 Each mistake is the record read in another way: in other units, with a sensor that counts the other way, with two
 sensors exchanged.  The scene is fitted to the beginning of each; a mistake is named where that fits and the record as
@@ -32,7 +32,7 @@ CHANGED_SENSORS_MAX = 6
 
 @dataclass(frozen=True)
 class Mistake:
-    """The record read in another way, what is wrong in words, and the way out."""
+    """Another interpretation of the record, the mistake in words, and the remedy."""
 
     recording: Recording
     words: str
@@ -40,7 +40,7 @@ class Mistake:
 
 
 def find_mistake(scene: Scene, recording: Recording, misfit: Callable[[Recording], float]) -> str:
-    """The mistake without which the motion fits best, with the way out; "" where none helps.
+    """Return the mistake whose correction fits best, with the remedy; "" if none helps.
 
     `misfit` is that of a fit to the beginning of a recording, infinite if there is none.
     """

@@ -1,4 +1,4 @@
-"""What sensors read that are not coordinates: places of links' ends, and accelerations at points along links.
+"""Readings of sensors at points: positions of link ends, and accelerations at points along links.
 
 With x along the rail and y upwards, a link at angle θ from the downward vertical points along e_r = (sin θ, −cos θ),
 and its angle grows in the direction e_θ = (cos θ, sin θ).  A mark at the end of link i is at

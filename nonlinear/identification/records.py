@@ -127,7 +127,7 @@ class Sensor:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Segment(Displayed):
-    """A motion that was recorded in one go.
+    """A motion recorded without interruption.
 
     `times` (K,) in s, ascending; `values` (K, C) in rad and m, NaN if a sensor has no value. The next segment may be
     its continuation.
@@ -175,7 +175,7 @@ class Recording(Displayed):
         return replace(self, segments=tuple(self.segments[k] for k in which))
 
     def unwrap_angles(self) -> Recording:
-        """With angles that go on where those of a sensor jump by a turn (`unwrap`)."""
+        """Return the recording with unwrapped angles (`unwrap`)."""
         segments, names = [], dict.fromkeys(self.continued)
         for segment in self.segments:
             values = segment.values.copy()

@@ -1,4 +1,4 @@
-"""What happens at a switch, in scalars: kicks, contacts that stop, stick and break loose, and what columns make of it.
+"""Event handling in scalars: kicks, contacts that stop, stick and break loose, and the effect on columns.
 
 A segment's state are floats: the side of each joint's next kick (K), 0 where either is possible; the sign of every
 contact's sliding (J), 0 if it sticks; on a rail with a coefficient the sign e of N; then of every contact its firmness,
@@ -143,7 +143,7 @@ def changing(at: Places, texts: dict[str, Callable[..., Any]]) -> tuple[Callable
             state[K + i] = sign
 
     def halt(y: Any, resting: Any, columns: Any, G: Any) -> None:
-        """Take all velocity from these contacts by an impulse of friction."""
+        """Stop these contacts by a friction impulse."""
         speed = [relative(y, half, contacts[i]) for i in resting]
         push = solve_definite([G[i * J + k] for i in resting for k in resting], speed, len(resting))
         for i in range(half):

@@ -1,4 +1,4 @@
-"""DOP853 over lanes: segments side by side, each with its own steps and error; who is through leaves, others come in.
+"""DOP853 over lanes: many segments at once, each with its own steps and error; finished ones are replaced by others.
 
 A segment is a member's y (size, S), or y and k columns next to it, (size, S, 1 + k), which share its steps: derivatives
 V of y, or with complex numbers the same motion with imaginary parts. Column 0 is the motion: its real part alone tells

@@ -1,4 +1,4 @@
-"""Sets that provably contain a motion, step by step: Taylor series in balls (python-flint), carried on.
+"""Sets that provably contain a motion, step by step: Taylor series in ball arithmetic (python-flint).
 
 At a time t the set is m + C r with m in many digits, C orthogonal and r a vector of balls [Lohner1988].  Within a step
 

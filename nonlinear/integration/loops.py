@@ -1,4 +1,4 @@
-"""The loop over steps of a module for numba: members take turns in WIDTH lanes, without a branch where vectors go.
+"""The step loop of a module for numba: members in WIDTH lanes, without branches in vectorized code.
 
 What stands here is the same for every form of scene: `nonlinear.integration.kernels` writes it into a module after the
 sizes and the texts of a form, of which these alone are compiled with sums in any order: what decides keeps to the

@@ -1,4 +1,4 @@
-"""The choice of equations, body and integrator for a run, with its reason: roughly what each takes.
+"""The choice of equations, body and integrator for a run, with its reason, from estimated costs.
 
 Times (s) are those of benchmarks/simulation.py.
 """

@@ -1,4 +1,4 @@
-"""When a component of y passes a level: what counts, in every engine, and the passages within a step of lanes.
+"""Crossings of a level by a component of y: the rules for every engine, and the crossings within a step of lanes.
 
 A motion passes a level where it is on one side before, and after on the other or on the level.  At its start a motion
 passes a level that it is on, to rounding, if it has a rate there: its equations go back in time as well.  Released from

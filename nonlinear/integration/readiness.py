@@ -1,4 +1,4 @@
-"""Compiled code: whether it is loaded in this process or kept on disk, what it still costs, and when that pays.
+"""Compiled code: whether it is loaded in this process or cached on disk, its remaining cost, and when that pays off.
 
 Compiled code runs many times as fast as what is always there, once it is loaded, which takes fractions of a second, or
 compiled, which takes seconds where nothing is kept.  How much is still to come nobody knows: so a process rents until
@@ -51,7 +51,7 @@ _saved_seconds: defaultdict[str, float] = defaultdict(float)
 
 @contextmanager
 def reproducible(runs: int = 0) -> Iterator[None]:
-    """A block in which choices, and so results to the bit, depend on no process.
+    """Make choices, and so results to the bit, independent of the process within the block.
 
     Single runs take nothing compiled, or pay one part of so many `runs` of what it costs where nothing is ready.
     """
@@ -70,7 +70,7 @@ def has_package(package: str) -> bool:
 
 @dataclass(frozen=True)
 class Code:
-    """What a package compiles, under a name of its own; the seconds that this takes, and how far it is.
+    """Compiled code of a package under its own name; its compile time (s) and state.
 
     `function` gives numba's, once its module is imported; `expected` are the seconds before anything was measured,
     `words` what it is called.
@@ -117,7 +117,7 @@ class Offer:
 
     @property
     def seconds(self) -> float:
-        """What it takes in all."""
+        """The total time."""
         return self.running + (self.code.owed if self.code else 0.0)
 
     def price(self, *, anew: bool = False) -> float:
@@ -128,7 +128,7 @@ class Offer:
 
 
 def best_of(offers: Mapping[str, Offer], *, anew: bool = False) -> str:
-    """The name of the way to take."""
+    """Return the name of the best offer."""
     return min(offers, key=lambda name: offers[name].price(anew=anew))
 
 

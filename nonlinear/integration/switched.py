@@ -1,4 +1,4 @@
-"""The equations of one motion in the phase that its escapements and its dry friction are in."""
+"""The equations of one motion in the current phase of its escapements and dry friction."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ class Switched(Written):
         return after  # type: ignore[no-any-return]
 
     def land(self) -> None:
-        """Inputs have jumped: which contacts stick is decided anew."""
+        """Decide again which contacts stick after a jump of inputs."""
         if self.met_switch is None and self.switches.places.J:
             self.met_switch = self.switches.count
 
@@ -135,7 +135,7 @@ class Switched(Written):
         return self.switches.places.presses
 
     def record(self, time: float, y: Sequence[float]) -> Friction:
-        """What friction did until this time."""
+        """Return the friction record until this time."""
         return self.switches.friction_record(time, y, self.state)
 
     # ------------------------------------------------------------------------------------------------- the equations

@@ -1,4 +1,4 @@
-"""What is measured within the steps of lanes: samples, passages of an angle, largest angles, growth of errors.
+"""Measurements within the steps of lanes: samples, crossings of a level, largest angles, growth of errors.
 
 Each is a `Watch` of `nonlinear.integration.lanes`, keeps what it found by member, and asks for the motion inside a step
 only in lanes where something happens there.

@@ -1,4 +1,4 @@
-"""One step of lanes, and the motion within it by the method's own interpolation: what watches read."""
+"""One step of lanes, and the motion within it by the method's dense output, as used by watches."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What happens to the stability of a branch between two of its orbits.
+"""Stability of a branch between two of its computed orbits.
 
 Two pairs of multipliers may collide and part again within one step, so that both ends are stable and orbits between
 them are not: a bubble of instability, as narrow as the coupling of the pairs is weak. The margins of `floquet` see it

@@ -68,7 +68,7 @@ class Branch(TextResult):
 
     @property
     def returns(self) -> bool:
-        """Whether it leaves the range of its number where it began, behind a fold."""
+        """Whether it leaves the range of its parameter where it began, after a fold."""
         first, last = float(self.value[0]), float(self.value[-1])
         return self.complete and self.variation is not None and isclose(first, last, rel_tol=1e-9)
 
@@ -99,7 +99,7 @@ class Branch(TextResult):
         return figure
 
     def text(self) -> str:
-        """The branch as `orbits` prints it, with its orbits, special points and what is omitted."""
+        """The branch as `orbits` prints it, with its orbits, special points and omissions."""
         words: str = deferred("nonlinear.orbits.report:orbits_text")(self.orbits[0].scene, [self], self.linear)
         return words
 

@@ -1,4 +1,4 @@
-"""Limit cycles of driven and damped scenes, and motions under a periodic force."""
+"""Limit cycles of self-excited and damped scenes, and forced oscillations."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def periodic_orbit(
     tolerance: float = ORBIT_TOLERANCE,
     segments: int = 2,
 ) -> Orbit:
-    """The periodic orbit close to a motion from a start, by Newton's method.
+    """Find the periodic orbit close to a motion from a start, by Newton's method.
 
     Under a `force`, a function of the time (s) that gives the generalized forces (cart first, then all links: N, N m),
     the `period` (s) is kept; otherwise it is the first guess, and the link that moves furthest turns back at the start.
@@ -223,7 +223,7 @@ def follow_cycles(
     crew: Crew | None = None,
     report: Report = silent,
 ) -> tuple[Branch, ...]:
-    """The limit cycles of a driven scene along a number, followed through their folds, within its range.
+    """Follow the limit cycles of a driven scene along a parameter, through folds, within its range.
 
     They begin at both ends of the range next to the averaged configurations, or at its first value next to a motion
     given by a `start` and an approximate period (s). A `crew` follows branches from one end together: each is followed

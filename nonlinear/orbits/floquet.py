@@ -1,4 +1,4 @@
-"""Floquet multipliers of a periodic orbit, those that are 1 for a known reason taken out exactly.
+"""Floquet multipliers of a periodic orbit; the trivial ones are deflated exactly.
 
 A shift of time and, with nothing that holds the cart, a translation are carried into themselves: M v = v with v = f(y)
 and v = e_x.  Energy and momentum are conserved: wᵀM = wᵀ with their gradients w.  M acts on ker w / span v, where only
@@ -100,7 +100,7 @@ def half_traces(M: Floats) -> Complexes:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Floquet(Displayed):
-    """The multipliers of an orbit: the `neutral` ones, which are 1, and the `others`, those of the `map`."""
+    """The multipliers of an orbit: the trivial (`neutral`) ones, which are 1, and the `others`, those of the `map`."""
 
     neutral: int
     others: Complexes

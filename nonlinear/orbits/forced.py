@@ -1,4 +1,4 @@
-"""Periodic motions under drives: their branches along a number, through folds, from the linear response.
+"""Forced oscillations: branches along a parameter, through folds, starting from the linear response.
 
 Their period is that of the drives. A branch begins at an end of the range where Newton's method finds an orbit: next to
 the linear response, the steady solution of
@@ -103,7 +103,7 @@ def linear_response(scene: Scene) -> LinearResponse:
 def forced_orbit(
     scene: Scene, *, start: State | None = None, periods: int = 1, tolerance: float = ORBIT_TOLERANCE
 ) -> Orbit:
-    """The periodic motion of a scene under its drives, over so many `periods` of them together.
+    """Find the periodic motion of a scene under its drives with this number of common `periods`.
 
     It is the one next to a `start` at the time 0, by default next to the linear response or where the motion from there
     settles. Raise SceneError if no drives have a common period, ComputationError if no orbit is found.
@@ -132,7 +132,7 @@ def follow_forced_orbits(
     max_orbits: int = DENSE_BRANCH_ORBITS_MAX,
     report: Report = silent,
 ) -> tuple[Branch, ...]:
-    """The periodic motions of a scene under its drives along a number, followed through their folds, within its range.
+    """Follow the forced periodic motions of a scene along a parameter, through folds, within its range.
 
     They have so many `periods` of the drives and begin at both ends of the range, or at its first value next to a
     `start` at the time 0. Neighbours differ by at most 2 % in amplitude and 0.1 in phase (`continuation`). `report` is

@@ -1,4 +1,4 @@
-"""Nonlinear normal modes: the family of periodic orbits that begins in a mode of the table, and its backbone."""
+"""Nonlinear normal modes: the family of periodic orbits that emanates from a linear mode, and its backbone."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def nonlinear_mode(
     locate: bool = True,
     report: Report = silent,
 ) -> Branch:
-    """The orbits from a `mode` of the table (from 1) up to a `largest_angle` (rad), which the last one has.
+    """Follow the orbits from a `mode` of the table (from 1) up to a `largest_angle` (rad), which the last one has.
 
     With an `energy` (J, above that of the equilibrium) the last one has this energy instead, if that comes first.
     Dampers and drives are omitted. To `locate` special points, orbits are added where stability changes twice between

@@ -1,4 +1,4 @@
-"""A periodic orbit: its start, period and multipliers, and what is read off it."""
+"""A periodic orbit: its start, period and multipliers, and derived quantities."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ MIRROR_GAP_MAX = 1e-4
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Orbit(Displayed):
-    """A motion of `scene` that begins at y and closes after `period` (s), but for `residual` in natural units.
+    """A motion of `scene` that begins at y and closes after `period` (s) up to `residual` in natural units.
 
     `value` is that of the number along which it was continued, if any; `path` covers the period, or where `symmetric`
     its first quarter, or its first half where it comes to rest at both ends of that. A forced motion has so many
@@ -69,7 +69,7 @@ class Orbit(Displayed):
 
     @cached_property
     def energy(self) -> float:
-        """Energy (J) at the start, from that of links that hang or stand straight; without that of constant forces."""
+        """Energy (J) at the start, above that of vertical links; without that of constant forces."""
         return float(Mechanics(self.flow.system, self.motion(self.y[None])).energy[0])
 
     @cached_property

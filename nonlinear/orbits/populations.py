@@ -1,4 +1,4 @@
-"""Populations that do the same, on the full equations: their periodic orbits, and the multipliers of every sector.
+"""Populations in identical motion in the full equations: periodic orbits, and the multipliers of every sector.
 
 The orbit is one of a few pendula that stand for all (`nonlinear.averaging.populations`), and Newton's method
 

@@ -79,12 +79,12 @@ def _parameter(branch: Branch, orbit: Orbit) -> float:
 
 
 def orbits_csv(branches: Sequence[Branch]) -> str:
-    """One line for every orbit, with its largest multiplier other than those that are 1 for a known reason."""
+    """Return one line for every orbit, with its largest non-trivial multiplier."""
     return as_csv([row for number, branch in enumerate(branches, 1) for row in orbit_rows(branch, number)])
 
 
 def orbit_rows(branch: Branch, number: int = 1) -> Iterator[dict[str, Any]]:
-    """What CSV has of every orbit of a branch of this number."""
+    """Return the CSV rows of every orbit of a branch with this number."""
     for orbit in branch.orbits:
         yield {
             **state_columns(

@@ -1,4 +1,4 @@
-"""Special points of a branch: where it turns, where other branches leave it and where stability changes."""
+"""Special points of a branch: folds, branch points and changes of stability."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Stable orbits along a number: each followed to both sides while it is stable, with what ends it there.
+"""Stable orbits along a parameter: each is followed to both sides while it is stable.
 
 The end is a special point (`special`): a fold, a branch point, a Neimark–Sacker point or a period doubling.
 """

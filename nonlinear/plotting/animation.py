@@ -93,7 +93,7 @@ class Film(MovingFigure):
         _fit(low, 0.96)
 
     def show(self, frame: int) -> None:
-        """Update everything to a frame."""
+        """Update all artists to a frame."""
         self.scenery.show(frame)
         self.right.show(frame)
         self.clock.set_text(f"t = {self.times[frame]:.2f} s")

@@ -1,4 +1,4 @@
-"""Ensembles as pictures: maps of where starts end, Poincaré sections, bands of what tolerances do."""
+"""Pictures of ensembles: basins of attraction, Poincaré sections, uncertainty bands."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Returns of a motion to a section: whether it closes, and after how many of them, or has a second, slow frequency.
+"""Returns of a motion to a section: whether and after how many it closes, or whether it has a second, slow frequency.
 
 With y_n the states in which a motion passes the section, n = 0 … K − 1, it is periodic where y_{n+p} = y_n.  On a torus
 
@@ -113,7 +113,7 @@ def natural_units(system: System, states: Sequence[Floats]) -> Floats:
 
 
 def repetition(strobes: Floats, links: int, gap: float = REPEAT_GAP_MAX) -> tuple[Ints, Ints]:
-    """After how many strobes motions (S, K, D) repeat, (S,), 0 for none, and by how many turns each link, (S, links).
+    """Return after how many samples motions (S, K, D) repeat, (S,), 0 for none, and the turns of each link, (S, links).
 
     They repeat where no component differs by more than a `gap`.  One that still approaches a shorter period, as it does
     near a doubling, repeats after none.

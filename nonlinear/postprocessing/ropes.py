@@ -1,4 +1,4 @@
-"""Where the link of a bob pushes: it is a massless rod there, since a rope in its place would be slack.
+"""Compression in the link of a bob: a rope in its place would be slack.
 
 The tension of a link without mass is the force on it from above along it, of which its bob tells at any state,
 

@@ -1,4 +1,4 @@
-"""A run in a few lines: the range of its motion, how it was computed, its drifts, and what its scene did not require.
+"""A run in a few lines: the range of the motion, the method, the drifts, and the savings.
 
 The report describes the equations that were integrated and the packages that the process has loaded.
 """

@@ -1,4 +1,4 @@
-"""The shapes that a motion in a few others excites.
+"""Mode shapes excited by a motion in a few other shapes.
 
 Every shape s outside a motion in the span of some shapes feels the residual ρ of that motion in the full equations
 (`nonlinear.reduction.residual`), which is cubic in the amplitudes, and to first order obeys, with φᵀMφ = 1,

@@ -1,4 +1,4 @@
-"""The motion predicted by the modes, in closed form, without integration.
+"""Modal superposition: the predicted motion in closed form, without integration.
 
 With the coordinate η of each mode at the start (`nonlinear.reduction.modal_coordinates`) and c = η − i (η' − σ η)/ω, λ
 = σ + iω,

@@ -1,4 +1,4 @@
-"""Nonlinear motion in a few modes: which to retain, the run, and its error with respect to the whole scene.
+"""Nonlinear motion in a few modes: their selection, the run, and its error with respect to the full scene.
 
 The Lagrangian of a plane scene is even about its equilibrium: neglected modes respond at the third power of the
 amplitude and act back at the fifth, so a single mode already has the κ of ω(a) = ω (1 + κ a²).  As measured, the

@@ -1,4 +1,4 @@
-"""The rows of a sweep that are computed, so that an interrupted sweep can resume: a journal, or a folder of chunks.
+"""Storage of finished rows, so that an interrupted sweep can resume: a journal, or a folder of chunks.
 
 To a journal rows are appended as they are computed.  The first line identifies the sweep; every other line is one row
 in JSON with its own checksum.  An incomplete last line, left by a crash, is dropped; any other damage is reported with
@@ -28,7 +28,7 @@ KNOWN = b'{"multipendula_journal"'
 
 
 class Checkpoint:
-    """The rows that are known already; of itself it keeps no others."""
+    """The finished rows, held in memory only."""
 
     def __init__(self, rows: Sequence[Row] = ()) -> None:
         self.rows = tuple(rows)

@@ -1,4 +1,4 @@
-"""What a sweep gives the measures at a point: the modes of a scene, a run from its start, what members know of it.
+"""Inputs of the measures at a point of a sweep: the modes of a scene, a run from its start, results of members.
 
 The name of a quantity ends in its unit, `omega_1_rad_per_s`, unless it is dimensionless, `damping_ratio_1`.  Some are
 computed from the oscillating modes, Im λ ≠ 0, others from a run of some seconds from the scene's own start, or else,
@@ -46,7 +46,7 @@ Swinging = tuple[Values, tuple[int, ...]]
 
 
 class Portion:
-    """Scenes that are measured together; what measures need of them is computed of all when the first asks for it.
+    """Scenes that are measured together; inputs of measures are computed for all on first use.
 
     Modes are numbered as in the `table` of a scene.
     """

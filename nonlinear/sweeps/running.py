@@ -121,7 +121,7 @@ def sweep(
     crew: Crew | None = None,
     report: Report = silent,
 ) -> Sweep:
-    """All points of a grid: those already in a journal or a folder are taken from it, new ones are added to it.
+    """Compute all points of a grid; points already in a journal or a folder are reused, new ones are added to it.
 
     What the grid is follows the scene, in the texts of the command, or is a `Study` in its place. In a `folder` each
     chunk of points is a file; a `share` (k, n), with k from 0, is every n-th chunk alone, for n processes that know
@@ -295,7 +295,7 @@ def reasons(sweep: Sweep) -> Iterator[str]:
 
 
 def notes(sweep: Sweep) -> tuple[str, ...]:
-    """What frequencies and damping ratios omit anywhere in the sweep, a sentence each."""
+    """Return a sentence for each effect that frequencies and damping ratios ignore anywhere in the sweep."""
     study = sweep.study
     if not any(request.measure.is_numbered and not request.runs for request in study.measures):
         return ()

@@ -1,4 +1,4 @@
-"""Monte Carlo over tolerances: what frequencies and motion become where numbers of a scene are not known exactly.
+"""Monte Carlo over tolerances: distributions of frequencies and motion for uncertain parameters.
 
 A number is drawn from a normal distribution with a standard deviation, or evenly from an interval, all independent; the
 numbers of a fit are drawn from their joint normal distribution.  What several places share (`modal.scene.unknowns`) is
@@ -186,7 +186,7 @@ class Spread(Drawable, Result):
     figure = "nonlinear.plotting.ensembles:spread_figure"
 
     def to_dict(self) -> dict[str, Floats]:
-        """What was drawn, every frequency in rad/s and what was measured, (S,)."""
+        """Return the drawn values, every frequency in rad/s and the measures, (S,)."""
         columns = {f"omega_{number}_rad_per_s": omega for number, omega in enumerate(self.omega.T, 1)}
         return {**self.values, **columns, **{name: numbers for name, (_, numbers) in self.measured.items()}}
 
@@ -249,7 +249,7 @@ class Spread(Drawable, Result):
 
     @property
     def words(self) -> str:
-        """What the members were drawn from, numbers with their standard deviations."""
+        """The distributions of the members, with standard deviations."""
         texts = [tolerance.around(self.scene) for tolerance in self.tolerances]
         if self.estimate is not None:
             texts.append(f"{counted(len(self.estimate.paths), 'fitted number', 'fitted numbers')} by their covariance")
@@ -282,7 +282,7 @@ class Spread(Drawable, Result):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the frequencies omit, a sentence each."""
+        """A sentence for each effect that the frequencies ignore."""
         return left_out(self.scene)
 
     @cached_property
@@ -361,7 +361,7 @@ def find_spread(
     report: Callable[[float], object] = silent,
     **options: Any,
 ) -> Spread:
-    """Frequencies of so many members with numbers as `uncertain` as these texts say, and their motion.
+    """Compute frequencies, and optionally motions, of members with parameters `uncertain` as these texts say.
 
     Fitted numbers are drawn by their `covariance`, an `Estimate` or the file of a report of `fit`. The motion over a
     `duration` (s) is from `start`, if not from the scene's own; `measures`, NAME or NAME:N of those that `spread` takes

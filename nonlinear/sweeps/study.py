@@ -125,7 +125,7 @@ class Study(Displayed):
 
     @property
     def task(self) -> SweepTask:
-        """What a worker is told."""
+        """The task for a worker."""
         return SweepTask(self.scene, self.measures, self.size, self.members, self.seed)
 
     @cached_property

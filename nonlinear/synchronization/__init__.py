@@ -1,4 +1,4 @@
-"""Synchronization: which pendula lock, predicted and simulated.
+"""Synchronization of pendula, predicted and simulated.
 
 In: a scene.  Out: a `SynchronizationStudy`: phases and amplitudes of every pendulum and the mode that has the
 energy; the branches of configurations along a parameter, and a report.

@@ -1,4 +1,4 @@
-"""Configurations of a self-excited scene continued along a parameter: where each is stable, and where it ends.
+"""Continuation of the configurations of a self-excited scene along a parameter: stability and ends.
 
 A configuration at one value, as the physical motion q = Σ_r φ_r z_r, starts Newton's method at the next value, in
 the modes φ' of the scene there: z' = φ'ᵀ M' q.  Steps are halved where amplitudes change too fast, down to RESOLUTION

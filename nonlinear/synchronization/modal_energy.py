@@ -1,4 +1,4 @@
-"""The mode that holds the energy of a run, and the time from which it does.
+"""The mode that contains the energy of a run, and from what time on.
 
 With the shapes φ_r of the scene without dampers and drives, φᵀMφ = 1, and q the motion about equilibrium,
 
@@ -43,7 +43,7 @@ MODAL_COORDINATES_MAX = 2000
 
 
 class Beat(NamedTuple):
-    """A share of the energy that rises and falls for ever between `low` and `high`, once in every `period` (s)."""
+    """A share of the energy that oscillates forever between `low` and `high` with a `period` (s)."""
 
     period: float
     low: float
@@ -103,7 +103,7 @@ class Survival(Displayed):
 
     @property
     def survivor_share(self) -> float:
-        """The fraction of the energy that it holds at the end."""
+        """Its fraction of the energy at the end."""
         return float(self.share[-1, self._place])
 
     @cached_property

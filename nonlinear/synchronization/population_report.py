@@ -1,4 +1,4 @@
-"""Populations as text and as numbers: the verdict, order and rates, who leaves the symmetric motions, thresholds."""
+"""Populations as text and as numbers: verdict, order and rates, stability of the symmetric motions, thresholds."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Populations of equal pendula on a structure: which of them are locked, each by itself and to each other.
+"""Populations of equal pendula on a structure: locking within and between them.
 
 With the phases ψ_p of the pendula (`nonlinear.synchronization.phases`) population s of N pendula has
 

@@ -1,4 +1,4 @@
-"""Which symmetric motion of populations lasts, which perturbations leave it, and why.
+"""Stability of the symmetric motions of populations, by sectors of perturbations, with reasons.
 
 Every population as one pendulum, in phase or in antiphase, is a motion of any such scene. Its perturbations fall into
 sectors (`nonlinear.averaging.populations`), and each has a growth rate: by the Floquet multipliers of the periodic
@@ -64,7 +64,7 @@ class SymmetricMotion(Displayed):
         )
 
     def reason(self, sector: int) -> str:
-        """Why perturbations of a sector within a population grow or just do not: the trace or the determinant."""
+        """Why perturbations of a sector within a population grow or are marginal: the trace or the determinant."""
         if self.orbit is None or not self.is_van_der_pol or not self.names[sector].startswith("within"):
             return ""
         if not self.orbit.turns[sector]:

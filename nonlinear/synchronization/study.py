@@ -158,7 +158,7 @@ class SynchronizationStudy(TextResult):
 
     @property
     def verdict(self) -> str:
-        """What the run ends in: "settles", "beats", "rests", or "undecided"; "" where energies were not measured."""
+        """The outcome of the run: "settles", "beats", "rests", or "undecided"; "" where energies were not measured."""
         if self.survival is None:
             return ""
         if self.survival.is_at_rest:

@@ -1,4 +1,4 @@
-"""Symmetric motions of populations along a number of the scene, and where any of them changes its stability.
+"""Symmetric motions of populations along a parameter of the scene, and the changes of their stability.
 
 The growth rates of every sector are computed at the values of the variation; between two at which one has opposite
 signs its root is found (Brent's method), by the Floquet multipliers and by the averaged equations.  So is the value at

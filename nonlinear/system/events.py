@@ -96,7 +96,7 @@ class Kicks(NamedTuple):
 
 
 class Friction(NamedTuple):
-    """What dry friction did in a run: K phases of sticking in order of their beginning, and its work.
+    """Record of dry friction in a run: K phases of sticking in order of their beginning, and the work.
 
     `link` (K,) is the one below the joint (from 0), −1 for the rail; `begin` and `end` (K,) are times (s), a phase that
     lasts ending with the run. `work` (J,) is the work (J) at each of the J contacts, those of links `places` (J,).

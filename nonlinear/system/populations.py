@@ -1,4 +1,4 @@
-"""Populations: equal pendula on one support, and the scene in which a few of them stand for all.
+"""Populations: equal pendula on one support, and the scene in which a few represent all.
 
 Where N equal pendula hang from points that move alike and do the same, their pulls on the support add up: two pendula
 of N/2 times the masses, dampers, springs and drives pull as much and swing alike. Of their small perturbations the mean
@@ -52,7 +52,7 @@ class Population(Displayed):
 
     @property
     def halves(self) -> int:
-        """How many pendula stand for it in the scene of `representatives`."""
+        """The number of pendula that represent it in the scene of `representatives`."""
         return min(self.size, 2)
 
 

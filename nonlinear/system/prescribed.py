@@ -1,4 +1,4 @@
-"""What time prescribes: forces on points of a scene, and a support that moves.
+"""Prescribed functions of time: forces on points of a scene, and the motion of a support.
 
 The scene is described in the frame of its support, which accelerates with it.  There every mass m feels, besides
 gravity, the force −m a; positions in the laboratory are those in the frame plus the support's displacement.  Vectors

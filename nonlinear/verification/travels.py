@@ -1,4 +1,4 @@
-"""A travel of a crane in the full equations: what swing it leaves at large angles, as it is and shaped."""
+"""A travel of a crane in the full equations: residual swing at large angles, unshaped and shaped."""
 
 from __future__ import annotations
 
