@@ -84,7 +84,7 @@ class Assurance(Result):
 
     @property
     def notes(self) -> list[str]:
-        """What there is to say of the pairs."""
+        """Notes on the pairs."""
         notes = []
         for pair in self.pairs:
             if pair.mac is not None and pair.mac < 0.5:  # less than half of one shape is in the other
@@ -98,7 +98,7 @@ class Assurance(Result):
         return notes
 
     def parts(self, form: Form = "text") -> Iterator[ReportTable | str]:
-        """The pairs, the matrix where there are shapes, and the notes."""
+        """The pairs, the matrix if there are shapes, and the notes."""
         yield ReportTable.of(PAIR, self.pairs)
         if np.isfinite(self.mac).any():
             yield ReportTable(

@@ -163,7 +163,7 @@ def one_mode(series: Sequence[Series], decays: Decays, faint: float = 0.0, *, re
 
 @dataclass(frozen=True)
 class LargeSwings:
-    """What large swings make of modes: `repetitions`, poles that are a stronger one at another amplitude, {r: of}.
+    """Artefacts of large swings: `repetitions`, poles that are a stronger one at another amplitude, {r: of}.
 
     `tones` are poles at the places of sums Σ n_i ω_i of one or two stronger modes, {r: {i: n_i}}.
     """
@@ -173,7 +173,7 @@ class LargeSwings:
 
 
 def large_swings(series: Sequence[Series], decays: Decays, angle: float) -> LargeSwings:
-    """Poles that are none of small swings, where the largest swing is an `angle` (rad), or 0 if no sensor is one.
+    """Return poles that are artefacts of swings up to an `angle` (rad), 0 if no sensor reads an angle.
 
     Cubic forces change a frequency by a²/6 at most, and make tones of such a share; being odd in the angles, they and
     their repetition have three and five terms.  One sensor tells one shape only from poles that never beat.  Once there

@@ -1,4 +1,4 @@
-"""The numbers of a fitted scene with their covariance, as a report of `fit` keeps them in JSON.
+"""The parameters of a fitted scene with their covariance, as stored in the JSON report of `fit`.
 
 It has `{"parameters": [{"place": …, "value": …, "std": …}, …], "covariance": [[…], …]}`.
 """
@@ -70,7 +70,7 @@ class Estimate(Displayed):
         return [natural_unit(self.scene, unknown.place) for unknown in self.unknowns]
 
     def drawn(self, count: int, rng: np.random.Generator) -> dict[str, Floats]:
-        """So many values (count,) by path, from the joint normal distribution."""
+        """Draw values (count,) by path from the joint normal distribution."""
         size = np.where(self.stds > 0, self.stds, 1.0)
         strength, axes = np.linalg.eigh(self.covariance / size / size[:, None])
         steps = rng.standard_normal((count, len(size))) * np.sqrt(np.maximum(strength, 0.0)) @ axes.T

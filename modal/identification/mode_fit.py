@@ -1,4 +1,4 @@
-"""The result of a fit to measured modes: numbers with their covariance, and every mode next to its measurement."""
+"""The result of a fit to measured modes: parameters with their covariance, and every mode with its measurement."""
 
 from __future__ import annotations
 
@@ -140,7 +140,7 @@ class ModeFit(FittedNumbers, Solution):
 
     @property
     def undetermined(self) -> tuple[Undetermined, ...]:
-        """What the modes do not determine."""
+        """The undetermined directions."""
         return self.determined.directions
 
     @cached_property

@@ -1,4 +1,4 @@
-"""Fit the numbers of a scene to measured modes, by weighted least squares on exact derivatives.
+"""Fits of a scene's parameters to measured modes, by weighted least squares with exact derivatives.
 
 The residuals are those of frequencies, of damping ratios and of shapes, each in units of its standard deviation:
 
@@ -65,7 +65,7 @@ def fit_modes(
     priors: Sequence[str] = (),
     loss: str = "linear",
 ) -> ModeFit:
-    """The numbers at the places `free` that fit measured modes best, from the scene's values on.
+    """Fit the parameters at the places `free` to measured modes, starting from the scene's values.
 
     `priors` are texts such as "gravity=9.81±0.01". Raise SceneError for places that are no free numbers and for modes
     that the scene does not have, ComputationError if a mode has no derivative.

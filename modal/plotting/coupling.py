@@ -103,7 +103,7 @@ def _finish(figure: Figure, coupling: Coupling) -> None:
 
 
 def pole() -> str:
-    """The colour of a mode in which the cart is still."""
+    """The colour of a mode in which the cart is at rest."""
     return colour(0)
 
 

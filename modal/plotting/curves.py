@@ -1,4 +1,4 @@
-"""Curves of one panel, so that each is seen.
+"""Curves of one panel, drawn so that each is visible.
 
 Those that coincide are named together or are stripes of both colours; one that swings faster than a line can show is
 the band between its least and its largest values.

@@ -77,14 +77,14 @@ class MovingFigure(ABC):
     @property
     @abstractmethod
     def moving(self) -> Sequence[Artist]:
-        """What a frame draws anew, in this order."""
+        """The artists redrawn in each frame, in this order."""
 
     @abstractmethod
     def show(self, frame: int) -> None:
         """Update everything to a frame."""
 
     def view(self, frame: int) -> Hashable:
-        """Equal for frames over which all else stands still."""
+        """A key equal for frames with the same static content."""
         return None
 
     def image(self, frame: int) -> Image.Image:
@@ -117,7 +117,7 @@ def frame_rate(form: str, fps: float | None) -> float:
 
 
 def form_problems(form: str, fps: float | None = None) -> list[str]:
-    """What is wrong with a form and a frame rate."""
+    """Return what is wrong with a form and a frame rate."""
     problems = [] if form in FORMS else [f"{form!r}: a film is one of {', '.join(FORMS)}"]
     if fps is not None and not 1 <= fps <= 60:
         problems.append(f"fps {fps!r}: must be from 1 to 60")
@@ -439,7 +439,7 @@ def film_modes(
 
 
 def save_film(modes: Modes, path: str | PathLike[str], numbers: Sequence[int] | None = None, **options: Any) -> None:
-    """Write the film of `film_modes` to a file, as its name says; the file is whole or not there."""
+    """Write the film of `film_modes` to a file, as its name says; the file is complete or absent."""
     form = kind_of(path, FORMS)
     with whole_file(path) as stream:
         film_modes(modes, stream, form, numbers, **options)

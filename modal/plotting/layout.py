@@ -152,7 +152,7 @@ def shorten(name: str, letters: int = NAME_LETTERS) -> str:
 
 
 def angle_symbol(*place: int | str, between: str = "") -> str:
-    """The angle of a link as pictures have it, by its pendulum and its number there; a comma parts longer ones.
+    """Return the symbol of a link's angle in figures, by its pendulum and number; a comma separates longer ones.
 
     >>> angle_symbol(1, 2), angle_symbol(12, 1)
     ('θ₁₂', 'θ₁₂,₁')
@@ -183,7 +183,7 @@ def link_names(labels: Sequence[str]) -> list[str]:
 
 
 def signal_words(name: str) -> str:
-    """A signal of a linear model as pictures have it.
+    """Return a signal of a linear model as written in figures.
 
     >>> signal_words("theta_1_2"), signal_words("tip_1"), signal_words("floor2_m"), signal_words("support_acceleration")
     ('θ₁₂', 'tip of pendulum 1', 'floor2', 'support acceleration')
@@ -200,7 +200,7 @@ def signal_words(name: str) -> str:
 
 
 def unit_words(unit: str) -> str:
-    """A unit as pictures have it, m/s² for m/s^2."""
+    """Return a unit as written in figures, m/s² for m/s^2."""
     return unit.replace("^2", "²")
 
 

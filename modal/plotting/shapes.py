@@ -1,4 +1,4 @@
-"""Pictures of mode shapes: pendula and what they hang from, in grey at rest, and at both extremes of the oscillation.
+"""Pictures of mode shapes: pendula and supports, grey at rest, and at both extremes of the oscillation.
 
 Of many pendula the angles of their links are drawn over the number of the pendulum.
 """
@@ -217,7 +217,7 @@ class ShapeLayout:
         ]
 
     def pieces(self, eta: Floats, chains: Sequence[Floats]) -> list[Piece]:
-        """What the pendula hang from, and their springs, at η (1, d)."""
+        """Return the supports and their springs at η (1, d)."""
         joints = (chain[None] for chain in chains)
         return self.scaffold.pieces(eta, dict(zip(self.scaffold.pendula.tolist(), joints, strict=True)))
 
@@ -290,7 +290,7 @@ def panels_of(modes: Modes, rows: Sequence[Mode], ratio: float, what: str) -> tu
 
 
 def layout_of(modes: Modes, rows: Sequence[Mode] = (), amplitude: float = 0.0) -> ShapeLayout:
-    """What is drawn of the pendula, and where, with room for all that these modes move at their amplitude (rad)."""
+    """Return the layout of the drawn pendula, with room for the motion of these modes at their amplitude (rad)."""
     scene, structure = modes.scene, modes.rig.on_structure.structure
     assert structure is not None
     copies = [pendulum for pendulum in scene.pendulum for _ in range(pendulum.count)]
@@ -469,7 +469,7 @@ def _caption(modes: Modes, rows: Sequence[Mode], layout: ShapeLayout, amplitude_
 
 
 def set_apart(scaffold: Scaffold, count: int) -> list[str]:
-    """What is not drawn of `count` pendula on a structure, and what is not in its place."""
+    """Return which of `count` pendula on a structure are not drawn, or not in their places."""
     n_drawn = len(scaffold.pendula)
     words = [f"{n_drawn} of {count} pendula drawn"] if n_drawn < count else []
     return [*words, *scaffold.notes]

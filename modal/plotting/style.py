@@ -1,4 +1,4 @@
-"""Figures that keep the style in which they were made, output of figures, and colours by their meaning.
+"""Figures that keep the style in which they were created, output of figures, and colours by their meaning.
 
 Colours come from the matplotlib style in force: its cycle, and mixtures of its ink and paper.
 """

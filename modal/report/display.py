@@ -1,4 +1,4 @@
-"""How a result shows itself: some lines at the prompt, a table in a notebook, both of bounded size.
+"""Display of results: some lines at the prompt, a table in a notebook, both of bounded size.
 
     class Modes(Displayed): ...
 
@@ -43,7 +43,7 @@ Facts = Sequence[tuple[str, str]]
 
 @dataclass(frozen=True)
 class Summary:
-    """What a result shows: a line that says what it is and how large, facts by name, and the first rows of a table.
+    """The display of a result: a line on its kind and size, facts by name, and the first rows of a table.
 
     No more than HTML_ROWS of the `rows` are taken, `total` is their number.  The columns in `words` (by index) are
     text, the others numbers.
@@ -145,7 +145,7 @@ class _ResultSignature:
 
 
 class Displayed:
-    """A result that shows itself at the prompt and in notebooks; by default by its fields.
+    """A result with a display at the prompt and in notebooks; by default of its fields.
 
     `dir` and completion show what is public: no name that begins with an underscore, and none of `internal`.
     """
@@ -259,7 +259,7 @@ def scrolled(*parts: str) -> str:
 
 
 def more(count: int) -> str:
-    """How many rows are omitted, as HTML; nothing where none are."""
+    """Return how many rows are omitted, as HTML; nothing if none are."""
     return f"<p>… {count} more</p>" if count > 0 else ""
 
 

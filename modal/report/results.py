@@ -116,7 +116,7 @@ def records_of(columns: Iterable[ReportColumn], rows: Iterable[Any]) -> list[dic
 
 
 class TextResult(Displayed):
-    """A result that shows how the `text` begins which its command prints, as wide as a terminal of WIDTH columns.
+    """A result whose display is the beginning of its command's `text`, for a terminal of WIDTH columns.
 
     The `writer`, a `module:function`, writes it.
     """
@@ -149,7 +149,7 @@ class TextResult(Displayed):
 
 
 class Result(TextResult):
-    """An answer about a `scene` in all its forms; its parts are made one after the other, as far as they are shown."""
+    """A result about a `scene` in all output forms; its parts are computed only as far as they are shown."""
 
     __slots__ = ()
     what: ClassVar[str] = ""
@@ -159,11 +159,11 @@ class Result(TextResult):
     rows: Any
 
     def titles(self) -> tuple[str, str]:
-        """The title of the scene, and what is reported of it."""
+        """The title of the scene, and that of the report."""
         return deferred("modal.scene:title_of")(self.scene), self.what
 
     def entries(self) -> Iterable[Any]:
-        """What has a row each."""
+        """The objects with a row each."""
         return tuple(self.rows)
 
     def columns(self) -> Sequence[ReportColumn]:
@@ -175,11 +175,11 @@ class Result(TextResult):
         return ()
 
     def facts(self) -> dict[str, Any]:
-        """What JSON has before the records."""
+        """The JSON keys before the records."""
         return {}
 
     def parts(self, form: Form = "text") -> Iterable[ReportTable | str]:
-        """What is printed below the title."""
+        """The parts printed below the title."""
         yield ReportTable.of(self.columns(), self.entries())
         yield "\n".join(self.footnotes())
 

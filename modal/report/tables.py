@@ -206,7 +206,7 @@ def as_json(whole: dict[str, Any]) -> str:
 
 
 def digits(value: float, relative_error: float, most: int) -> str:
-    """The value to at most `most` significant digits, and only those that the error leaves certain."""
+    """Return the value to at most `most` significant digits, and only those that are certain within the error."""
     if not isfinite(value) or not relative_error < 1:
         return NOTHING
     return f"{value:#.{min(most, max(1, int(-log10(max(relative_error, 1e-17)))))}g}".rstrip(".") if value else "0"

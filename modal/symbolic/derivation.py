@@ -1,4 +1,4 @@
-"""A derivation on paper: from the Lagrangian of a system to its eigen-polynomial and modes, section by section.
+"""A printed derivation: from the Lagrangian of a system to its eigen-polynomial and modes, section by section.
 
 The target is `chain:3`, `cart:2`, `cart:3x2` (three chains of two links) or a scene.
 Each section is a title and lines of (description, formula); `modal.symbolic.typesetting` prints them.

@@ -1,4 +1,4 @@
-"""The Lagrangian and its equations, by two routes: from the pair (A, b), as they are printed, and from all positions.
+"""The Lagrangian and its equations in two ways: from the reduced inertia matrices A and b, and from all positions.
 
 Pendula on one support, fixed or on a rail, in the plane:
 

@@ -1,4 +1,4 @@
-"""The balances of Newton and Euler of every part of a scene, and the constraints that join the parts: paper 000, IV.
+"""Newton–Euler equations of every part of a scene, and the constraints that join the parts: paper 000, IV.
 
 A cart has Σ F = m a along and down, a link the same and Σ M = I θ'' about its centre; each link hangs by its upper
 joint, whose acceleration is that of the chain above, two equations more; the rail keeps a cart from sinking.  With n
@@ -139,7 +139,7 @@ class NewtonEuler(Displayed):
         return x_acceleration, z_acceleration
 
     def laws(self) -> Iterator[tuple[str, Any]]:
-        """What moments of joints, drag, springs and dampers are, as functions of the motion."""
+        """Return joint moments, drag, and spring and damper forces as functions of the motion."""
         cart = self.bodies.scene.cart
         if any(effort.kind == "held" for effort in self.bodies.support.efforts) and cart is not None:
             x = self.motion(self.bodies.support)[0]

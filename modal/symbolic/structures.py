@@ -1,4 +1,4 @@
-"""Structures in symbols: carriers, the chains that hang from them and springs between points, as energies.
+"""Structures in symbols: energies of supports, their chains and springs between points.
 
 With places of points from `carriers` and along each chain, r_i = r_p + Σ l (sin θ, cos θ),
 
@@ -204,7 +204,7 @@ class SymbolicStructure(Displayed):
 
     @property
     def is_of_pair(self) -> bool:
-        """Whether the pair (A, b) describes the whole system: a support fixed or on a rail, and joints alone."""
+        """Whether A and b describe the whole system: a fixed support or a cart, with joints only."""
         return not self.spring_entries and [carrier.kind for carrier in self.carriers] in (["fixed"], ["cart"])
 
     @property
@@ -525,7 +525,7 @@ class SymbolicStructure(Displayed):
 
     @cached_property
     def conditions(self) -> dict[Any, Any]:
-        """What symbols must make zero for an equilibrium as drawn: ∂V/∂q by coordinate."""
+        """Return the conditions for an equilibrium as drawn: ∂V/∂q by coordinate."""
         slopes = {
             c.q: sp.factor(sp.Add(*(sp.diff(part.V, c.q).subs(self.rest) for part in self.parts)))
             for c in (self.coordinates if self.symbols else ())

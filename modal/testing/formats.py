@@ -1,4 +1,4 @@
-"""Whether a format is right: bytes of every model, the same twice, read back where somebody can."""
+"""Tests of formats: bytes for every model, reproducible output, and reading back if there is a reader."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether a measure is right: the same numbers by every verb that takes it, and one error for each mistake."""
+"""Tests of measures: the same numbers by every command that accepts it, and one error for each mistake."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether what takes part in motion is right, by routes that do not know each other.
+"""Tests of extensions that affect the motion, by independent methods.
 
 Power is dE/dt; Lagrange's equations of symbols hold at the accelerations of floats, which small motions follow as modes
 do; every form of the equations and every engine has the same motion, in a chain as on a structure, in Python as on the

@@ -1,4 +1,4 @@
-"""Best numbers of a scene: which damper, length or spring makes peaks, RMS, decay or a residual swing best.
+"""Optimization of parameters: dampers, lengths or springs for the best peaks, RMS, decay or residual swing.
 
 In: a scene, the places of free numbers with bounds, and quantities to minimize or maximize. Out: a `Tuned` with the
 scene of the best numbers, what each is worth, Den Hartog's values next to them, and curves before and after.

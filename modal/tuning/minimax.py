@@ -1,4 +1,4 @@
-"""The least of a sum of largest numbers, by a sequence of linear programs and Newton's method on what is active.
+"""Minimization of a sum of maxima by sequential linear programming and Newton's method on the active pieces.
 
 A step δ from z solves, within a trust region and the bounds,
 
@@ -87,7 +87,7 @@ class Evaluation:
 
     @property
     def excess(self) -> float:
-        """By how much limits are exceeded."""
+        """The amount by which limits are exceeded."""
         return sum(max(face.largest, 0.0) for face in self.limits) if self.is_finite else np.inf
 
     @property

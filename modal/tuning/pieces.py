@@ -50,7 +50,7 @@ PAIRS = ((1, 2 / 3), (2, -1 / 12))
 
 @dataclass(frozen=True)
 class Setting:
-    """What the quantities are taken over: a `band` in Hz, a PSD, modes by number, a travel (m, s) and its shaper."""
+    """The setting of the quantities: a `band` in Hz, a PSD, modes by number, a travel (m, s) and its shaper."""
 
     band: tuple[float, float] | None = None
     spectrum: Spectrum | None = None

@@ -1,4 +1,4 @@
-"""What is tuned: quantities of a scene by their names, free numbers with bounds, and limits.
+"""Specification of tuning: quantities of a scene by their names, free parameters with bounds, and limits.
 
     peak:x/cart_force          the largest magnitude of the response of an output to an input over all frequencies
     rms:tip_1                  the RMS of an output under a PSD of the support's acceleration
@@ -120,7 +120,7 @@ def parse_quantity(text: str) -> Quantity:
 
 @dataclass(frozen=True, repr=False)
 class Limit(Displayed):
-    """The most that a quantity may be."""
+    """The upper limit of a quantity."""
 
     what = "Limit of a quantity"
     shows = "quantity: quantity; most: at most"

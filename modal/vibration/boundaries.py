@@ -1,4 +1,4 @@
-"""Tongues: the regions of amplitude and frequency of a vertical sine in which small angles grow, by their boundaries.
+"""Instability tongues: boundaries of the regions of amplitude and frequency in which small angles grow.
 
 On a boundary a multiplier μ of one of the systems of `modal.vibration.hill` is 1 (growth at the frequency), −1 (at half
 of it), or complex of size 1 (at a combination).  With losses, these are the curves det(M ∓ 1) = 0 and |μ| = 1.  Without
@@ -69,7 +69,7 @@ class Boundary(Displayed):
 
     @property
     def kind(self) -> str:
-        """At what frequency motions grow beyond it: "at half the frequency"."""
+        """The frequency of the motions that grow beyond it: "at half the frequency"."""
         return KINDS[self.number].removeprefix(GROWING)
 
     def to_dict(self) -> dict[str, Any]:
@@ -133,7 +133,7 @@ class Tongues(Displayed):
 
 @checked
 def tongues(scene: Scene, amplitude: ArrayLike, frequency_hz: ArrayLike) -> Tongues:
-    """The boundaries of growth of a scene within the range of amplitudes (m) and frequencies (Hz), ascending grids.
+    """Trace the boundaries of growth of a scene over amplitudes (m) and frequencies (Hz), ascending grids.
 
     Curves are found where they pass a line of the grid once, tongues of losses also where they lie between two. Of a
     single amplitude or frequency each boundary is one point. Raise SceneError for a scene without vertical sine

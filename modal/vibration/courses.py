@@ -1,4 +1,4 @@
-"""Functions of time: what a support's motion or a force is, with two derivatives, and those of closed form."""
+"""Functions of time for support motions and forces, with two derivatives, and those in closed form."""
 
 from __future__ import annotations
 
@@ -200,7 +200,7 @@ class PiecewiseMotion(PrescribedMotion):
 
 
 class Course(NamedTuple):
-    """What is prescribed in time: a derivative of a function."""
+    """A prescribed time history: a derivative of a function."""
 
     motion: PrescribedMotion
     order: int
@@ -282,7 +282,7 @@ class Constant(PrescribedMotion):
         return new_constant
 
     def derivative(self, time: Any, order: int) -> Any:
-        """The value, and nothing."""
+        """The value, and 0 for derivatives."""
         return self.amplitude + 0.0 * time if order == 0 else 0.0 * time
 
     def acceleration_at(self, time: float) -> float:

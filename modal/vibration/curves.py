@@ -1,4 +1,4 @@
-"""What is zero on the boundaries of tongues, with its derivatives, and points near them on the edges of a grid."""
+"""Functions that vanish on the boundaries of tongues, with derivatives, and points near them on the edges of a grid."""
 
 from __future__ import annotations
 

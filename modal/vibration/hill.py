@@ -1,4 +1,4 @@
-"""Hill's equations: the small angles of pendula on a support that moves up and down as a sine.
+"""Hill's equations: small angles of pendula on a support with a vertical sine motion.
 
 Pendula on such a support do not feel each other.  In the modal coordinates y of one, φᵀMφ = 1, over the phase τ = Ωt of
 a displacement −A cos τ upwards,
@@ -87,7 +87,7 @@ class HillSystem:
 
     @property
     def is_reversible(self) -> bool:
-        """Whether nothing takes energy out."""
+        """Whether there are no losses."""
         return not any(part.any() for part in (self.D, self.S, self.Q, self.E))
 
     def monodromy(self, amplitude: Numbers, omega: Numbers) -> Numbers:
@@ -216,8 +216,8 @@ def vertical_sine(scene: Scene) -> SineMotion:
 def hill_systems(scene: Scene) -> tuple[HillSystem, ...]:
     """The systems of a scene, whatever the amplitude and the frequency of its support; equal pendula once.
 
-    Raise SceneError for a scene without vertical sine or whose weights push carriers, ComputationError for masses
-    beyond double precision.
+    Raise SceneError for a scene without vertical sine or whose weights act on support coordinates, ComputationError for
+    masses beyond double precision.
     """
     vertical_sine(scene)
     return tuple(_on_structure(scene) if scene.is_structured else _systems(scene))
@@ -319,7 +319,7 @@ class ParametricStability(Displayed):
 
     @property
     def number(self) -> int:
-        """What small angles do, by its number in KINDS."""
+        """The behaviour of small angles, by its number in KINDS."""
         first = self.multipliers[0]
         if self.largest <= 1 + self.certain:
             return 0 if self.largest >= 1 - self.certain else -1
@@ -327,7 +327,7 @@ class ParametricStability(Displayed):
 
     @property
     def kind(self) -> str:
-        """What small angles do, in words."""
+        """The behaviour of small angles in words."""
         return KINDS[self.number]
 
     @property
@@ -350,7 +350,7 @@ class ParametricStability(Displayed):
 
 
 def parametric_stability(scene: Scene) -> ParametricStability:
-    """Of a scene whose support moves up and down as a sine, hanging or standing, with any number of links.
+    """Compute the stability of a scene with a vertical sine motion of its support, hanging or inverted, with any links.
 
     A motion along the rail next to it pushes small angles and does not change their growth. Raise SceneError for any
     other motion, and for what Hill's equation does not include: forces, friction, drives, hoists.
@@ -368,7 +368,7 @@ def parametric_stability(scene: Scene) -> ParametricStability:
 
 
 def stabilities(scenes: Sequence[Scene]) -> list[ParametricStability]:
-    """Of several scenes, together where they differ in the motion of their support alone; SceneError as above.
+    """Compute that of several scenes, together if they differ only in their support motion; SceneError as above.
 
     >>> from modal import Bob, Pendulum, Scene
     >>> from modal.scene import Moved, SineMotion

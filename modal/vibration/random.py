@@ -213,7 +213,7 @@ class RandomResponse(ModalResponse):
 def exact_terms(form: ModalForm) -> Iterator[Term]:
     """The terms of H for the one input, zero if it does not reach or an output does not see a mode.
 
-    Else the rounding of a mode that nothing reaches would ring for ever.  A mode φ is reached by pᵀφ, with p the
+    Otherwise the rounding of an unexcited mode would ring forever.  A mode φ is reached by pᵀφ, with p the
     generalized force, or for the support's acceleration the momentum or the windage of everything at unit velocity.
     """
     modes, name = form.modes, form.model.inputs[0].name
@@ -289,12 +289,12 @@ def _sum(a: Any, b: Any) -> tuple[Any, Any]:
 def random_response(
     scene: Scene, spectrum: Spectrum, outputs: tuple[str, ...] = USUAL, source: str = INPUT
 ) -> RandomResponse:
-    """The response of a scene to a PSD of its support's motion along the rail, at small angles.
+    """Compute the response of a scene to a PSD of its support's motion along the rail, at small angles.
 
     `outputs` are groups of `modal.statespace.signals.OUTPUTS`. Another `source` is "cart_force", on a structure the
     force on a coordinate, or an input at a point, as "force[0]" (`modal.statespace.signals`), of which the PSD is in
-    N²/Hz or (N m)²/Hz. Raise ComputationError if a mode grows by itself, since nothing is then stationary, and the
-    errors of `state_space` and `to_modal_form`.
+    N²/Hz or (N m)²/Hz. Raise ComputationError if a mode grows by itself, since the response is then not stationary, and
+    the errors of `state_space` and `to_modal_form`.
 
     >>> from modal import load
     >>> from modal.scene.records import Spectrum

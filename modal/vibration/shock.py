@@ -268,7 +268,7 @@ class ShockResponse(ModalResponse):
 
     @cached_property
     def follows_support(self) -> Booleans:
-        """Which outputs contain the support's own motion besides that of the modes, (p,)."""
+        """Which outputs contain the support's motion in addition to that of the modes, (p,)."""
         total = self.by_mode.sum(0)
         rest = np.abs(self.history - total).max(1)
         return np.asarray(rest > ROUNDING_OF_HISTORY * np.abs(self.history).max(1))
@@ -297,14 +297,14 @@ class ShockResponse(ModalResponse):
 
     @property
     def enough(self) -> int | None:
-        """The number of lowest modes that hold 90 % of the mass; None if that is unknown."""
+        """The number of lowest modes that cover 90 % of the mass; None if that is unknown."""
         numbers = np.flatnonzero(np.cumsum(self.mass_shares) >= MASS_SHARE_ENOUGH)
         return int(numbers[0]) + 1 if len(numbers) else None
 
 
 @checked
 def shock_response(scene: Scene, motion: RecordMotion, outputs: tuple[str, ...] = USUAL) -> ShockResponse:
-    """The response of a scene at rest on its support to a record of the support's motion along the rail.
+    """Compute the response of a scene, at rest on its support, to a record of the support's motion along the rail.
 
     `outputs` are groups of `modal.statespace.signals.OUTPUTS`. The history begins with the record and goes on for two
     of the slowest periods beyond it. Raise ComputationError if it would take too many steps, and the errors of
