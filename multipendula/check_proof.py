@@ -94,7 +94,7 @@ def part(data: Data, where: str, known: Data, unused: str = "") -> Data:
 
 
 class Point(NamedTuple):
-    """A point: its displacements along and down, the rotation of its body, and its position as drawn."""
+    """A point: displacements along and down, rotation of its body, and position as drawn."""
 
     along: Row
     down: Row
