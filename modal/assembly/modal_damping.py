@@ -90,7 +90,7 @@ def modal_dampers(rig: Rig) -> Floats:
 class _System(NamedTuple):
     """M and K, the motions (n, f) that nothing holds, and the `places` in the whole of all copies of each coordinate.
 
-    These move alike, or keep the balance to what carries them.
+    These move alike, or exert no net force on their supports.
     """
 
     M: Floats

@@ -239,7 +239,7 @@ class _Losses:
         ]
 
     def _carrier_losses(self, eta: Floats, angles: list[Floats]) -> Floats:
-        """Of what carries the pendula, of springs between points, and of what goes down, (R, R)."""
+        """Those of the supports, of springs between points, and of masses that move down, (R, R)."""
         losses = np.asarray(eta.T @ self.carrier[1] @ eta)
         for element in self.hanging.elements.damping:
             rates = np.zeros(eta.shape[1])

@@ -324,7 +324,7 @@ class SecularEquation:
 
 
 def _residual_mass(block: Block) -> Floats:
-    """The mass (P,) that pivots feel of a block from inertia alone."""
+    """The residual mass (P,) of a block at its pivots."""
     return inertial_mass(block) if block.rotor.any() else at_infinity(block)[0]
 
 

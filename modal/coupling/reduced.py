@@ -174,7 +174,7 @@ class ReducedStructure:
 
     @property
     def rig(self) -> Rig:
-        """The pendula, and what carries them."""
+        """The pendula, and their supports."""
         return self.hanging.rig
 
     @cached_property
@@ -184,7 +184,7 @@ class ReducedStructure:
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """The kinds of pendula in words, with what they hang from where there are several carriers."""
+        """The kinds of pendula in words, with what they hang from if there are several carriers."""
         names = tuple(self.rig.names.values())
         carriers = self.hanging.structure.carriers
         if len(carriers) == 1:
@@ -238,7 +238,7 @@ class ReducedStructure:
 
     @property
     def only_pushes(self) -> bool:
-        """Whether pendula feel each other only as they push what carries them: no spring ends on one or turns one."""
+        """Whether pendula feel each other only as they push their supports: no spring ends on one or turns one."""
         rotations = self.hanging.phi.turning[list(self.pivots)]
         names = ("rotor", "stiffness", "damping")
         has_joint_forces = [

@@ -286,7 +286,7 @@ class Suspension:
 
 
 def count_and_mass(chains: Chains, x: Floats) -> tuple[Ints, Floats]:
-    """Number of fixed-base frequencies of each chain below each x, and the mass felt at its pivot, (P, R, S)."""
+    """Number of fixed-base frequencies of each chain below each x, and the mass at its pivot, (P, R, S)."""
     if results := one_by_one(
         count_in_floats, (chains.inverse, chains.J, chains.top_inertia, chains.tip_inertia, chains.m), x
     ):

@@ -87,7 +87,7 @@ class OnStructure:
 
     @property
     def route(self) -> str:
-        """Counts, factors or dense matrices, about the equilibrium under constant forces where there are any."""
+        """Counts, factors or dense matrices, about the equilibrium under constant forces if there are any."""
         if self._is_counted:
             return "effective mass" if self.matrices.tree and self.matrices.tree.is_plain else "mass and moment"
         leaning = ", about the equilibrium under constant forces" * self.matrices.parted_rig.rig.leans
@@ -95,7 +95,7 @@ class OnStructure:
 
     @property
     def problem_size(self) -> ProblemSize:
-        """The unknowns of the component, and matrices where there are any."""
+        """The unknowns of the component, and matrices if there are any."""
         eta, n = len(self.matrices.component.eta), self.matrices.size
         links = noun_count(n - eta, "link")
         what = f"{noun_count(eta, 'coordinate')} of the structure and {links}"

@@ -141,7 +141,7 @@ class Eigenvalues:
 
     @cached_property
     def hanging(self) -> Hanging:
-        """The pendula, one of each kind on a cart or a fixed support, and what carries them as a structure, natural."""
+        """The pendula, one of each kind on a cart or a fixed support, and their supports as a structure, natural."""
         natural = self.natural
         members = natural.members if natural.structure else tuple((*kind, 1) for kind in natural.names)
         return Hanging(replace(natural, members=members))

@@ -70,12 +70,12 @@ class FiniteMotion:
 
     @cached_property
     def hanging(self) -> Hanging:
-        """The pendula, each copy by itself, and what carries them."""
+        """The pendula, each copy by itself, and their supports."""
         return Hanging(self.rig.on_structure)
 
     @cached_property
     def matrices(self) -> tuple[Floats, Floats, Floats]:
-        """M, K and D over the coordinates of what carries the pendula and all links."""
+        """M, K and D over the coordinates of the supports of the pendula and all links."""
         M, K, D = scene_squares(self.hanging.rig).matrices
         return M, K, D
 
@@ -319,7 +319,7 @@ class _Balance:
             self.moment[:, end.link] += self._below(end) * force
 
     def _handed_up(self) -> Any:
-        """Those on all coordinates: every link hands on to the one above what it feels from below."""
+        """Return the forces on all coordinates: every link passes the force from below on to the one above."""
         length, normal = self.motion.links[1], np.stack([self.u[1], -self.u[0]])
         for pivot, links in self.motion.chains:
             force = self.force[:, links]

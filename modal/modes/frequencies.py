@@ -212,7 +212,7 @@ def _squares(stack: Stack, accuracy: float) -> Iterator[Floats]:
 
 
 def _squares_of(suspension: Suspension, modes: int, accuracy: float) -> Floats:
-    """All ω² (R, S), rounded as those of many supports also where there is one: no member depends on the others."""
+    """All ω² (R, S), rounded as those of many supports also if there is one: no member depends on the others."""
     is_single = suspension.supports == 1
     several = suspension.take(np.zeros(2, dtype=np.int64)) if is_single else suspension
     squares = squares_of(several, np.arange(modes), modes, accuracy).x

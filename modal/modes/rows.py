@@ -382,7 +382,7 @@ def _family(modes: Eigenvalues, number: int, head: _RowPart, ratio: float) -> st
 
 
 def _motion(modes: Eigenvalues, number: int, head: _RowPart, eta: NDArray[np.inexact]) -> str:
-    """How the pendula move in a mode, where what carries them moves by η."""
+    """How the pendula move in a mode, if their supports move by η."""
     details, at = head.details, head.at
     if head.part.is_still:
         return motion_words(details.angles, details.shares, at, _whose(modes, number, head.part))

@@ -1,7 +1,7 @@
 """Figures of linear results.  matplotlib is imported here and in `nonlinear.plotting`, nowhere else.
 
-In: the results of other rooms.  Out: a `Figure` from a `…_figure` function, or an image written to a stream.  Every
-figure has a light and a dark version, axes with units, and colours that colour-blind readers can distinguish.  Start
+In: the results of other subpackages. Out: a `Figure` from a `…_figure` function, or an image written to a stream. Every
+figure has a light and a dark version, axes with units, and colours that colour-blind readers can distinguish. Start
 with `style` and `layout`; each of the other modules makes one kind of figure.
 
 Sizes and colours come from `light.mplstyle` and `dark.mplstyle` alone.  Curves of one panel go through `draw_curves`,

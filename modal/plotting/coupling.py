@@ -142,12 +142,12 @@ def _marks(coupling: Coupling, s: int) -> Floats:
 
 
 def _poles(coupling: Coupling) -> Floats:
-    """The frequencies at which pendula hold still what carries them."""
+    """The antiresonance frequencies of the supports."""
     return np.array([family.omega for family in coupling.families])
 
 
 def _zeros(coupling: Coupling, s: int) -> Floats:
-    """The frequencies of modes that move own mode s of what carries pendula, of several by a visible share."""
+    """The frequencies of modes that move own mode s of the supports of the pendula, of several by a visible share."""
     branches = [(branch.omega, branch.motion) for family in coupling.families for branch in family.branches]
     moving_modes = [(w, motion) for w, motion in (*branches, *coupling.structure_modes) if 0 < w < inf]
     if len(coupling.modes) > 1:

@@ -625,7 +625,7 @@ def _matches(sentences: Sentences, has: Names) -> Iterator[tuple[str, str]]:
 
 
 def _why(capability: Capability, name: str) -> str:
-    """Why a capability refuses a feature, and the way out."""
+    """Return why a capability refuses a feature, and the remedy."""
     why, (substitute, words) = capability.refuses[name], capability.instead
     advice = f"; {words}" if substitute and name in CAPABILITIES[substitute].takes else ""
     return why if ": " in why else f"{why}: {FEATURES[name].mend}{advice}"

@@ -6,7 +6,7 @@ scene of the best numbers, what each is worth, Den Hartog's values next to them,
     min over p of max over k |H(iω_k; p)|,      dH = −yᵀ dZ x
 
 Start with `search`; `quantities` names what is tuned, `model` has responses with exact derivatives and all peaks,
-`minimax` the descent and Newton's method on equal peaks, `objective` what is minimized and what numbers are worth.
+`minimax` the descent and Newton's method on equal peaks, `objective` the objective and the sensitivities.
 """
 
 from modal.tuning.closed_forms import Absorber, absorbers, den_hartog, exact_optimum

@@ -128,7 +128,7 @@ WORTH = (
 
 
 class _Number(NamedTuple):
-    """A free number, what it is worth, and its best value."""
+    """A free parameter, its sensitivity, and its optimal value."""
 
     number: FreeNumber
     worth: Worth

@@ -1,7 +1,7 @@
 """Hill's equations: small angles of pendula on a support with a vertical sine motion.
 
-Pendula on such a support do not feel each other.  In the modal coordinates y of one, φᵀMφ = 1, over the phase τ = Ωt of
-a displacement −A cos τ upwards,
+Pendula on such a support are not coupled. In the modal coordinates y of one, φᵀMφ = 1, over the phase τ = Ωt of a
+displacement −A cos τ upwards,
 
     y'' + (D/Ω + A |sin τ| E) y' + (ω²/Ω² + A P cos τ + (A/Ω) S sin τ + A² Q |sin τ| sin τ) y = 0
 

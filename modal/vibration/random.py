@@ -11,7 +11,7 @@ mode with H_r = (N1 s + N0)/(s² + 2ζω s + ω²) they are Miles' equation [Mil
 
     RMS² ≈ S(ω/2π) (N0²/ω² + N1²) / (8 ζ ω),
 
-of which the acceleration felt on an oscillator, √(π f Q S/2), is the best-known case.
+of which the acceleration of an oscillator, √(π f Q S/2), is the best-known case.
 """
 
 from __future__ import annotations
@@ -233,7 +233,7 @@ def exact_terms(form: ModalForm) -> Iterator[Term]:
 
 
 def _outputs_of_mode(terms: list[tuple[Term, complex]], mode: int) -> Booleans:
-    """The outputs in which a mode is felt, (p,)."""
+    """The outputs to which a mode contributes, (p,)."""
     is_present = [(term.N0[:, 0] != 0) | (term.N1[:, 0] != 0) for term, _ in terms if term.mode == mode]
     return np.asarray(np.any(is_present, axis=0))
 

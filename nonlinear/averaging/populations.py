@@ -6,7 +6,7 @@ with the sign changed, a pattern is a motion with Gq = q, and
 
     own                     Gδ = δ: the populations do the same, in another way
     other                   Gδ = −δ: towards the other pattern
-    within a population     δ sums up to 0 over its pendula, and the support does not feel it: N − 1 times the same
+    within a population     δ sums up to 0 over its pendula, without force on the support: N − 1 times the same
 
 Without that symmetry own and other are one sector, "common".  The pattern is one oscillation, so that all modes turn
 with one rate Ω here (`nonlinear.averaging.equations`): the averaged equations are harmonic balance, and their growth

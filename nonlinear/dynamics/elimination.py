@@ -268,7 +268,7 @@ class Linked:
         self.solutions: list[tuple[Any, Floats]] = []
 
     def project_on_carrier(self, columns: Any, slopes: Sequence[Any], bias: tuple[Any, Any], move_alike: bool) -> Any:
-        """The inertia (lower half) and the force on each coordinate of what carries the pendula in these columns."""
+        """The inertia (lower half) and the force on each coordinate of the supports of the pendula in these columns."""
         body, theta, squares = self.body, self.angles[columns], self.squared[columns]
         sin, cos = np.sin(theta[:, 0]), np.cos(theta[:, 0])
         tops = np.array([(cos * x - sin * z, sin * x + cos * z) for x, z in (bias, *slopes)])

@@ -50,8 +50,8 @@ class Form:
     `constant_count` how many constants of what is prescribed and of `loops` are numbers, None without any; equations
     have a load where `has_load`, `works` ones the work; `contacts` are the coordinates below and above each contact
     with dry friction, none where that is omitted, and on a rail that `presses` it has a coefficient; `spatial` ones
-    have three numbers a link. `structure` is the shape of what carries the pendula (`shape_of`), `joint_laws` that of
-    the joint laws.
+    have three numbers a link. `structure` is the shape of the supports of the pendula (`shape_of`), `joint_laws` that
+    of the joint laws.
     """
 
     chains: tuple[tuple[Table, Table, bool], ...]

@@ -155,7 +155,7 @@ class Lanes:
 
     @property
     def size(self) -> int:
-        """Length of y, with v where there is one."""
+        """Length of y, with v if there is one."""
         return self.layout.size * (1 + self.tangent)
 
     @cached_property

@@ -94,7 +94,7 @@ class BifurcationDiagram(Drawable, Result):
         }
 
     def records(self) -> Iterator[dict[str, Any]]:
-        """A row for each strobe: the value, after how many periods the motion repeats, the time and the state."""
+        """A row for each sample: the value, after how many periods the motion repeats, the time and the state."""
         repeats = self.repeats.tolist()
         for k, (value, times) in enumerate(zip(self.variation.values, self.times.tolist(), strict=True)):
             if k not in self.reasons:
@@ -252,5 +252,5 @@ def _strobed(
 
 @checked
 def bifurcation_table(shown: BifurcationDiagram, form: Form) -> str:
-    """As text, csv (one line a strobe) or json, the `form`."""
+    """As text, csv (one line per sample) or json, the `form`."""
     return shown.report(form)

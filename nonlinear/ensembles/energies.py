@@ -29,7 +29,7 @@ class Accounts:
         return every._replace(cart_kinetic=every.cart_kinetic + none, cart_potential=every.cart_potential + none)
 
     def coasting(self, y: Floats) -> Floats | float:
-        """The speed (m/s) with which the centre of mass of a free cart and all that hangs there goes on for ever."""
+        """The speed (m/s) with which the centre of mass of a free cart and all that hangs there goes on forever."""
         system = self.numbers.arrays
         cart = system.cart
         if cart is None or not system.coasts:

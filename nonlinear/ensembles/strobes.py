@@ -97,7 +97,7 @@ class StroboscopicSection(EnsembleResult):
 
     @property
     def states(self) -> list[Floats]:
-        """Angles of links and their rates, (S, K, L), place and speed of the cart, (S, K), at the strobes.
+        """Angles of links and their rates, (S, K, L), place and speed of the cart, (S, K), at the stroboscopic samples.
 
         On a structure its coordinates and their rates, (S, K, d), follow.
         """
@@ -126,7 +126,7 @@ class StroboscopicSection(EnsembleResult):
         }
 
     def records(self) -> Iterator[dict[str, Any]]:
-        """A row for each strobe: which motion from 1, the time, angles, rates and the cart."""
+        """A row for each sample: which motion from 1, the time, angles, rates and the cart."""
         times, states = self.times.tolist(), self.states
         for motion in range(self.ensemble.size):
             of_motion = state_records(self.system, [part[motion] for part in states])
@@ -226,7 +226,7 @@ def validate_strobes(*, phase_deg: float, spread_deg: float = 0.0, settle: float
 
 @checked
 def strobes_table(section: StroboscopicSection, form: Form) -> str:
-    """As text, csv (one line a strobe) or json, the `form`."""
+    """As text, csv (one line per sample) or json, the `form`."""
     return section.report(form)
 
 

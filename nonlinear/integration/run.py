@@ -281,7 +281,7 @@ def _stepper(
 
 
 def _slope(equations: Equations, time: float, y: Floats) -> Floats:
-    """The derivative at the start, (size,), checked to be finite: else integrators would seek a first step for ever."""
+    """The derivative at the start, (size,), checked to be finite: else integrators would seek a first step forever."""
     with np.errstate(all="ignore"):
         slope = equations.derivative(time, y)
     if not np.all(np.isfinite(slope)):

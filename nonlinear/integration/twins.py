@@ -1,8 +1,8 @@
 """Perturbed runs ("twins"): the same scene from a slightly different start, which breaks any symmetry.
 
-Equal pendula with equal starts pull the cart alike for ever, in numbers as in theory, and so do mirror images; where
-such motion is unstable real pendula part, and two runs that share the symmetry agree for longer than they are right.  A
-twin does not share it.  Of pendula that move as one only the first is perturbed: how fast it departs from the others
+Equal pendula with equal starts pull the cart alike forever, in numbers as in theory, and so do mirror images; where
+such motion is unstable real pendula part, and two runs that share the symmetry agree for longer than they are right. A
+twin does not share it. Of pendula that move as one only the first is perturbed: how fast it departs from the others
 does not depend on their number, and the twin needs at most two pendula of each kind.
 """
 

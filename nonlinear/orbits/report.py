@@ -135,7 +135,7 @@ def _parts(branches: Sequence[Branch], linear: float | None) -> Iterator[str]:
 
 
 def _quantities(branch: Branch, linear: float | None) -> Iterator[ReportColumn]:
-    """What the text tells of an orbit."""
+    """Return the text on an orbit."""
     if branch.variation:
         place = f"{branch.variation.path} ({branch.variation.unit or '–'})"
         yield ReportColumn(partial(_parameter, branch), None, place, ".6g")

@@ -155,7 +155,7 @@ def _crossing(text: str) -> str:
 
 
 def spread_figure(spread: Spread) -> Figure:
-    """The deviation of every frequency with what explains it, and above it bands of the motion where there is one."""
+    """The deviation of every frequency with what explains it, and above it bands of the motion if there is one."""
     motion = spread.ensemble is not None
     figure = sheet_of_rows(1 + motion)
     panels = np.atleast_1d(figure.subplots(1 + motion, 1))

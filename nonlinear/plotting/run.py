@@ -182,7 +182,7 @@ def _draw_carriers(axis: Axes, trajectory: Trajectory, title: str, label: str, c
 
 
 def _carrier(axis: Axes, times: Floats, values: Floats, name: str) -> bool:
-    """The curve of what carries the pendula, in ink; whether it is a band."""
+    """The curve of the supports of the pendula, in ink; whether it is a band."""
     return draw_curves(axis, [(times, values)], names=[name], bands=True, color=ink(), lw=1.2)
 
 

@@ -174,7 +174,7 @@ def _links(trajectory: Trajectory, pendulum: int) -> tuple[AnyLink, ...]:
 
 
 def energies_of(trajectory: Trajectory, at: Floats) -> FilmEnergies:
-    """The energies of the drawn pendula, then of what carries them, and of everything, at the times `at` (F,) in s."""
+    """The energies of the drawn pendula, then of their supports, and of everything, at the times `at` (F,) in s."""
     rows = max(1, ANGLES_AT_ONCE // trajectory.system.n_links)
     parts = [_energies(trajectory, at[first : first + rows]) for first in range(0, len(at), rows)]
     kinetic, potential = (np.concatenate([part[k] for part in parts]) for k in (0, 1))

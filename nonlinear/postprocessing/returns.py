@@ -159,7 +159,7 @@ def clustered(strobes: Floats, period: Ints, turns: Ints, gap: float = ATTRACTOR
 
 
 def _apart(strobes: Floats, other: Floats, links: int) -> Floats:
-    """The largest difference between strobes (S, p, D) and (p, D), angles modulo full turns, (S,)."""
+    """The largest difference between stroboscopic samples (S, p, D) and (p, D), angles modulo full turns, (S,)."""
     change = strobes - other
     change[..., :links] -= 2 * np.pi * np.round(change[..., :links] / (2 * np.pi))
     return np.asarray(np.abs(change).max((1, 2)))

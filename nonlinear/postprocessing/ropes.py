@@ -125,7 +125,7 @@ def pushing_links(trajectory: Trajectory) -> tuple[PushingLink, ...]:
 
 @checked
 def slack_words(trajectory: Trajectory) -> list[str]:
-    """A sentence for each link that pushes; why it cannot be told, where there are ropes and it cannot."""
+    """A sentence for each link that pushes; why it cannot be decided, where there are ropes and it cannot."""
     try:
         return words_of(pushing_links(trajectory), trajectory.scene)
     except ComputationError as error:

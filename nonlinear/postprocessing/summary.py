@@ -83,7 +83,7 @@ def _lines(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
 
 
 def _ropes(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
-    """Which links of bobs push, where that can be told."""
+    """Which links of bobs push, if that can be decided."""
     for number, words in enumerate(slack_words(trajectory)):
         yield ("" if number else "ropes"), words
 

@@ -158,7 +158,7 @@ class Survival(Displayed):
     def beating(self) -> tuple[int, ...]:
         """Places of the rows, strongest first, that share the energy steadily with frequencies of their own; else ().
 
-        A motion of several frequencies, as of pendula that beat for ever: no mode survives, and none is lost.
+        A motion of several frequencies, as of pendula that beat forever: no mode survives, and none is lost.
         """
         quarters = np.array_split(self.share, 4)
         earlier, late = (quarter.mean(axis=0) for quarter in quarters[2:])

@@ -73,7 +73,7 @@ def initial_state(scene: Scene) -> State:
 
 
 def _on_supports(scene: Scene, state: State) -> State:
-    """The same state with what carries the pendula where it starts."""
+    """The same state with the supports at their starts."""
     if not scene.is_structured:
         (start,) = (getattr(support, "start", None) for support in scene.supports)
         return state if start is None else replace(state, cart=start.displacement, cart_rate=start.rate)

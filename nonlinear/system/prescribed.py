@@ -1,6 +1,6 @@
 """Prescribed functions of time: forces on points of a scene, and the motion of a support.
 
-The scene is described in the frame of its support, which accelerates with it.  There every mass m feels, besides
+The scene is described in the frame of its support, which accelerates with it.  There every mass m has, besides
 gravity, the force −m a; positions in the laboratory are those in the frame plus the support's displacement.  Vectors
 have the components (along the rail, down), in space (along, across, down).
 """

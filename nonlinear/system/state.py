@@ -219,7 +219,7 @@ class Layout:
         return np.hstack([head, links, rate, rates, *[motion.work[:, None]] * self.works])
 
     def carrier_coordinates(self, motion: Motion) -> tuple[Floats, Floats]:
-        """The coordinates of what carries the pendula, and their rates, (T, first) each."""
+        """The coordinates of the supports of the pendula, and their rates, (T, first) each."""
         if self.is_structured:
             return motion.supports, motion.support_rates
         return motion.cart[:, None][:, : self.first], motion.cart_rate[:, None][:, : self.first]

@@ -254,13 +254,13 @@ class Rail(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class System(Displayed):
-    """Gravity, what carries the pendula and the groups of these, in SI units.
+    """Gravity, the supports of the pendula and the groups of these, in SI units.
 
     `modal_damping` (n, n) is the D_modal of a plane scene's damping ratios in the coordinates (x, links), or None;
     `hoisting` the lengths that change in time, of which the groups hold the first; `support` the motion of a support
     that moves as prescribed, in whose frame the scene is then described; `rail` the dry friction on the rail; `forces`
-    act on points of links and on the cart. The `suspension` is what carries the pendula: of no coordinates on a fixed
-    support, of one on a cart, and where the scene `is_structured` any `structure`, of whose springs `slack` says which
+    act on points of links and on the cart. The `suspension` holds the supports of the pendula: no coordinates for a
+    fixed support, one for a cart, and if the scene `is_structured` any `structure`, of whose springs `slack` says which
     have no length as drawn. `loops` of feedback act like forces, by what they measure.
 
     >>> from modal import load
@@ -349,7 +349,7 @@ class System(Displayed):
 
     @cached_property
     def total_mass(self) -> float:
-        """Total mass of all links and of what carries them, modal carriers excepted (kg)."""
+        """Total mass of all links and of their supports, modal carriers excepted (kg)."""
         return float(self.mass.sum()) + sum(float(carrier.mass) for carrier in self.suspension.carriers)
 
     @cached_property

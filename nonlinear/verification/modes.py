@@ -49,8 +49,8 @@ FREQUENCY_ERROR_MAX = 1e-3
 class Measurement:
     """One run: the largest angle at release and its effective value (rad), and the measured frequency.
 
-    `omega` in rad/s with its relative `error`, `shift` ω(a)/ω − 1 from the table, `outside` the largest fraction of
-    the energy found in other modes; `pushing` are the links of bobs that push, where that can be told.
+    `omega` in rad/s with its relative `error`, `shift` ω(a)/ω − 1 from the table, `outside` the largest fraction of the
+    energy found in other modes; `pushing` are the links of bobs that push, if that can be decided.
     """
 
     amplitude: float
@@ -99,7 +99,7 @@ def measure_mode(modes: Modes, number: int, amplitude: float, periods: float = 4
 
 
 def pushing_in(trajectory: Trajectory) -> tuple[PushingLink, ...]:
-    """The links of bobs that push in a run; none where that cannot be told."""
+    """The links of bobs that push in a run; none where that cannot be decided."""
     try:
         return pushing_links(trajectory)
     except ComputationError:
