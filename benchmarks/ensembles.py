@@ -242,12 +242,12 @@ HEAD = """# Benchmarks of ensembles
 `OPENBLAS_NUM_THREADS=1 python benchmarks/ensembles.py --map --write`, one run;
 {versions}.
 
-Members that start at rest from random angles within ±1 rad, for {duration:g} s. Rates are members a second of one
-thread, by the time of its processor, which other work on the machine disturbs least. Errors are of the largest angle at
-the end. All of ours are at a tolerance of {tolerance:g} and have their certificates: the energy drift, an estimate of
-the error and the horizon of every member. The rivals have closed formulas of these two scenes with the numbers written
-in, and no certificate; ours take any plane scene, its numbers being arguments. "recursion" leaves out the closed
-formulas of chains of up to six links.
+Members start at rest from random angles within ±1 rad and run for {duration:g} s. Rates are members per second of
+processor time on one thread, which other work on the machine disturbs least. Errors are those of the largest angle at
+the end. Our methods use a tolerance of {tolerance:g} and report the energy drift, an error estimate and the
+predictability horizon of every member. The other programs use closed formulas for these two scenes with fixed numbers
+and report no errors; our methods take any plane scene, with its parameters as arguments. "recursion" omits the
+closed formulas of chains of up to six links.
 """
 
 

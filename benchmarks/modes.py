@@ -376,10 +376,10 @@ def page(
 
 `OPENBLAS_NUM_THREADS=1 python benchmarks/modes.py --write`, one run on {os.cpu_count()} cores; {versions};
 OPENBLAS_NUM_THREADS {threads}. CPU time of whole calls, from a scene to its frequencies: with every digit and to a
-relative error of 1e-8. The rival, "eigh", is the best that NumPy and SciPy do: A and b by arrays, scaled, the free cart
-taken out, `scipy.linalg.eigh` for eigenvalues alone; its time begins at arrays of numbers. Ratios are medians over
-{ROUNDS} rounds in which each has its turn. MB is the peak of arrays during the call. Errors are upper bounds for the
-worst of {SAMPLED} modes, by counts in many digits.
+relative error of 1e-8. The comparison, "eigh", is the best that NumPy and SciPy offer: A and b as scaled arrays, the
+free cart eliminated, and `scipy.linalg.eigh` for the eigenvalues alone; its time starts from arrays of numbers. Ratios
+are medians over {ROUNDS} rounds in which the methods alternate. MB is the peak memory of arrays during the call. Errors
+are upper bounds for the worst of {SAMPLED} modes, by multiprecision eigenvalue counts.
 
 ## A chain of n equal rods on a cart of 100 kg
 
@@ -391,7 +391,7 @@ worst of {SAMPLED} modes, by counts in many digits.
 
 ## One scene of few rods on a cart
 
-`scipy.linalg.eigh(K, M)` is given the matrices; ours begins with a `Scene`. In brackets of headings: over eigh.
+`scipy.linalg.eigh(K, M)` is given the matrices; our functions start from a `Scene`. In brackets: the ratio to eigh.
 
 {markdown(("n", "eigh", "natural_frequencies", "natural_modes", "(frequencies)", "(modes)"), alone_rows)}
 
@@ -399,14 +399,14 @@ The first three modes of a thousand rods take {some[0]}, all of them {some[1]}.
 
 ## {SCENES:,} scenes of n different rods on a cart
 
-`natural_frequencies(scene, vary={{…}})` beside `np.linalg.eigvalsh` of a stack of matrices that is there already, and a
-list of scenes beside a loop over `eigh`; in brackets the time over the rival's.
+`natural_frequencies(scene, vary={{…}})` compared with `np.linalg.eigvalsh` for an existing stack of matrices, and a
+list of scenes compared with a loop over `eigh`; in brackets the ratio of the times.
 
 {markdown(("n", "eigvalsh of the stack", "every digit", "to 1e-8", "list, every digit", "error of eigvalsh"), together)}
 
-## What the project promises
+## Limits on computing time
 
-All frequencies, each scene in a process of its own; memory is what the computation added to it.
+All frequencies, each scene in a separate process; memory is the increase due to the computation.
 
 {markdown(("on one cart, or alone", "time", "memory", "at most"), costs)}
 

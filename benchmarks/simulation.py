@@ -206,32 +206,34 @@ def page(panels: Sequence[Panel], each: Sequence[Sequence[str]], choices: Sequen
     threads = os.environ.get("OPENBLAS_NUM_THREADS", "not set")
     scenes = "\n\n".join(
         f"### {panel.problem.name}, {panel.problem.duration:g} s\n\n"
-        f"Two reference routes differ by {panel.floor:.0e} rad; no error below that is claimed.\n\n{comparison(panel)}"
+        f"Two reference methods differ by {panel.floor:.0e} rad; no error below that is claimed.\n\n{comparison(panel)}"
         for panel in panels
     )
     return f"""# Benchmarks of the simulator
 
 `OPENBLAS_NUM_THREADS=1 python benchmarks/simulation.py --write`, one run on {os.cpu_count()} cores;
 {versions()};
-OPENBLAS_NUM_THREADS {threads}. Without it the dense rivals and the small dense solves start threads for matrices
-that are too small for them, and times scatter.
+OPENBLAS_NUM_THREADS {threads}. Without this setting the dense methods start threads for matrices that are too small to
+benefit, and the times scatter.
 
 ![Time against error for five scenes](../pictures/simulation-benchmark.png)
 
-Double rods of 1 m and 1 kg on a cart of {CART_A_PENDULUM:g} kg a pendulum, released straight from angles between
-90° and 45°, left and right in turn (two from ±90°, the paper's own start); chains of bobs of 1 kg every 1 m, released
-in a bow from 90° at the pivot to 45° at the tip. An error is the largest of all angles at the end. Times are seconds
-of the processor, which other work on the machine disturbs least: medians of {REPEATS} runs (one where it takes over
-{LONG:g} s), without preparing (building models and compiling). No finer setting follows a run of {TOO_LONG:g} s.
+Double rods of 1 m and 1 kg on a cart of {CART_A_PENDULUM:g} kg per pendulum, released straight from angles between 90°
+and 45°, alternately to the left and right (two from ±90°, the start of the paper); chains of bobs of 1 kg every 1 m,
+released in an arc from 90° at the pivot to 45° at the tip. The error is the largest error of any angle at the end.
+Times are processor times, which other work on the machine disturbs least: medians of {REPEATS} runs (one where it takes
+over {LONG:g} s), without preparation (building models and compiling). No finer setting is run after one that takes
+{TOO_LONG:g} s.
 
-"dense" is the textbook: SciPy on the full mass matrix, solved by `numpy.linalg.solve` at every call. MuJoCo runs its
-own RK4, Pinocchio's `aba` stands under the classical Runge–Kutta method written in Python. "heyoka alone" has our
-expressions and goes to the end by itself; "numba alone" is the textbook under the classical Runge–Kutta method, all of
-it compiled.
+"dense" is the textbook method: SciPy with the full mass matrix, solved by `numpy.linalg.solve` at every call. MuJoCo
+uses its own RK4; Pinocchio's `aba` is integrated by the classical Runge–Kutta method written in Python. "heyoka alone"
+uses our expressions and goes to the end on its own; "numba alone" is the textbook method with the classical Runge–Kutta
+method, all compiled.
 
 ## At matched accuracy
 
-Straight between the settings on logarithmic axes; "-" where a route does not reach, or cannot be taken.
+Times are interpolated linearly between the settings on logarithmic axes; "-" if a method does not reach this error or
+does not apply.
 
 {overview(panels)}
 
@@ -243,7 +245,7 @@ The ratio is the time over that of "{DEFAULT}" (what a bare install takes) at th
 
 {scenes}
 
-## Cost a link
+## Cost per link
 
 Chains of rods and double pendula on a cart; DOP853 at 1e-6 for one second.
 
@@ -251,9 +253,9 @@ Chains of rods and double pendula on a cart; DOP853 at 1e-6 for one second.
 
 ## What `auto` chooses
 
-Whole calls of `simulate` in processes of their own, imports of compilers and compiling included; numba's cache on
-disk is filled, for it serves every scene, heyoka's is off, for it serves only the same scene again. The ratio is `auto`
-over the best of the three.
+Complete calls of `simulate` in separate processes, including the import of compilers and compiling; numba's disk cache
+is filled, because it serves every scene, and heyoka's is off, because it serves only the same scene again. The ratio is
+the time of `auto` over that of the best of the three.
 
 {markdown(("run", "auto takes", "time", *FORCED, "ratio"), choices)}
 """

@@ -224,22 +224,23 @@ def page(lengths: Sequence[int], costs: Costs, limit: float) -> str:
     return f"""# Symbols beside SymPy's mechanics
 
 `python benchmarks/symbolic.py --write`, one run on {os.cpu_count()} cores; Python {platform.python_version()},
-SymPy {sp.__version__}. One chain of n bobs on a free cart, all masses and lengths different symbols. The rival is
-`sympy.physics.mechanics.models.n_link_pendulum_on_cart` about its hanging rest (angles of π there). Operations are
-`count_ops` after `cse`; times run from nothing but imports to the matrices, and on to the polynomial. Each route has a
-process of its own and {limit:g} s for everything, imports and counting included ("not counted": derived, but the count
-did not finish). All that finish give the same frequencies at one set of numbers, checked to 1e-9.
+SymPy {sp.__version__}. The scene is one chain of n bobs on a free cart, with a different symbol for every mass and
+length. The comparison is `sympy.physics.mechanics.models.n_link_pendulum_on_cart` about its hanging equilibrium (angles
+of π there). Operations are `count_ops` after `cse`; times run from the end of the imports to the matrices, and on to
+the polynomial. Each method has a separate process and {limit:g} s for everything, imports and counting included ("not
+counted": derived, but the count did not finish). All methods that finish give the same frequencies for one set of
+numbers, checked to 1e-9.
 
 ## Matrices
 
-`to_linearizer` gives M y' = A y, `linearize` solves for y' = A y, with `simplify=True` or without.
+`to_linearizer` gives M y' = A y; `linearize` solves for y' = A y, with or without `simplify=True`.
 
 {table("matrices", lengths, costs, limit)}
 
 ## Characteristic polynomials
 
-Ours is that of the n modes that move, in x = ω², coefficients factored; SymPy's, in s = iω, holds s² for the
-translation as well.
+Our polynomial is that of the n oscillating modes, in x = ω², with factored coefficients; SymPy's, in s = iω, also
+contains s² for the translation.
 
 {table("polynomial", lengths, costs, limit)}
 """

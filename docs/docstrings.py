@@ -32,9 +32,10 @@ ARRAYS = {"float64": "Floats", "int64": "Ints", "bool": "Booleans"}
 INDENT = 4
 LONG = 8
 HEADING = re.compile(r"^(Parameters|Returns|Raises|Notes|Examples)$")
-RAISES = re.compile(r"\bRaises (.+?)(?:\.(?=\s|$)|$)")
+RAISES = re.compile(r"\bRaise(?:s|(?= [A-Z]\w*Error| the errors| what)) (.+?)(?:\.(?=\s|$)|$)")
 CLAUSE = re.compile(
-    r"(?:[;,]| and) ((?:[A-Z]\w*Error) (?:for|where|if|that|says|names|unless|beyond) [^;]*?)(?=[;.](?:\s|$)|$)"
+    r"(?:[;,]| and) (?:raises? )?((?:[A-Z]\w*Error) (?:for|where|if|with|as|that|says|names|unless|beyond) [^;]*?)"
+    r"(?=[;.](?:\s|$)|$)"
 )
 NEXT_ERROR = re.compile(r"(?:, and |, | and )(?=[A-Z]\w*Error\b)")
 SENTENCE = re.compile(r"(?<=[.!?])\s+(?=[A-Z`(])")

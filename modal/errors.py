@@ -25,7 +25,7 @@ def _first_letters(quotation: re.Match[str]) -> str:
 
 
 class MultipendulaError(Exception):
-    """Base of every error raised on purpose; whatever its message quotes is escaped, and safe on a terminal.
+    """Base class of all errors raised on purpose; quoted text in its message is escaped and safe on a terminal.
 
     >>> from modal import MultipendulaError, load
     >>> try:
@@ -41,7 +41,7 @@ class MultipendulaError(Exception):
 
 
 class SceneError(MultipendulaError, ValueError):
-    """A scene that cannot be used: `problems` lists its mistakes with their places, the message the first ones.
+    """A scene that cannot be used: `problems` lists all mistakes with their places, the message shows the first ones.
 
     >>> from modal import Bob, SceneError
     >>> try:
@@ -62,14 +62,14 @@ class SceneError(MultipendulaError, ValueError):
 
 
 def refuse_any(problems: Iterable[str]) -> None:
-    """SceneError with these mistakes, if there are any."""
+    """Raise SceneError with these mistakes, if there are any."""
     if mistakes := [*problems]:
         raise SceneError(mistakes)
 
 
 @contextmanager
 def gathered(problems: list[str]) -> Iterator[None]:
-    """The mistakes of a SceneError inside go to the others, so that the next are looked for."""
+    """Collect the mistakes of a SceneError raised in the block, so that further mistakes are found."""
     try:
         yield
     except SceneError as error:
@@ -77,7 +77,7 @@ def gathered(problems: list[str]) -> Iterator[None]:
 
 
 class ComputationError(MultipendulaError, ArithmeticError):
-    """A valid scene whose answer exceeds double precision or this machine's memory.
+    """A valid scene whose result exceeds double precision or the memory of this machine.
 
     >>> from modal import ComputationError, load, matrices
     >>> scene = load("rope")
@@ -103,7 +103,7 @@ class MissingExtraError(MultipendulaError, ImportError):
 
 
 class ExtensionError(MultipendulaError):
-    """An extension that raises, returns another shape than it must, or is none; the message has its name and package.
+    """An invalid extension, or one that raises or returns a wrong shape; the message has its name and package.
 
     >>> from modal import Bob
     >>> from modal.errors import ExtensionError
@@ -117,7 +117,7 @@ class ExtensionError(MultipendulaError):
 
 
 def installing(extra: str) -> str:
-    """How an extra is installed: from a clone, as long as no package index has it.
+    """Return how to install an extra: from a clone, as long as no package index has it.
 
     >>> installing("fast")
     'pip install ".[fast]" in a clone of multipendula'
@@ -126,7 +126,7 @@ def installing(extra: str) -> str:
 
 
 def first_of(problems: Iterator[str], count: int) -> Iterator[str]:
-    """The first of `count` mistakes, then the number of others; a single other one is listed, not counted."""
+    """Return the first of `count` mistakes and the number of others; a single other one is listed, not counted."""
     yield from islice(problems, MISTAKES_LISTED_MAX)
     if count > MISTAKES_LISTED_MAX + 1:
         yield f"and {count - MISTAKES_LISTED_MAX} more mistakes"
@@ -135,7 +135,7 @@ def first_of(problems: Iterator[str], count: int) -> Iterator[str]:
 
 
 def spelling_hint(word: str, words: Iterable[str], limit: int = 1, cutoff: float = 0.6) -> str:
-    """A suggestion for a mistyped word, ` (did you mean …?)`, or nothing if no known word is similar.
+    """Return a suggestion for a mistyped word, ` (did you mean …?)`, or "" if no known word is similar.
 
     >>> spelling_hint("lenght", ["mass", "length"])
     ' (did you mean length?)'

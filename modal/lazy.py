@@ -14,10 +14,10 @@ IMPORT = re.compile(r"^    from (\S+) import (\([^)]*\)|.*)", re.MULTILINE)
 
 
 def lazy_attributes(package: str) -> Callable[[str], Any]:
-    """The `__getattr__` of a package: it loads a name from the module of which type checkers are told to import it.
+    """Return the `__getattr__` of a package, which loads a name from the module that type checkers import it from.
 
-    It has the names in `__all__`, others from its own modules, which need SciPy and which `import *` leaves out, and
-    these modules.  `dir` shows all these names.
+    It covers the names in `__all__`, further names of modules that need SciPy and that `import *` omits, and these
+    modules. `dir` shows all these names.
     """
 
     def find(name: str) -> Any:

@@ -1,4 +1,4 @@
-"""Warnings about another distribution that is called `modal`, whose package overwrites this one."""
+"""Warnings about another distribution called `modal`, whose package overwrites this one."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def warn_about_namesake(search: Iterable[str] | None = None) -> None:
 
 
 def require_own_package() -> None:
-    """ImportError with the way out unless the source of the package `modal` that is imported is multipendula's."""
+    """Raise ImportError, with the remedy, unless the imported package `modal` is that of multipendula."""
     package = sys.modules["modal"]
     spec = package.__spec__
     read_data = getattr(spec and spec.loader, "get_data", None)

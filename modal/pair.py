@@ -1,4 +1,4 @@
-"""The pair (A, b): the only module that knows masses and lengths.
+"""Reduced inertia matrices A and b: the only module that uses masses and lengths directly.
 
 With u_i the unit direction of link i (in the plane or in space), e_x along the rail and e_z down,
 
@@ -20,7 +20,7 @@ Scalars = Sequence[Any] | NDArray[Any]
 def proportions(kind: str, m: Any, l: Any) -> tuple[Any, Any]:
     """Centre and moment of inertia of a bob (c = l, I = 0) or a uniform rod (c = l/2, I = m l²/12).
 
-    The centre scales with l and the inertia with m l² for every kind here; KeyError for another.
+    The centre scales with l and the inertia with m l² for every kind here; raise KeyError for another.
     """
     return PROPORTIONS[kind](m, l)
 
@@ -40,12 +40,12 @@ def masses_below(mass: Scalars) -> list[Any]:
 
 
 def first_moments(mass: Scalars, length: Scalars, centre: Scalars) -> list[Any]:
-    """b_i (kg m): K_ii = g b_i, and the cart feels b_i θ_i''."""
+    """b_i (kg m): K_ii = g b_i, and b_i θ_i'' is the reaction on the cart."""
     return list(map(first_moment, mass, length, centre, masses_below(mass)))
 
 
 def first_moment(m: Any, l: Any, c: Any, mass_below: Any) -> Any:
-    """The b of a link with a mass `mass_below` it, or of as many as the arrays hold."""
+    """Return b of a link with the mass `mass_below` below it, elementwise for arrays."""
     return m * c + l * mass_below
 
 
@@ -55,12 +55,12 @@ def second_moments(mass: Scalars, length: Scalars, centre: Scalars, inertia: Sca
 
 
 def second_moment(m: Any, l: Any, c: Any, I: Any, mass_below: Any) -> Any:
-    """A_ii of a link with a mass `mass_below` it, or of as many as the arrays hold."""
+    """Return A_ii of a link with the mass `mass_below` below it, elementwise for arrays."""
     return I + m * c * c + l * l * mass_below
 
 
 def inertia_matrix(mass: Scalars, length: Scalars, centre: Scalars, inertia: Scalars) -> list[list[Any]]:
-    """The whole A (kg m²) as nested lists; a chain itself needs only l, b and the diagonal."""
+    """Return the full A (kg m²) as nested lists; the recursion along a chain needs only l, b and the diagonal."""
     b = first_moments(mass, length, centre)
     diagonal = second_moments(mass, length, centre, inertia)
     return [
@@ -93,9 +93,9 @@ def constants(mass: Scalars, length: Scalars, centre: Scalars, inertia: Scalars,
 
 
 def link_constants(m: Any, l: Any, c: Any, I: Any, mass_below: Any, gravity: Any = 1) -> Constants:
-    """The constants of a link with a mass `mass_below` it, or of as many as the arrays hold.
+    """Return the constants of a link with the mass `mass_below` below it, elementwise for arrays.
 
-    l − c is computed before the division: a centre next to a joint keeps every digit.
+    l − c is computed before the division, so a centre next to a joint keeps every digit.
     """
     s, rest, J = c / l, (l - c) / l, I / l / l
     return Constants(
@@ -111,5 +111,5 @@ def link_constants(m: Any, l: Any, c: Any, I: Any, mass_below: Any, gravity: Any
 
 
 def standing(links: Sequence[Constants], sigma: Scalars) -> list[Constants]:
-    """In the coordinates σ_i θ_i an inverted link (σ_i = −1) has −k for k, and all else is as for a hanging one."""
+    """Return the constants in the coordinates σ_i θ_i: an inverted link (σ_i = −1) has −k, all else as if hanging."""
     return [link._replace(k=sign * link.k) for link, sign in zip(links, sigma, strict=True)]

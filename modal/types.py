@@ -1,4 +1,4 @@
-"""Type aliases of arrays of one kind of number, of any shape, their rounding, and who computes many things."""
+"""Type aliases of arrays of any shape, their rounding unit, and executors of parallel work."""
 
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Protocol, TypeVar
@@ -29,13 +29,13 @@ R = TypeVar("R")
 
 
 class Crew(Protocol):
-    """Who computes many things that do not depend on each other: any `concurrent.futures.Executor`."""
+    """An executor of independent tasks: any `concurrent.futures.Executor`."""
 
     def map(self, function: Callable[..., R], /, *things: Iterable[Any]) -> Iterator[R]:
-        """What the function makes of each, in their order."""
+        """Return the function's results in the order of the arguments."""
         ...
 
 
 def map_by_crew(function: Callable[[T], R], things: Iterable[T], crew: Crew | None) -> Iterator[R]:
-    """What the function makes of each of these things, in their order, by a crew or one after the other here."""
+    """Return the function's results in order, computed by an executor or one after the other in this process."""
     return map(function, things) if crew is None else crew.map(function, things)

@@ -1,4 +1,4 @@
-"""Check a proof that each natural frequency of a scene is within the error printed beside it.
+"""Check a proof that each natural frequency of a scene is within the error printed next to it.
 
     python check_proof.py SCENE.toml TABLE.json PROOF.json
 
@@ -39,15 +39,15 @@ Data = dict[str, Any]
 
 
 class UnreadableError(ValueError):
-    """What a file has that this checker does not know; nothing is proved then."""
+    """Unknown content of a file; nothing is proved then."""
 
 
 class NotProvedError(Exception):
-    """Why a row is not proved."""
+    """The reason why a row is not proved."""
 
 
 class Sums:
-    """M, K and D, row by row, of what moves together; so many `times` over."""
+    """M, K and D, row by row, of coupled coordinates, with a multiplicity `times`."""
 
     def __init__(self, times: int) -> None:
         self.times, self.p = times, list[Q]()
@@ -79,7 +79,7 @@ def combine(*terms: tuple[Q | int, Row]) -> Row:
 def part(data: Data, where: str, known: Data, unused: str = "") -> Data:
     """A table of a file, its numbers as fractions; no frequency depends on its `unused` keys.
 
-    Those `known` have their defaults, None where there must be something.
+    Those `known` have their defaults, None if there must be something.
     """
     for key in {**known, **data}:
         if key not in known and key not in unused.split():
@@ -94,7 +94,7 @@ def part(data: Data, where: str, known: Data, unused: str = "") -> Data:
 
 
 class Point(NamedTuple):
-    """How a point moves along and down, how that turns which it is on, and where it is drawn."""
+    """A point: displacements along and down, rotation of its body, and position as drawn."""
 
     along: Row
     down: Row
@@ -373,7 +373,7 @@ class Verdict(NamedTuple):
 
 
 def judge(row: Data, claim: Data, blocks: list[Sums], bits: int) -> Verdict:
-    """Whether what the proof claims for a row of the table proves it."""
+    """Judge whether the claims of the proof prove a row of the table."""
     try:
         if not {"counts", "roots"} & claim.keys():
             raise NotProvedError(claim.get("why", "the proof leaves it out"))
@@ -472,7 +472,7 @@ def check(scene: Data, table: Data, proof: Data) -> list[Verdict]:
 
 
 def main(arguments: list[str]) -> int:
-    """0 where all is proved, 1 where not, 2 for files that it cannot read."""
+    """Return 0 if all rows are proved, 1 if not, 2 for files that it cannot use."""
     if len(arguments) != 3:
         print("usage: python check_proof.py SCENE.toml TABLE.json PROOF.json", file=sys.stderr)
         return 2

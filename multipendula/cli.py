@@ -246,7 +246,7 @@ def _channels(options: argparse.Namespace) -> Iterator[None]:
 
 
 def _limit(options: argparse.Namespace) -> TableLimit | None:
-    """How much of a table a terminal shows: all where a format, rows or columns were asked for."""
+    """How much of a table a terminal shows: all where a format, rows or columns were requested."""
     from modal.report import TABLE_ROWS, TableLimit
 
     chosen = ("format_asked", "modes", "columns", "places")
@@ -264,7 +264,7 @@ def _long(action: argparse.Action) -> str:
 def _reported(options: argparse.Namespace) -> Iterator[None]:
     """Write the text to the file of -o instead, where a name that could be a figure's ends in a format of text.
 
-    The name sets the format; SceneError where --format is that of another name, but .txt takes all.
+    The name sets the format; raise SceneError if --format is that of another name, but .txt takes all.
     """
     place = next((action.dest for action in options.page._actions if "-o" in action.option_strings), "")
     name = getattr(options, place, None) or ""

@@ -151,7 +151,7 @@ def _formats_by_ending(names: Sequence[str]) -> dict[str, str]:
 
 
 def text_file(*names: str, kind: str = "", drawn: bool = False, more: Sequence[str] = ()) -> tuple[Option, ...]:
-    """The format of what is printed, and a file for it, in the format that its name ends in unless one is asked for.
+    """The format of what is printed, and a file for it, in the format that its name ends in unless one is requested.
 
     Text of one format alone is a file of this `kind`, or of any.  A figure may be `drawn` there instead
     (`shared.picture_in_place`), also in `more` formats.
@@ -177,7 +177,7 @@ def report_file(*names: str) -> tuple[Takes, ...]:
 
 
 def picture_file(what: str = "") -> tuple[Takes, ...]:
-    """A file for a figure beside the main result, and its colours."""
+    """A file for a figure next to the main result, and its colours."""
     return (f"--picture{what and ': '}{what}", THEME)
 
 
@@ -233,7 +233,7 @@ def misfits(options: argparse.Namespace, why: str, *flags: str) -> list[str]:
 
 
 def refuse(options: argparse.Namespace, why: str, *flags: str) -> None:
-    """SceneError for those of these options that have another value than their default."""
+    """Raise SceneError for those of these options that have another value than their default."""
     from modal.errors import refuse_any
 
     refuse_any(misfits(options, why, *flags))

@@ -3,8 +3,8 @@
     mp.sweep(scene, "support.mass=0.05:0.2:6", measure="beat")
 
 is the command `sweep` with these words, read and checked by its parser, and ends in the object that the command prints
-(or in its text, where that has no object or was asked for in a form of its own).  Nothing is printed; what the command
-says beside its result comes on standard error.
+(or in its text, where that has no object or was requested in a form of its own). Nothing is printed; what the command
+says next to its result comes on standard error.
 """
 
 from __future__ import annotations

@@ -66,7 +66,7 @@ class Repeated(argparse.Action):
 
 
 class Asked(argparse.Action):
-    """A format, and that it was asked for: then the ending of a file does not choose it."""
+    """A format, and that it was requested: then the ending of a file does not choose it."""
 
     def __call__(
         self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any, option_string: Any = None
@@ -96,7 +96,7 @@ def number(words: str, most: float = sys.float_info.max, least: float = 5e-324) 
 
 
 def integer(most: int, least: int = 1) -> Callable[[str], int]:
-    """A converter for whole numbers."""
+    """A converter for integers."""
 
     def converted(text: str) -> int:
         digits = text.isascii() and text.isdigit() and len(text) <= len(str(most))

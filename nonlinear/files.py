@@ -1,8 +1,8 @@
-"""Trajectories on disk: NPZ keeps every bit, CSV holds the same numbers for other programs.
+"""Trajectories on disk: NPZ stores every bit, CSV holds the same numbers for other programs.
 
-Both have a record in JSON: the scene, how the run was made, and its events.  That of a CSV stands beside it, in
+Both have a record in JSON: the scene, how the run was made, and its events. That of a CSV stands next to it, in
 FILE.csv.json, or as a comment on its first line, where files had it before; a column is named by its quantity, the
-pendulum and the link (both from 1) and its unit.  Both carry a checksum, and a file that has been altered is refused.
+pendulum and the link (both from 1) and its unit. Both carry a checksum, and a file that has been altered is refused.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ REDUCED = (TRUNCATED, LINEAR, CORRECTED)
 
 @checked
 def save(trajectory: Trajectory, path: str | os.PathLike[str]) -> None:
-    """Write a trajectory to a file, whole or not at all.
+    """Write a trajectory to a file, completely or not at all.
 
     Parameters
     ----------
@@ -146,12 +146,12 @@ def load(path: str | os.PathLike[str] | Trajectory) -> Trajectory:
 
 
 def checked_kind(path: str | os.PathLike[str]) -> str:
-    """The suffix of a file name, npz for standard output; SceneError for any other than .npz and .csv."""
+    """The suffix of a file name, npz for standard output; raise SceneError for any other than .npz and .csv."""
     return kind_of(path, KINDS)
 
 
 def write_csv(path: str | os.PathLike[str], header: dict[str, Any], rows: Iterable[Iterable[Any]]) -> None:
-    """Write the rows as a CSV file and the header beside it, both whole or not at all.
+    """Write the rows as a CSV file and the header next to it, both completely or not at all.
 
     The checksum in the header is that of the text in which the header is a comment before the rows.
     """
@@ -165,12 +165,12 @@ def write_csv(path: str | os.PathLike[str], header: dict[str, Any], rows: Iterab
 
 
 def record_of(path: str | os.PathLike[str]) -> str:
-    """The file beside a CSV that has its header."""
+    """The file next to a CSV that has its header."""
     return f"{os.fspath(path)}.json"
 
 
 def from_csv(path: str | os.PathLike[str]) -> tuple[dict[str, Any], str]:
-    """The header of a CSV file, from its first line or from the file beside it, and the text below it."""
+    """The header of a CSV file, from its first line or from the file next to it, and the text below it."""
     content = sealed.content(path)
     if not content.startswith(b"#"):
         if not os.path.exists(record_of(path)):
@@ -296,7 +296,7 @@ def _friction(record: dict[str, Any], system: System) -> Friction:
 
 
 def columns(trajectory: Trajectory) -> list[str]:
-    """The names of a CSV's columns, in order: time, links, their rates, the cart and the work, a moved support.
+    """The names of a CSV's columns, in order: time, links, their rates, the cart and the work, a moving support.
 
     There is no cart where none moves, and no work where nothing does any.  On a structure its coordinates and their
     rates stand in the place of the cart's, and the work is followed by extension and pull of every spring between

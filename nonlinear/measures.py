@@ -1,4 +1,4 @@
-"""The measures: what each is, in which columns, what it needs of a scene, and how it is computed.
+"""Measures: their meanings, columns, requirements and computation.
 
 Each is a class of `modal.extend.measures`, as a stranger writes one.  A sweep computes it of a scene, with what a
 `Portion` of scenes knows of it; an ensemble of members side by side, with their `Context`.
@@ -92,7 +92,7 @@ class Splitting(_OfModes):
 
 @register
 class BeatPeriod(_OfModes):
-    """The beat period 2π/Δω of a mode and the next; infinite where they pass no energy between pendula."""
+    """The beat period 2π/Δω of a mode and the next; infinite if they pass no energy between pendula."""
 
     name = "beat"
     words = f"the beat period of {NEXT}"
@@ -120,7 +120,7 @@ class LargestMultiplier(Measure):
         return dict(zip(self.columns, numbers, strict=True))
 
     def require(self, scene: Scene, seconds: float | None) -> None:
-        """SceneError for a support without such a motion."""
+        """Raise SceneError for a support without such a motion."""
         from modal.vibration import vertical_sine
 
         vertical_sine(scene)
@@ -210,7 +210,7 @@ class LargestExponent(Measure):
         return {"lyapunov_per_s": results.stretching / context.wanted.duration}
 
     def require(self, scene: Scene, seconds: float | None) -> None:
-        """SceneError where a scene has none, or not from so many seconds, 0 for its usual ones."""
+        """Raise SceneError if a scene has none, or not from so many seconds, 0 for its usual ones."""
         from modal.scene import require
         from nonlinear.chaos import validate_duration
 
@@ -241,7 +241,7 @@ class OrderParameter(Measure):
         return {"order": context.order(ending)}
 
     def require(self, scene: Scene, seconds: float | None) -> None:
-        """SceneError for changing lengths."""
+        """Raise SceneError for changing lengths."""
         super().require(scene, seconds)
         if scene.is_hoisted:
             raise SceneError(["measure order: needs constant lengths, since modes change with them"])
@@ -249,7 +249,7 @@ class OrderParameter(Measure):
 
 @register
 class MeanEnergies(Measure):
-    """The mean energies of the pendula and of what carries them."""
+    """The mean energies of the pendula and of their supports."""
 
     name = "pendulum_energy"
     words = "the mean energies over the last tenth of N seconds: of all pendula, of each, of what carries them"
@@ -305,7 +305,7 @@ class LockingTime(Measure):
 
 @register
 class EndingConfiguration(Measure):
-    """Which stable relative equilibrium the end is one of."""
+    """The stable relative equilibrium in which the run ends."""
 
     name = "configuration"
     words = "the steady oscillation of sync in which the motion ends after N seconds, by its number, 0 for none"
@@ -321,7 +321,7 @@ class EndingConfiguration(Measure):
         return {"configuration": context.configuration(ending)}
 
     def require(self, scene: Scene, seconds: float | None) -> None:
-        """SceneError for a scene that nothing drives, or without a theory."""
+        """Raise SceneError for a scene that nothing drives, or without a theory."""
         from nonlinear.ensembles.measures import configurations
 
         super().require(scene, seconds)
@@ -335,7 +335,7 @@ class EndingConfiguration(Measure):
 
 @register
 class EndingAttractor(Measure):
-    """Which periodic motion the end is one of; told apart among many starts, by `find_attractors`."""
+    """The periodic motion in which the run ends, as distinguished by `find_attractors` among many starts."""
 
     name = "attractor"
     words = "the periodic motion in which the motion ends after N seconds, by its number, 0 for none"
@@ -355,7 +355,7 @@ class EndingAttractor(Measure):
 
 @register
 class SectionStates(Measure):
-    """The states in which a section is crossed, which engines keep beside the columns."""
+    """The states in which a section is crossed, which engines keep next to the columns."""
 
     name = "section"
     words = "the states at which an angle or the cart passes a value, section:theta[1,1]>0"
@@ -367,5 +367,5 @@ class SectionStates(Measure):
     refused = dict.fromkeys(("sweep", "basins", "spread"), "crossings are states: the command section draws them")
 
     def of_members(self, context: Context, results: MemberResults, ending: Floats) -> Mapping[str, Floats]:
-        """None beside the crossings."""
+        """None next to the crossings."""
         return {}

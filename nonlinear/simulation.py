@@ -64,7 +64,7 @@ def simulate(
     before: Kicks = NO_KICKS,
     report: Report = silent,
 ) -> Trajectory:
-    """The motion of a scene over `duration` seconds at large angles.
+    """Simulate the motion of a scene over `duration` seconds at any angle.
 
     On Ctrl-C the part computed so far is returned, and `run.stopped` says how far it goes.
 
@@ -152,10 +152,10 @@ def advise(
     start_time: float = 0.0,
     **options: Any,
 ) -> Advice:
-    """The cheapest method by which no angle is off by more than `accuracy` (rad), and all attempts.
+    """Find the cheapest method with errors of at most `accuracy` (rad) in any angle, and list all attempts.
 
-    It is what `simulate` does with an accuracy, whose other arguments these are.  Raises SceneError for invalid
-    arguments, SimulationError where an integrator fails.
+    It is what `simulate` does with an accuracy, whose other arguments these are. Raise SceneError for invalid
+    arguments, SimulationError if an integrator fails.
     """
     return seek_accuracy(
         Goal(
@@ -174,7 +174,7 @@ def request_of(
     start_time: float,
     options: dict[str, Any],
 ) -> Request:
-    """The validated request of a run, by the arguments of `simulate`; SceneError lists every mistake."""
+    """The validated request of a run, by the arguments of `simulate`; raise SceneError with every mistake."""
     system, load = system_of(scene, options.pop("hoist", None)), options.get("load")
     validate(lambda: validate_load(load), lambda: validate_events(options.get("events", ())))
     pace_options = {name: options.pop(name, None) for name in ("breaks", "max_step")}

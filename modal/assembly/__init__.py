@@ -4,10 +4,10 @@ In: a `Scene`.  Out: `Rig`, arrays of pendula with equal ones counted once, and 
 
     M q'' + D q' + K q = 0,    q = (x, θ_1, …, θ_n)
 
-Every other room works on these arrays and never asks what kind a link is.  Start with `arrays`; `squares` are M, K and
-D as sums of squares in any arithmetic, `structure` puts them together for what carries pendula, a fixed support or a
-cart being the simplest; `stacks` are many scenes of one form, and one short chain in floats; `linearization` is the
-dense form for printing, for small problems and for tests.
+All other subpackages work on these arrays, independent of the kinds of links. Start with `arrays`; `squares` are M, K
+and D as sums of squares in any arithmetic, `structure` puts them together for the supports of the pendula, a fixed
+support or a cart being the simplest; `stacks` are many scenes of one form, and one short chain in floats;
+`linearization` is the dense form for printing, for small problems and for tests.
 """
 
 from typing import TYPE_CHECKING

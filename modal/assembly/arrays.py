@@ -1,4 +1,4 @@
-"""A scene as arrays: pendula with bitwise equal links are one column with a count.
+"""A scene as arrays: pendula with bitwise equal links are stored once, as one column with a count.
 
 Pendula are sorted into blocks by their number of links n; a block of P different chains has (n, P) arrays.
 The natural units of a rig are powers of two near its largest mass and length, with g = 1, so that rescaling
@@ -31,8 +31,8 @@ ONE = np.zeros(1, dtype=np.int64)
 class Block:
     """P different chains of n links: arrays of shape (n, P), top link first; `count` (P,) copies of each.
 
-    `sigma` is 1 where a link points down at equilibrium and −1 where it points up.  Under constant forces, `rest` is
-    the equilibrium that they move the links to, arrays of the same shape; None where all hang or stand straight.
+    `sigma` is 1 where a link points down at equilibrium and −1 where it points up. Under constant forces `rest` is the
+    displaced equilibrium, arrays of the same shape; None if all links are vertical.
     """
 
     mass: Floats
@@ -67,7 +67,7 @@ class Block:
 
     @cached_property
     def is_damped(self) -> bool:
-        """Whether there are dampers, drag or loops of feedback."""
+        """Whether there are dampers, drag or feedback loops."""
         return bool(self.damping.any() or self.drag.any())
 
     @cached_property
@@ -92,22 +92,22 @@ class Block:
 
     @cached_property
     def across(self) -> Floats:
-        """Cos θ (n, P): how far the end of a link moves along the rail, per length and angle."""
+        """Cos θ (n, P): displacement of a link's end along the rail, per length and angle."""
         return self.sigma if self.rest is None else np.cos(self.rest.angle)
 
     @cached_property
     def sinking(self) -> Floats | None:
-        """−sin θ (n, P): how far it moves down; None where all links hang or stand straight."""
+        """−sin θ (n, P): its downward displacement; None if all links are vertical."""
         return None if self.rest is None else -np.sin(self.rest.angle)
 
     def take(self, columns: Ints) -> Block:
-        """The chains in these columns, once each."""
+        """Return the chains in these columns, once each."""
         arrays = {name: getattr(self, name)[:, columns] for name in ARRAYS}
         rest = self.rest and Rest(*(part[:, columns] for part in self.rest))
         return Block(**arrays, count=np.ones(len(columns), dtype=np.int64), rest=rest)
 
     def heavier(self, factor: Floats | Ints) -> Block:
-        """Chain p with factor[p] times the mass, dampers, springs and drag: that many equal copies moving as one."""
+        """Return chain p with factor[p] times the mass, dampers, springs and drag: equal copies that move as one."""
         if (factor == 1).all():
             return self
         extensive = ("mass", "inertia", "rotor", "damping", "stiffness", "drag")
@@ -125,7 +125,7 @@ class Units:
 
     @classmethod
     def of(cls, heaviest: float, longest: float, gravity: float) -> Units:
-        """Those of a scene with this largest mass and length."""
+        """Return the units for a scene with this largest mass and length."""
         return cls(2.0 ** frexp(heaviest)[1], 2.0 ** frexp(longest)[1], gravity)
 
     @property
@@ -140,7 +140,7 @@ class Units:
 
 
 class CartNumbers(NamedTuple):
-    """A cart's mass (kg), damper (N s/m) and spring (N/m) to the ground; arrays (S,) of as many carts."""
+    """A cart's mass (kg), damper (N s/m) and spring (N/m) to the ground; arrays (S,) for several carts."""
 
     mass: Any
     damping: Any
@@ -152,10 +152,10 @@ class Rig(Displayed):
     """Blocks of different chains ("kinds" of pendula), the cart (None: fixed support), and the pendula's positions.
 
     `members` follows the file: (block, column, copies) for every pendulum entry, under constant forces for every copy.
-    `damping_ratio` is that of all modes, or of each by its number (`modal.assembly.modal_damping`).  `cart_rest` (m) is
-    the displacement of the cart at equilibrium.  Pendula on a `structure` (`modal.structure`) are of one kind where
-    their pivots move alike and no spring joins them to something; there is no cart then.  Where it `has_loops` of
-    feedback, which its arrays leave out, every copy is of a kind of its own.
+    `damping_ratio` applies to all modes, or to each by its number (`modal.assembly.modal_damping`).  `cart_rest` (m) is
+    the displacement of the cart at equilibrium. Pendula on a `structure` (`modal.structure`) are of one kind if their
+    pivots move alike and no spring is attached to them; there is no cart then. With feedback (`has_loops`), which the
+    arrays do not contain, every copy is a kind of its own.
     """
 
     what = "Rig of pendula"
@@ -173,13 +173,13 @@ class Rig(Displayed):
 
     @cached_property
     def total_mass(self) -> float:
-        """Total mass of all links and what they hang from (kg); NaN with a modal support, whose own is not known."""
+        """Total mass of all links and supports (kg); NaN with a modal support, whose mass is unknown."""
         hanging = sum(float(np.sum(block.mass.sum(0) * block.count)) for block in self.blocks)
         return hanging + sum(nan if carrier.M is not None else float(carrier.mass) for carrier in self.carriers)
 
     @cached_property
     def carriers(self) -> tuple[CarrierNumbers, ...]:
-        """What carries the pendula: a fixed support has no coordinate, a cart one."""
+        """The supports of the pendula: a fixed support has no coordinate, a cart one."""
         if self.structure:
             return self.structure.carriers
         if not self.cart:
@@ -193,18 +193,18 @@ class Rig(Displayed):
 
     @cached_property
     def support(self) -> Structure:
-        """The carriers with the pivot of every pendulum."""
+        """The supports with the pivot of every pendulum."""
         pivots = (CarrierEnd(0, (0.0, 0.0)),) * sum(copies for *_, copies in self.members)
         return self.structure or Structure(self.carriers, pivots, ())
 
     @property
     def on_structure(self) -> Rig:
-        """The same on its support as a structure."""
+        """Return the same rig with its support as a structure."""
         return self if self.structure else replace(self, cart=None, structure=self.support)
 
     @property
     def leading(self) -> int:
-        """How many coordinates come before the angles of the links: none, the cart's, or those of the structure."""
+        """Number of coordinates before the angles of the links: none, the cart's, or those of the structure."""
         return sum(carrier.size for carrier in self.carriers)
 
     @property
@@ -215,13 +215,13 @@ class Rig(Displayed):
 
     @property
     def rest_angles(self) -> Floats:
-        """The equilibrium's angle (L,) of every link in the order of the file: 0 hanging, π inverted, or moved."""
+        """Equilibrium angle (L,) of every link in the order of the file: 0 hanging, π inverted, or displaced."""
         angles = [block.rest.angle if block.rest else np.where(block.sigma > 0, 0.0, np.pi) for block in self.blocks]
         return np.concatenate([np.tile(angles[block][:, column], copies) for block, column, copies in self.members])
 
     @property
     def leans(self) -> bool:
-        """Whether constant forces move the links to another equilibrium."""
+        """Whether constant forces displace the equilibrium of the links."""
         return any(block.rest is not None for block in self.blocks)
 
     @cached_property
@@ -281,10 +281,10 @@ def masses_below(mass: Floats) -> Floats:
 
 
 def rig_of(scene: Scene, distinctions: Sequence[tuple[float, ...]] | None = None) -> Rig:
-    """The arrays of a scene, in SI units; SceneError for an invalid one, and for one without an equilibrium.
+    """Return the arrays of a scene in SI units; raise SceneError if it is invalid or has no equilibrium.
 
     Equal pendula are of one kind, unless the numbers `distinctions` of each entry of the file, as many as it has links
-    or a multiple of that, tell them apart.
+    or a multiple of that, differ.
     """
     validate_scene(scene)
     equilibrium = equilibrium_of(scene)
@@ -370,7 +370,7 @@ def _block(entries: list[_Entry]) -> tuple[Block, Iterable[int]]:
 
 
 def different(table: Floats) -> tuple[Ints, Ints]:
-    """The first row of each kind, in their order, and the kind of every row."""
+    """Return the first row of each kind, in order, and the kind of every row."""
     if len(table) == 1:
         return ONE, ONE
     kinds: dict[bytes, int] = {}

@@ -1,4 +1,4 @@
-"""The equilibrium under constant forces, and what holds every link there.
+"""The equilibrium under constant forces, and the stiffness of every link there.
 
 A force on the point r_i below the upper joint of link i, which is l_i below it for the links above the one that it acts
 on, pulls that link like a weight.  With the forces along the rail and upwards, and the torques τ,
@@ -7,8 +7,8 @@ on, pulls that link like a weight.  With the forces along the rail and upwards, 
     B_x = Σ F_along r,    B_z = g b_i − Σ F_up r,
 
 so that without joint springs every link has its own equation, |B| sin(θ_i − φ_i) = τ_i with φ_i the direction of B_i: a
-link that hangs rests near φ_i, one that stands near φ_i + π.  With joint springs the equilibrium is followed by
-Newton's method from the unloaded one while the forces grow to their size.
+hanging link rests near φ_i, an inverted one near φ_i + π. With joint springs the equilibrium is followed by Newton's
+method from the unloaded one while the forces grow to their size.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ LOAD_STEP_MIN = 2.0**-20
 
 
 class Rest(NamedTuple):
-    """The equilibrium of links: angles from hanging (rad), what holds each there (N m/rad), and the sum of its terms.
+    """The equilibrium of links: angles from hanging (rad), stiffnesses (N m/rad), and the sums of their terms.
 
     `stiffness` is B_z cos θ + B_x sin θ, the stiffness of a link without springs, `pull` is g b + Σ |F| r.
     """
@@ -40,7 +40,7 @@ class Rest(NamedTuple):
     pull: Floats
 
     def scale(self, factor: Any) -> Rest:
-        """What the links of so many equal copies together, or other units, have."""
+        """Return the values for as many equal copies together, or in other units."""
         return self._replace(stiffness=self.stiffness * factor, pull=self.pull * factor)
 
 
@@ -66,10 +66,10 @@ class _Load(NamedTuple):
 
 
 def equilibrium_of(scene: Scene) -> Equilibrium | None:
-    """The equilibrium under the constant forces of a scene; None where there are none.
+    """Return the equilibrium under the constant forces of a scene; None without such forces.
 
-    Raises SceneError where there is no equilibrium: on a cart that nothing holds against the forces, for a torque that
-    gravity cannot hold, where nothing turns a link to a direction, or where the branch of hanging links ends.
+    Raise SceneError if there is no equilibrium: on a free cart with a net force, for a torque that gravity cannot
+    balance, for a link without a restoring moment, or if the branch of hanging links ends.
 
     >>> from modal import load
     >>> equilibrium_of(load("chain-2")) is None
@@ -103,7 +103,7 @@ def equilibrium_of(scene: Scene) -> Equilibrium | None:
 
 
 def load_of(scene: Scene, number: Callable[[Any], Any] = np.asarray) -> _Load:
-    """What constant forces do to every link, in floats or, by `number`, any other numbers."""
+    """Return the effect of constant forces on every link, in floats or, by `number`, in any other numbers."""
     horizontal, down, torque, sizes = number(np.zeros((4, scene.n_links)))
     reach, centre = number([(link.length, link.centre) for pendulum in scene.hanging for link in pendulum.chain]).T
     top = np.concatenate(

@@ -1,15 +1,16 @@
 """Prescribed lengths of the ropes of a scene as functions of time, and the linear equations along them.
 
-A bob at the end of a rope with length l(t) moves aside by l θ and down by l.  So the displacements h q of all centres
-along the rail, rows h of lengths, have rows that change in time, (h q)'' = h q'' + 2 h' q' + h'' q, and every centre
-has the velocity w_k = Σ_{j≤k} σ_j l_j' downwards even at rest.  With the masses m and the coefficients d of drag
+A bob at the end of a rope with length l(t) moves sideways by l θ and down by l. The displacements h q of all centres
+along the rail therefore have rows h of lengths that change in time, (h q)'' = h q'' + 2 h' q' + h'' q, and every centre
+has the velocity w_k = Σ_{j≤k} σ_j l_j' downwards even at rest. With the masses m and the coefficients d of drag
 
     D += Σ m hᵀ 2h' + d hᵀh,    K += Σ m hᵀ h'' + d hᵀ h',
 
-and what draws a mass k down, and holds all links above upright, is m_k (g − w_k') − d_k w_k in place of m_k g.
-Quadratic drag |v| v is linear in a small motion beside w: it adds `quadratic_drag` |w| to d, and twice that to the drag
-of a pivot that moves up and down.  On a structure (`modal.assembly.structure`) rows begin with those of the pivots, and
-what draws the masses down bends its coordinates; what it pushes up and down as it speeds up is no term of these.
+and the force that pulls a mass k down, and restores all links above it, is m_k (g − w_k') − d_k w_k in place of m_k g.
+Quadratic drag |v| v is linear in a motion that is small compared with w: it adds `quadratic_drag` |w| to d, and twice
+that to the drag of a pivot that moves up and down. On a structure (`modal.assembly.structure`) rows begin with those of
+the pivots, and what draws the masses down bends its coordinates; what it pushes up and down as it speeds up is no term
+of these.
 """
 
 from __future__ import annotations
@@ -46,9 +47,9 @@ LEANS = (
 
 @dataclass(frozen=True, eq=False)
 class Hoisting:
-    """The lengths (L,) of all links, in the order of the file, of which some follow laws: positions (k,) and law.
+    """The lengths (L,) of all links, in the order of the file, with the positions (k,) and laws of the variable ones.
 
-    `custom_laws` are those that are not the scene's own.
+    `custom_laws` are those given in place of the scene's.
     """
 
     base: Floats
@@ -71,7 +72,7 @@ class Hoisting:
     def at(self, times: Any) -> tuple[Floats, Floats, Floats]:
         """Lengths (..., L) in m, their speeds (m/s) and accelerations (m/s²) at times (...) in s.
 
-        SceneError where a law gives a length that is not positive, or anything but finite numbers.
+        Raise SceneError if a law gives a length that is not positive, or values that are not finite.
         """
         shape = (*np.shape(times), len(self.base))
         lengths = np.broadcast_to(self.base, shape).copy(), np.zeros(shape), np.zeros(shape)
@@ -85,7 +86,7 @@ class Hoisting:
 
 @dataclass(frozen=True)
 class Spline:
-    """The law of a spline with `derivative`, or of a function of one time that returns all three numbers."""
+    """The law of a spline with `derivative`, or of a function of one time that returns three numbers."""
 
     function: Any
 
@@ -107,7 +108,7 @@ class Spline:
         return self.function.derivative(2)
 
     def at(self, time: float) -> tuple[float, float, float]:
-        """The same at one time (s) in plain floats; SceneError as of `Hoisting.at`."""
+        """Return the same at one time (s) in plain floats; raise SceneError as `Hoisting.at` does."""
         length, speed, acceleration = (float(part) for part in self(time))
         if not (length > 0 and isfinite(length + speed + acceleration)):
             raise SceneError([POSITIVE])
@@ -120,9 +121,10 @@ class Spline:
 
 
 def hoisting_of(scene: Scene, hoists: Hoists | None = None) -> Hoisting | None:
-    """The lengths of a scene, with the laws `hoists` in place of its own; None where no length changes.
+    """Return the lengths of a scene, with the laws `hoists` in place of its own; None if no length changes.
 
-    Raises SceneError for a law of a link that is no bob or does not exist, and for one that gives no three numbers.
+    Raise SceneError for a law of a link that is not a bob or does not exist, and for one that does not return three
+    numbers.
     """
     validate_scene(scene)
     if not (hoists or scene.is_hoisted):
@@ -170,7 +172,7 @@ def _law_of(function: Any, link: Any, place: str) -> Spline:
 
 @dataclass(frozen=True, eq=False)
 class HoistInstant:
-    """The linear equations of L links at one time: M, K and D, and what else a changing length brings.
+    """The linear equations of L links at one time: M, K, D and the additional terms of a changing length.
 
     `rate` and `bend` (L, q) are the first and second derivatives in time of the displacements along the rail, per
     coordinate, of every link's centre, which are those of its lower joint; `drag` (L,) in N s/m acts on the centre.
@@ -183,13 +185,13 @@ class HoistInstant:
 
 
 def matrices_at(scene: Scene, time: float) -> Matrices:
-    """M, K and D (SI) of M q'' + D q' + K q = 0 at a time (s), for lengths that change; M alone is symmetric then."""
+    """M, K and D (SI) of M q'' + D q' + K q = 0 at a time (s), for changing lengths; only M is symmetric then."""
     validate_scene(scene)
     return matrices_along(scene)(time)
 
 
 def matrices_along(scene: Scene) -> Callable[[float], Matrices]:
-    """`matrices_at` as a function of time, for many times."""
+    """Return `matrices_at` as a function of time, for many times."""
     validate_scene(scene)
     if not scene.is_hoisted:
         constant = matrices_of(rig_of(scene))
@@ -200,7 +202,7 @@ def matrices_along(scene: Scene) -> Callable[[float], Matrices]:
 
 @checked
 def no_hoist(scene: Scene) -> SceneError:
-    """The error of a scene without a hoist, which says what to write, and where, to give it one."""
+    """Return the error of a scene without a hoist, which says what to write, and where, to add one."""
     none = "hoist: no link of this scene has one"
     places = ((p, i, link) for p, pendulum in enumerate(scene.pendulum) for i, link in enumerate(pendulum.links))
     for p, i, link in places:
@@ -211,9 +213,10 @@ def no_hoist(scene: Scene) -> SceneError:
 
 
 def instants(scene: Scene) -> Callable[[float], HoistInstant]:
-    """The linear equations of a scene with a hoist as a function of time (s).
+    """Return the linear equations of a scene with a hoist as a function of time (s).
 
-    SceneError for a scene without one, and under constant forces, whose equilibrium would change with the lengths.
+    Raise SceneError for a scene without a hoist, or with constant forces, whose equilibrium would change with the
+    lengths.
     """
     validate_scene(scene)
     hoisting, rig = hoisting_of(scene), rig_of(scene)
@@ -291,7 +294,7 @@ def _refuse_springs(scene: Scene) -> None:
 
 
 def quadratic_drags(scene: Scene) -> Floats:
-    """That of every link (L,), in the order of the file."""
+    """Return the coefficient of every link (L,), in the order of the file."""
     validate_scene(scene)
     return np.concatenate(
         [

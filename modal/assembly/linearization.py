@@ -10,17 +10,17 @@ equilibrium.  The row h_k is the displacement of the centre of link k along the 
 σ_k c_k); in space h_k without the cart describes the motion across it.  A scene's `damping_ratio` adds D_modal
 (`modal.assembly.modal_damping`).
 
-Under constant forces all of it is about the equilibrium that they move the links to (`modal.assembly.equilibrium`):
-with its angles θ, M_ij = A_ij cos(θ_i − θ_j) and M_0i = b_i cos θ_i, K has B_z cos θ + B_x sin θ in place of g σ b, and
-drag a second row for the displacement downwards, with −sin θ in place of σ.
+Under constant forces everything refers to the displaced equilibrium (`modal.assembly.equilibrium`): with its angles θ,
+M_ij = A_ij cos(θ_i − θ_j) and M_0i = b_i cos θ_i, K has B_z cos θ + B_x sin θ in place of g σ b, and drag a second row
+for the displacement downwards, with −sin θ in place of σ.
 
 M, K and D, and other arrays of a scene, are polynomials of degree 2 at most in each of its numbers, so that a
 difference quotient with a large step
 
     ∂f/∂p = (f(p + h) − f(p − h))/2h,     at p = 0 (4 f(h) − f(2h) − 3 f(0))/2h
 
-is their derivative but for rounding.  Lengths and positions of a structure turn its springs and bend the paths of its
-carriers: there the quotient of eight values p ± h, …, p ± 4h has an error of h⁸ f⁽⁹⁾/630, below rounding for h = p/128.
+is the derivative up to rounding. Lengths and positions of a structure turn its springs and change the paths of its
+supports: there the quotient of eight values p ± h, …, p ± 4h has an error of h⁸ f⁽⁹⁾/630, below rounding for h = p/128.
 """
 
 from __future__ import annotations
@@ -71,10 +71,10 @@ class Matrices(Displayed):
 
 
 def matrices(scene: Scene) -> Matrices:
-    """Mass, stiffness and damping matrix of a scene at small angles about its equilibrium.
+    """Return the mass, stiffness and damping matrix of a scene at small angles about its equilibrium.
 
-    They are those of M q'' + D q' + K q = 0 with q = (x, θ): the cart's place, or the coordinates of a structure, then
-    the absolute angle of every link of every copy.
+    They are the matrices of M q'' + D q' + K q = 0 with q = (x, θ): the cart's position, or the coordinates of a
+    structure, then the absolute angle of every link of every copy.
 
     Parameters
     ----------
@@ -85,8 +85,8 @@ def matrices(scene: Scene) -> Matrices:
     Returns
     -------
     Matrices
-        `M`, `K` and `D`, (n, n), in SI units (kg, kg m and kg m² in M), with `labels` of the coordinates; symmetric but
-        for K and D of a scene with feedback.
+        `M`, `K` and `D`, (n, n), in SI units (kg, kg m and kg m² in M), with `labels` of the coordinates; symmetric,
+        except K and D of a scene with feedback.
 
     Raises
     ------
@@ -109,7 +109,7 @@ def matrices(scene: Scene) -> Matrices:
 
 
 def matrices_of(rig: Rig, squares: SceneSquares | None = None) -> Matrices:
-    """M, K and D from a scene's arrays, or from its `squares` where they are known."""
+    """Return M, K and D from a scene's arrays, or from its `squares` if they are known."""
     size = sum(rig.blocks[block].n * copies for block, _, copies in rig.members) + rig.leading
     if size > DENSE_COORDINATES_MAX:
         raise ComputationError(
@@ -139,10 +139,10 @@ Arrays = tuple[NDArray[Any], ...]
 
 
 def differences(scene: Scene, place: Place, unit: float, arrays_of: Callable[[Scene], Arrays]) -> Arrays:
-    """Derivatives by the number at a place of arrays that are polynomials of degree 2 at most in it.
+    """Return derivatives, by the number at a place, of arrays that are polynomials of degree at most 2 in it.
 
-    On a structure they may be any smooth functions of lengths and positions.  `unit` is the size of a step from 0.
-    SceneError where the scene allows no step to either side.
+    On a structure they may be any smooth functions of lengths and positions. `unit` is the size of a step from 0. Raise
+    SceneError if the scene allows no step to either side.
     """
     require_type("scene", scene, "Scene")
     path, value = with_numbers(place), number_at(scene, place)
@@ -174,7 +174,7 @@ def differences(scene: Scene, place: Place, unit: float, arrays_of: Callable[[Sc
 def shared_differences(
     scene: Scene, places: Sequence[Place], unit: float, arrays_of: Callable[[Scene], Arrays]
 ) -> Arrays:
-    """Derivatives by one number that these places share, or that is added to theirs: the sum of those by each."""
+    """Return derivatives by one number that these places share, or that is added to theirs: the sum over the places."""
     parts = [differences(scene, place, unit, arrays_of) for place in places]
     return tuple(sum(slopes[1:], slopes[0]) for slopes in zip(*parts, strict=True))
 
@@ -214,9 +214,9 @@ def _grid(matrix: Floats, labels: Sequence[str]) -> str:
 
 
 def centres(block: Block, column: int, way: Floats | None = None) -> Floats:
-    """The displacement of the centre of every link of a chain along the rail by every angle, (n, n).
+    """Return the displacement of the centre of every link of a chain along the rail, by every angle, (n, n).
 
-    A `way` is another direction: what the end of every link (n, P) moves there, per length and angle.
+    A `way` is another direction: the motion (n, P) of the end of every link there, per length and angle.
     """
     moves = block.across if way is None else way
     arms, reach = (moves[:, [column]] * part[:, [column]] for part in (block.length, block.centre))
@@ -224,14 +224,14 @@ def centres(block: Block, column: int, way: Floats | None = None) -> Floats:
 
 
 def joints(block: Block, column: int) -> Floats:
-    """The same of the lower joint of every link."""
+    """Return the same for the lower joint of every link."""
     return centres(replace(block, centre=block.length), column)
 
 
 def displacements(columns: Columns, first: int, of: Callable[[Block, int], Floats] | None = None) -> Floats:
-    """The displacement along the rail of what `of` tells of every link, rows (links, first + links).
+    """Return the displacement along the rail of the point `of` every link, rows (links, first + links).
 
-    That is of its centre where nothing is given.  The `first` coordinates move everything alike.
+    The default is its centre. The `first` coordinates move everything alike.
     """
     n = sum(block.n for block, _ in columns)
     rows, at = np.zeros((n, first + n)), 0

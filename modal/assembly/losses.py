@@ -1,10 +1,10 @@
-"""What dissipates in a scene: dampers, drag and loss angles, each along one row over the coordinates.
+"""Dissipation in a scene: dampers, drag and loss angles, each along one row over the coordinates.
 
     D = Σ_j d_j r_j r_jᵀ,      Im K = Σ_j k_j φ_j(ω) r_j r_jᵀ,
 
 with the row r of a joint's angle, of a wire's from the vertical, of a spring's extension, of a dragged centre, of a
-cart's displacement.  A wire's k is what gravity gives its link, g b (N m/rad): (weight below / l) l².  All terms of a
-scene's dissipation are positive: power ½ (d + k φ/ω) |r q'|² at ω.
+cart's displacement. A wire's k is the gravitational stiffness of its link, g b (N m/rad): (weight below / l) l². All
+terms of a scene's dissipation are positive: power ½ (d + k φ/ω) |r q'|² at ω.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ LOSS_KEYS = {JOINT: "loss", SPRING: "loss", WIRE: "wire_loss"}
 class Dissipator(NamedTuple):
     """A damper (N s/m or N m s/rad) or a stiffness (N/m or N m/rad) with a loss angle, at a `place` of the scene.
 
-    It acts along `row`, by coordinates.  `kind` says what it is, `number` which link of the scene it belongs to,
-    counting copies, or which of the rows of springs between points, from 0; −1 where it belongs to none.
+    It acts along `row`, by coordinates. `kind` names its sort; `number` is its link in the scene, counting copies, or
+    its row of springs between points, from 0; −1 if it belongs to neither.
     """
 
     place: str
@@ -54,9 +54,9 @@ class Dissipator(NamedTuple):
 
 
 def on_lines(frequencies: Floats, values: Floats, f: Floats) -> Floats:
-    """Values given at ascending frequencies, at `f` between two of them: on straight lines over logarithmic axes.
+    """Interpolate values given at ascending frequencies to `f`, linearly on logarithmic axes.
 
-    Over linear axes where an end or its frequency is 0; beyond the first and the last the lines go on.
+    The axes are linear if an end or its frequency is 0; beyond the first and the last the lines are continued.
     """
     at = np.clip(np.searchsorted(frequencies, f, side="right") - 1, 0, len(frequencies) - 2)
     low, high, start, end = frequencies[at], frequencies[at + 1], values[at], values[at + 1]
@@ -69,7 +69,7 @@ def on_lines(frequencies: Floats, values: Floats, f: Floats) -> Floats:
 
 
 def loss_at(loss: Loss, omega: Floats) -> Floats:
-    """A loss angle (W,) at ω (W,) in rad/s, beyond a table that at its nearest frequency.
+    """Return a loss angle (W,) at ω (W,) in rad/s; beyond a table it is that of the nearest frequency.
 
     >>> from modal.scene import LossTable
     >>> loss_at(LossTable(frequency_hz=[1.0, 100.0], loss=[1e-4, 1e-2]), tau * np.array([0.1, 10.0])).tolist()
@@ -93,12 +93,12 @@ class LossAngles(NamedTuple):
     places: Ints
 
     def at(self, omega: Floats, links: Ints) -> Floats:
-        """Those of joints and of wires at ω (W,) of links (…), as (2, …, W)."""
+        """Return those of joints and of wires at ω (W,) for links (…), as (2, …, W)."""
         angles = np.array([loss_at(loss, omega) for loss in self.different])
         return np.asarray(angles[self.places[:, links]])
 
     def rig_of(self, scene: Scene) -> tuple[Rig, list[Ints]]:
-        """The arrays of its scene with pendula of different loss angles apart, and for each block its links (n, P)."""
+        """The arrays of its scene, with pendula of different loss angles separated, and each block's links (n, P)."""
         sizes = [pendulum.n_links for pendulum in scene.pendulum for _ in range(pendulum.count)]
         starts = np.cumsum([0, *sizes])
         firsts = np.cumsum([0, *(pendulum.count for pendulum in scene.pendulum)])[:-1]
@@ -114,7 +114,7 @@ class LossAngles(NamedTuple):
 
 @checked
 def loss_angles(scene: Scene) -> LossAngles | None:
-    """The loss angles of all joints and wires of a scene; None where all are 0."""
+    """Return the loss angles of all joints and wires of a scene; None if all are 0."""
     numbers: dict[Loss, int] = {0.0: 0}
     places = [
         [numbers.setdefault(loss if is_lossy(loss) else 0.0, len(numbers)) for loss in (link.loss, link.wire_loss)]
@@ -130,9 +130,9 @@ def losses_of(scene: Scene) -> list[Dissipator]:
 
 
 def dissipators_of(scene: Scene) -> list[Dissipator]:
-    """Everything that dissipates in a scene near its equilibrium: its D and the imaginary part of its K.
+    """Return all dissipators of a scene near its equilibrium: its D and the imaginary part of its K.
 
-    Raises ComputationError where dampers that belong to modes cannot be computed.
+    Raise ComputationError if modal dampers cannot be computed.
     """
     dissipators = [
         dissipator for dissipator in _all_dissipators(scene) if dissipator.damping or is_lossy(dissipator.loss)

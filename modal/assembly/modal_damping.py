@@ -2,11 +2,11 @@
 
 With the shapes φ of the scene without dampers, φᵀMφ = 1 and ω² > 0,
 
-    D_modal = Σ_k 2 ζ_k ω_k (Mφ_k)(Mφ_k)ᵀ,       eigenvalues −ζω ± iω√(1−ζ²) where there are no other dampers
+    D_modal = Σ_k 2 ζ_k ω_k (Mφ_k)(Mφ_k)ᵀ,       eigenvalues −ζω ± iω√(1−ζ²) without other dampers
 
-[Caughey1965].  A mode without restoring force, as the translation of a free cart,
-and a growing one have none.  N equal pendula split exactly into one N times as heavy and N − 1 in antiphase, so that
-the size of every eigenproblem is that of the different pendula.
+[Caughey1965]. A mode without restoring force, such as the translation of a free cart, and a growing mode have none. N
+equal pendula split exactly into one N times as heavy and N − 1 in antiphase, so that the size of every eigenproblem is
+that of the different pendula.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ RatioAt = Callable[[Floats], Floats]
 
 
 def ratio_at(rig: Rig) -> RatioAt:
-    """The damping ratio as a function of ω (rad/s in the units of the rig).
+    """Return the damping ratio as a function of ω (in the rig's unit of rate).
 
-    Ratios in a list belong to the modes of the table without dampers, by number; all further modes have none.  Raises
-    SceneError for a list of more ratios than there are modes.
+    Ratios in a list belong to the modes of the table without dampers, by number; all further modes have none. Raise
+    SceneError if a list has more ratios than there are modes.
     """
     ratios = rig.damping_ratio
     if not isinstance(ratios, tuple):
@@ -46,7 +46,7 @@ def ratio_at(rig: Rig) -> RatioAt:
 
 
 def frequencies(rig: Rig) -> Floats:
-    """The different |λ| of the rig without dampers, ascending: 0 of a free cart, growth rates where it is unstable."""
+    """Return the different |λ| of the rig without dampers, ascending: 0 for a free cart, growth rates if unstable."""
     rates = [_eigen(*system[:3])[0] for system in _systems(rig)]
     if rig.leading:
         rates.append(np.zeros(Hanging(rig).free.shape[1]))
@@ -56,9 +56,9 @@ def frequencies(rig: Rig) -> Floats:
 
 
 def modal_factor(M: Floats, K: Floats, free: Floats | bool, ratio: RatioAt) -> Floats:
-    """C (R, n) with D_modal = CᵀC of a system M, K, and its `free` motions, or whether nothing holds a cart in row 0.
+    """Return C (R, n) with D_modal = CᵀC of a system M, K, given its `free` motions or whether row 0 is a free cart.
 
-    ComputationError beyond double precision.
+    Raise ComputationError beyond double precision.
     """
     loose = np.eye(len(M), int(free)) if isinstance(free, bool) else free
     rate, momentum = _eigen(M, K, loose)
@@ -68,7 +68,7 @@ def modal_factor(M: Floats, K: Floats, free: Floats | bool, ratio: RatioAt) -> F
 
 
 def modal_dampers(rig: Rig) -> Floats:
-    """D_modal (n, n) of a whole rig, in the coordinates of its matrices."""
+    """Return D_modal (n, n) of a rig in the coordinates of its matrices."""
     ratio = ratio_at(rig)
     size = rig.leading + sum(rig.blocks[block].n * copies for block, _, copies in rig.members)
     D = np.zeros((size, size))
@@ -90,7 +90,7 @@ def modal_dampers(rig: Rig) -> Floats:
 class _System(NamedTuple):
     """M and K, the motions (n, f) that nothing holds, and the `places` in the whole of all copies of each coordinate.
 
-    These move alike, or keep the balance to what carries them.
+    These move alike, or exert no net force on their supports.
     """
 
     M: Floats

@@ -1,15 +1,15 @@
-"""M, K and D of a scene as sums of squares, in any arithmetic: whoever wants matrices asks for their sum.
+"""M, K and D of a scene as sums of squares, in any arithmetic; the matrices are their sums.
 
     M = Σ m h hᵀ,      K = Σ k a aᵀ,      D = Σ d c cᵀ
 
 The row h of a centre of mass is its displacement along the rail or down, that of a moment of inertia an angle, that of
-a rotor the turn of a joint; a is the angle of a link, which gravity holds by g σ b or what constant forces make of it,
-the turn of a joint, or the extension of a spring; c is the turn of a joint, the displacement of a dragged centre, or
-the extension of a damper.  A modal support brings matrices: those are sums already, without rows.
+a rotor the turn of a joint; a is the angle of a link with the stiffness g σ b, or as changed by constant forces, the
+turn of a joint, or the extension of a spring; c is the turn of a joint, the displacement of a dragged centre, or the
+extension of a damper. A modal support has matrices: these are sums already, without rows.
 
 Rows and sizes are made from the numbers of the scene by products and sums alone, so that floats, decimals, fractions
 and symbols run the same lines.  `chain_squares` are those of a block of chains over their pivots and angles,
-`carrier_squares` those of what pendula hang from; `modal.assembly.structure` puts them together.
+`carrier_squares` those of the supports; `modal.assembly.structure` puts them together.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ NOWHERE: Ints = np.zeros(0, dtype=np.int64)
 
 
 def floats(values: Any) -> Floats:
-    """The floats themselves."""
+    """Return the floats themselves."""
     return np.asarray(values, dtype=np.float64)
 
 
@@ -52,7 +52,7 @@ class Element(NamedTuple):
     size: float
 
     def over(self, d: int) -> Floats:
-        """Its row over the first d coordinates, (d,)."""
+        """Return its row over the first d coordinates, (d,)."""
         row = np.zeros(d)
         for place, value in zip(self.at, self.row, strict=True):
             row[place : place + 1] = value
@@ -62,11 +62,11 @@ class Element(NamedTuple):
 class SquareRows(NamedTuple):
     """`size` (P, R) times the squares of `rows` (P, R, c) over the coordinates `at` (P, c): P parts of one `kind`.
 
-    `row_source` is the rows, or what writes them once they are asked for; None is 1 at each coordinate.  `numbers`
-    (P, R) tell whose they are: links in the order of the file, coordinates of a support, ways of springs.  `total`
-    (P, c, c) is their sum where it is known without a product of rows: of the centres of chains, which are A and b, and
-    of a modal support, which has no rows.  Where pivots `moves` (P, k) with the coordinates `columns` (k,), rows and
-    sums begin with an entry for the pivot.
+    `row_source` is the rows, or a function that writes them on request; None is 1 at each coordinate. `numbers` (P, R)
+    say to what they belong: links in the order of the file, coordinates of a support, ways of springs. `total` (P, c,
+    c) is their sum if it is known without a product of rows: for the centres of chains (A and b) and for a modal
+    support, which has no rows. If pivots `moves` (P, k) with the coordinates `columns` (k,), rows and sums begin with
+    an entry for the pivot.
     """
 
     kind: str
@@ -85,7 +85,7 @@ class SquareRows(NamedTuple):
 
     @property
     def elements(self) -> Iterator[tuple[int, Element]]:
-        """Number and element of every square of floats that is not 0."""
+        """Yield number and element of every nonzero square of floats."""
         rows = self.rows
         for p, k in np.argwhere(self.size).tolist():
             places, row = self.at[p], np.ones(1) if rows is None else rows[p, k]
@@ -117,9 +117,9 @@ class SquareRows(NamedTuple):
             S[at[:, :, None], at[:, None, :]] += T
 
     def hang(self, which: Any, first: Ints, d: int, columns: Ints, ways: Sequence[Any]) -> Iterator[SquareRows]:
-        """Those of chains `which` (P,) of a block whose links are numbered from `first` (P, 1), after d coordinates.
+        """Return those of chains `which` (P,) of a block with links numbered from `first` (P, 1), after d coordinates.
 
-        Their pivots move by each of the `ways` (P, k) with the coordinates `columns` (k,); None where they rest.
+        Their pivots move by each of the `ways` (P, k) with the coordinates `columns` (k,); None if they are at rest.
         """
         moves = ways[WAYS[self.kind]] if self.kind in WAYS else None
         if moves is None and not self.at.size:
@@ -132,7 +132,7 @@ class SquareRows(NamedTuple):
 
 
 class SceneSquares(NamedTuple):
-    """Those of M, K and D over `n` coordinates."""
+    """The squares of M, K and D over `n` coordinates."""
 
     inertia: list[SquareRows]
     stiffness: list[SquareRows]
@@ -148,12 +148,12 @@ class SceneSquares(NamedTuple):
 
     @property
     def momentum(self) -> Any:
-        """That of everything at unit velocity along the rail, in the directions of q, (n,); no modal supports."""
+        """The momentum at unit velocity along the rail, in the directions of q, (n,); without modal supports."""
         return self._sum_along(self.inertia, ALONG)
 
     @property
     def windage(self) -> Any:
-        """The linear drag of everything at unit velocity along the rail, (n,)."""
+        """The linear drag at unit velocity along the rail, (n,)."""
         return self._sum_along(self.damping, DRAG)
 
     def _sum_along(self, parts: Iterable[SquareRows], kind: str) -> Any:
@@ -168,13 +168,13 @@ class SceneSquares(NamedTuple):
 
 
 def sum_of_squares(rows: Any, size: Any) -> Any:
-    """The sum of `size` (…, R) times the squares of `rows` (…, R, c), symmetric to the last digit."""
+    """Return the sum of `size` (…, R) times the squares of `rows` (…, R, c), symmetric to the last digit."""
     S, order = (rows * size[..., None]).swapaxes(-1, -2) @ rows, np.arange(rows.shape[-1])
     return np.where(order[:, None] >= order, S, S.swapaxes(-1, -2)) if len(order) > 1 else S
 
 
 def matrix(squares: Iterable[SquareRows], n: int, number: Number = floats) -> Any:
-    """The sum of all squares over n coordinates, (n, n)."""
+    """Return the sum of all squares over n coordinates, (n, n)."""
     S = number(np.zeros((n, n)))
     for part in squares:
         part.add_to(S)
@@ -186,7 +186,7 @@ Parts = tuple[list[SquareRows], list[SquareRows], list[SquareRows]]
 
 
 def chain_squares(block: Block, gravity: float, number: Number | None = None) -> Parts:
-    """Those of M, K and D of the chains of a block over their n angles, and a pivot before where they feel it."""
+    """Return the squares of M, K and D of the chains of a block over their n angles, preceded by a moving pivot."""
     number = number or floats
     n, P = block.mass.shape
     names = ("mass", "length", "centre", "across", "inertia", "rotor", "stiffness", "damping", "drag")
@@ -244,9 +244,9 @@ def chain_squares(block: Block, gravity: float, number: Number | None = None) ->
 
 
 def displacement_rows(arms: Any, reach: Any) -> Any:
-    """The displacement (P, n, n) of a point of every link by the angles of its chain.
+    """Return the displacement (P, n, n) of a point of every link by the angles of its chain.
 
-    That is `arms` (n, P) of each link above, and `reach` (n, P) of the link itself.
+    It is `arms` (n, P) for each link above, and `reach` (n, P) for the link itself.
     """
     order = np.arange(len(arms))
     rows = np.where(order[:, None] > order, arms.T[:, None, :], 0 * arms.T[:, None, :])
@@ -255,7 +255,7 @@ def displacement_rows(arms: Any, reach: Any) -> Any:
 
 
 def row_squares(kind: str, whose: int, row: Row, size: Any, number: Number = floats) -> list[SquareRows]:
-    """The square of a row of floats; none of a row without entries, and of size 0."""
+    """Return the square of a row of floats; none for a row without entries or of size 0."""
     at = [column for column, value in sorted(row.items()) if value]
     if not at or size == 0:
         return []
@@ -264,7 +264,7 @@ def row_squares(kind: str, whose: int, row: Row, size: Any, number: Number = flo
 
 
 def carrier_squares(structure: Structure, gravity: float, number: Number = floats) -> Parts:
-    """Those of M, K and D of the carriers themselves, without what hangs from them and springs between points."""
+    """Return the squares of M, K and D of the supports alone, without pendula and springs between points."""
     inertia, stiffness, damping = list[SquareRows](), list[SquareRows](), list[SquareRows]()
     for carrier, (body, start) in enumerate(zip(structure.carriers, structure.offsets, strict=False)):
         if body.M is not None:
@@ -293,7 +293,7 @@ def carrier_squares(structure: Structure, gravity: float, number: Number = float
 def bend_squares(
     structure: Structure, carrier: int, where: Where, weight: Any, number: Number = floats
 ) -> list[SquareRows]:
-    """What a weight on a point of a carrier holds coordinates with, as that point sinks and rises on its path."""
+    """Return the stiffness due to a weight on a point of a support, as that point rises on its curved path."""
     first = structure.offsets[carrier]
     weights = [(first + k, weight * number(bend)) for k, bend in bends(structure.carriers[carrier], where)]
     return [square for at, size in weights for square in row_squares(WEIGHT, at, {at: 1.0}, size, number)]

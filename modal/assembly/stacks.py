@@ -1,7 +1,8 @@
-"""Scenes of one form as one set of arrays: the same pendula, links and support, with different numbers in each.
+"""Scenes of one form as one set of arrays: the same pendula, links and support with different parameters.
 
-The natural units of every scene are powers of two as in `modal.assembly.arrays`, with g = 1.  One short chain is plain
-floats without the arrays of a rig, bit for bit those of `Rig.natural`: a table of two rows needs no more.
+The natural units of every scene are powers of two as in `modal.assembly.arrays`, with g = 1. A single short chain is
+stored as plain floats, bit for bit those of `Rig.natural`, without the arrays of a rig: a table of two rows needs no
+more.
 """
 
 from __future__ import annotations
@@ -52,7 +53,7 @@ KIND, SIZE = attrgetter("__class__", "count", "damping", "stiffness", "drag", "l
 class Stack:
     """S scenes in their natural units: blocks of arrays (n, P, 1, S), a cart of S masses and springs.
 
-    The `cart` is None where the supports are fixed; `rate` (S,) is the unit of angular frequency in rad/s.
+    The `cart` is None if the supports are fixed; `rate` (S,) is the unit of angular frequency in rad/s.
     """
 
     blocks: tuple[Block, ...]
@@ -62,7 +63,7 @@ class Stack:
 
 
 def can_stack(scenes: Sequence[Scene]) -> bool:
-    """Whether all scenes have the same form, and equations that stacks have.
+    """Whether all scenes have the same form and equations that stacks support.
 
     Those are without dampers, drag, joint springs, massless carts, inverted links, structures, constant forces
     and feedback.
@@ -91,7 +92,7 @@ def stack_scenes(scenes: Sequence[Scene]) -> Stack:
 
 
 def vary_scene(scene: Scene, numbers: Mapping[Place, Floats]) -> Stack | None:
-    """The arrays of one scene with other numbers (S,) at some places; None where these change more than numbers.
+    """Return the arrays of one scene with other parameters (S,) at some places; None if these change its form.
 
     They must `keep_form`.
     """
@@ -117,7 +118,7 @@ def vary_scene(scene: Scene, numbers: Mapping[Place, Floats]) -> Stack | None:
 
 
 def keep_form(numbers: Mapping[Place, Floats]) -> Booleans:
-    """Which members (S,) have a form in common: none of these numbers is a zero that makes it another one."""
+    """Return which members (S,) share one form: a parameter that is zero may change the form."""
     keeps = np.ones(len(next(iter(numbers.values()))), dtype=np.bool_)
     for place, values in numbers.items():
         if place in SUPPORT or place[-1] in CHANGING:
@@ -192,7 +193,7 @@ class Single(NamedTuple):
 
 
 def single(scene: Scene) -> Single | None:
-    """The numbers of a scene that is one short plain chain; None for any other."""
+    """Return the numbers of a scene that is one short plain chain; None for any other."""
     validate_scene(scene)
     pendula = scene.pendulum
     if len(pendula) > 1 or not SEVERAL.isdisjoint(scene.features) or pendula[0].n_links > FLOAT_LINKS_MAX:

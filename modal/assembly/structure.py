@@ -1,11 +1,11 @@
-"""The linear side of a structure: how its pivots move, and its inertia, springs and dampers as elements that add.
+"""The linear model of a structure: motion of its pivots, and inertia, springs and dampers as elements that add up.
 
-About the drawn rest, with the coordinates η of the carriers and the angles θ of all links, q = (η, θ),
+About the drawn equilibrium, with the coordinates η of the supports and the angles θ of all links, q = (η, θ),
 
     M = Σ m b bᵀ,      K = Σ k a aᵀ,      D = Σ d c cᵀ.
 
-A pivot moves along the rail by Φ η, and down by Ψ η; a first joint with a spring or damper on a carrier that turns
-feels θ − φ, φ = Ω η.  Gravity holds every link by g b, and a coordinate η_i by −g Σ m ∂²z/∂η_i² of all pivots and own
+A pivot moves along the rail by Φ η, and down by Ψ η; a first joint with a spring or damper on a support that turns acts
+on θ − φ, φ = Ω η. Gravity restores every link by g b, and a coordinate η_i by −g Σ m ∂²z/∂η_i² of all pivots and own
 masses: of a swing (M_s + Σ m) g/L, of a board g (M d + Σ m h), which is negative where masses are above the axis.
 """
 
@@ -69,12 +69,12 @@ class Elements(NamedTuple):
 
 
 class SpringRow(NamedTuple):
-    """One way in which a spring acts: its extension is `row` q, its force N or N m for each unit of both numbers.
+    """One way in which a spring acts: its extension is `row` q, its force N or N m per unit of stiffness and damping.
 
     `rail_part` is the part along the rail of the direction from its first end to its second; 0 for torsion.
-    `on_pendula` are the pendula, from 0, that it ends on, with the sign of its pull on each.  `label` numbers
-    springs from 1, in the order of the file and counting copies, and tells two ways of one apart.  It belongs to this
-    `entry` of the file.
+    `on_pendula` are the pendula, from 0, that it ends on, with the sign of its pull on each. `label` numbers springs
+    from 1, in the order of the file and counting copies, and distinguishes two directions of one spring. `entry` is its
+    entry in the file.
     """
 
     label: str
@@ -90,7 +90,7 @@ class SpringRow(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Hanging:
-    """What hangs from the structure of a rig: for each pendulum, counting copies, its kind and its first link."""
+    """The pendula of a structure: for each pendulum, counting copies, its kind and its first link."""
 
     rig: Rig
 
@@ -101,7 +101,7 @@ class Hanging:
 
     @cached_property
     def phi(self) -> Phi:
-        """How all pivots move."""
+        """Motion of all pivots at the drawn equilibrium."""
         return phi(self.structure)
 
     @property
@@ -137,14 +137,14 @@ class Hanging:
 
     @cached_property
     def tied(self) -> frozenset[int]:
-        """The pendula that springs join to something."""
+        """The pendula to which springs are attached."""
         return tied(self.structure, np.diff(self.first).tolist())
 
     # ------------------------------------------------------------------------------------------------- elements
 
     @cached_property
     def elements(self) -> Elements:
-        """All elements but those of the chains along the rail; modal supports have matrices of their own."""
+        """All elements except those of the chains along the rail; modal supports have their own matrices."""
         structure = self.structure
         inertia, stiffness, damping = self._supporting(floats)
         for carrier, where in self._pendula_at_points:
@@ -192,7 +192,7 @@ class Hanging:
         return fsum(numbers) if number is floats else sum(numbers)
 
     def squares(self, arithmetic: Number | None = None) -> SceneSquares:
-        """Those of the whole scene without modal dampers, over η and the angles of all links; of floats by default."""
+        """Return the squares of the scene without modal dampers over η and all link angles; floats by default."""
         number = arithmetic or floats
         structure, d, gravity = self.structure, self.structure.size, self.rig.gravity
         parts = self._supporting(number)
@@ -215,7 +215,7 @@ class Hanging:
 
     @cached_property
     def supporting(self) -> tuple[Floats, Floats, Floats]:
-        """M, K and D (d, d) of what carries the pendula, all links held, with what these weigh as they go down."""
+        """M, K and D (d, d) of the supports with all links locked, including the weight of the links."""
         d = self.structure.size
         matrices = modal_supports(self.structure)
         for S, elements in zip(matrices, self.elements[:3], strict=True):
@@ -225,7 +225,7 @@ class Hanging:
 
     @property
     def inertia(self) -> Floats:
-        """M_s + Σ m (ΦᵀΦ + ΨᵀΨ), (d, d): the structure with all pendula as if they were stiff."""
+        """M_s + Σ m (ΦᵀΦ + ΨᵀΨ), (d, d): the structure with all pendula locked."""
         M = self.supporting[0].copy()
         for (block, column, copies), pendulum in zip(self.rig.members, self.starts.tolist(), strict=True):
             row = self.phi.rail[pendulum]
@@ -236,7 +236,7 @@ class Hanging:
 
     @cached_property
     def free(self) -> Floats:
-        """The motions (d, f) that no spring holds; no link swings in them."""
+        """The motions (d, f) that no spring restrains; no link swings in them."""
         d, blocks = self.structure.size, self.rig.blocks
         rows = [element.over(d) for element in self.elements.stiffness]
         for (block, column, _), first in zip(self.rig.members, self.starts.tolist(), strict=True):
@@ -349,7 +349,7 @@ def _difference(first: Row, second: Row) -> Row:
 
 
 def modal_supports(structure: Structure) -> tuple[Floats, Floats, Floats]:
-    """M, K and D (d, d) over η that modal supports bring with them."""
+    """Return M, K and D (d, d) over η of modal supports."""
     M, K, D = np.zeros((3, structure.size, structure.size))
     for carrier, first in zip(structure.carriers, structure.offsets, strict=False):
         if carrier.M is not None and carrier.K is not None and carrier.D is not None:
@@ -359,19 +359,19 @@ def modal_supports(structure: Structure) -> tuple[Floats, Floats, Floats]:
 
 
 def scene_squares(rig: Rig, arithmetic: Number | None = None) -> SceneSquares:
-    """The squares of M, K and D of a whole scene, without modal dampers, over the coordinates of `Matrices`."""
+    """Return the squares of M, K and D of a whole scene, without modal dampers, over the coordinates of `Matrices`."""
     return Hanging(rig).squares(arithmetic)
 
 
 def assemble_pendula(columns: Columns, cart: CartNumbers | None, gravity: float) -> tuple[Floats, Floats]:
-    """(M, K) of a cart or (None) a fixed support with one pendulum for each (block, column)."""
+    """Return (M, K) of a cart or (None) a fixed support with one pendulum for each (block, column)."""
     blocks, members = tuple(block for block, _ in columns), enumerate(column for _, column in columns)
     rig = Rig(gravity, blocks, tuple((k, column, 1) for k, column in members), cart, spatial=False)
     return scene_squares(rig).matrices[:2]
 
 
 def null_space(rows: Floats) -> Floats:
-    """Vectors (d, f) that all rows (E, d) leave unstretched, by elimination: entries that cancel to rounding are 0."""
+    """Return the null space (d, f) of all rows (E, d), by elimination: entries that cancel to rounding are 0."""
     A, terms, pivots = rows.copy(), np.abs(rows), dict[int, int]()
     for i in range(len(A)):
         if not A[i].any():

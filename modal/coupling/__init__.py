@@ -1,4 +1,4 @@
-"""How the cart, or the structure, couples the pendula that hang from it.
+"""Coupling of pendula through the cart or the structure from which they hang.
 
 In: a `Scene`.  Out: its `Coupling`: families of modes, their splitting and beats, the limits of a light and a heavy
 cart, which pendula exchange energy, and the effect of dampers and drives on each mode; as text, as numbers, as JSON.

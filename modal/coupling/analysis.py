@@ -1,20 +1,19 @@
-"""The coupling of pendula by what carries them: families of modes, splitting and beats, and limits of a cart's mass.
+"""Coupling of pendula by their supports: families of modes, splitting and beats, and limits of a cart's mass.
 
-Pendula with a common fixed-base frequency ω_r that something joins form family r: their combinations that do not push
-it stay at ω_r, and the others move it.  On a cart that is one mode, at a zero of the dynamic mass
-(`modal.coupling.dynamic_mass`),
+Coupled pendula with a common fixed-base frequency ω_r form family r: combinations without net force stay at ω_r, and
+the others move it. On a cart that is one mode, at a zero of the dynamic mass (`modal.coupling.dynamic_mass`),
 
     Δω = ω_zero − ω_r,    beat period 2π/Δω.
 
-With m_r the dynamic mass at ω_r of everything but the family itself and μ_r the family's modal effective mass, the
+With m_r the dynamic mass at ω_r of everything except the family itself and μ_r the family's modal effective mass, the
 coupling strength ε_r = μ_r/m_r gives Δω ≈ ½ ε_r ω_r to first order; for N equal simple pendula on a free cart of mass
 m_c it is N m/m_c, and ω_zero = ω_r √(1 + ε_r) is exact.  With a heavy cart every mode approaches its pole, with a light
 one the zeros of m_dyn − m_c.  In space all of this is the motion along the rail; across it there is no coupling.
 
-A structure alone, its pendula as if they were stiff, has the modes K_s u = ω² (M_s + Σ m (ΦᵀΦ + ΨᵀΨ)) u; along them
-the dynamic mass is the matrix −UᵀS(ω²)U/ω² (`modal.coupling.reduced`).  One coordinate is solved by the secular
-equation (`modal.coupling.dynamic_mass`), several by matrices (`modal.coupling.matrices`).  Every mode belongs to the
-structure's own mode, or to the family, that has the largest share in its potential energy, none to two.
+A structure with locked pendula has the modes K_s u = ω² (M_s + Σ m (ΦᵀΦ + ΨᵀΨ)) u; along them the dynamic mass is the
+matrix −UᵀS(ω²)U/ω² (`modal.coupling.reduced`). One coordinate is solved by the secular equation
+(`modal.coupling.dynamic_mass`), several by matrices (`modal.coupling.matrices`). Every mode belongs to the structure's
+own mode, or to the family, with the largest share in its potential energy.
 """
 
 from __future__ import annotations
@@ -63,10 +62,10 @@ SUM_RULE_ERROR_MAX = 1e-6
 
 @dataclass(frozen=True, eq=False, repr=False)
 class StructureMode(Displayed):
-    """A mode of the structure alone, its pendula stiff: `omega` (rad/s) and η by coordinates (d,).
+    """A mode of the structure with locked pendula: `omega` (rad/s) and η by coordinates (d,).
 
     η is such that the point that moves most, of all pivots and centres of mass, moves by 1 m; `mass` (kg) is then its
-    uᵀMu.  Where no such point moves, the largest of η is 1, and the mass in its unit.
+    uᵀMu.  If no such point moves, the largest of η is 1, and the mass in its unit.
     """
 
     what = "Mode of the structure alone"
@@ -81,8 +80,8 @@ class StructureMode(Displayed):
 class Coupling(TextResult):
     """The coupling of a scene's pendula by the cart or the structure that they hang from, and by springs.
 
-    `secular` is the dynamic mass where pendula feel each other through one coordinate at most; on a fixed support that
-    of a massless cart in its place.
+    `secular` is the dynamic mass if pendula are coupled through at most one coordinate; on a fixed support that of a
+    massless cart in its place.
 
     >>> from modal import load
     >>> from modal.coupling import explain
@@ -102,7 +101,7 @@ class Coupling(TextResult):
 
     @property
     def rig(self) -> Rig:
-        """The pendula, and what carries them as a structure."""
+        """The pendula with their supports as a structure."""
         return self.reduced.rig
 
     @property
@@ -117,17 +116,17 @@ class Coupling(TextResult):
 
     @property
     def noun(self) -> str:
-        """What carries the pendula, or would, in a word."""
+        """The noun for the (possible) support of the pendula."""
         return "structure" if self.scene.is_structured else "cart"
 
     @property
     def is_coupled(self) -> bool:
-        """Whether there is anything that could couple pendula."""
+        """Whether anything could couple pendula."""
         return bool(self.reduced.d or self.structure.springs)
 
     @property
     def joins_pendula(self) -> bool:
-        """Whether anything joins one pendulum to another: copies on one pivot are joined by what it moves."""
+        """Whether any pendula are coupled: copies on one pivot are coupled by its motion."""
         d, kind = self.reduced.d, self.fixed_base.kind
         if self.secular:
             pushing = np.unique(kind[self.reduced.push.any(0)], return_index=True)[1]
@@ -144,12 +143,12 @@ class Coupling(TextResult):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The kinds of pendula in words, with what they hang from where there are several carriers."""
+        """The kinds of pendula in words, with their supports if there are several."""
         return self.reduced.names
 
     @cached_property
     def _mode_tables(self) -> tuple[Modes, Modes] | None:
-        """The modes without dampers, and those of the table; None where the table is not available."""
+        """The modes without dampers, and those of the table; None if the table is not available."""
         has_damping = self.scene.has_damping
         if has_damping and self.scene.n_links > MOST_COMPARED:
             return None
@@ -161,7 +160,7 @@ class Coupling(TextResult):
 
     @cached_property
     def _table(self) -> tuple[Floats, Ints] | None:
-        """ω of the modes without dampers and their numbers in the table; None where the table is not available."""
+        """ω of the modes without dampers and their numbers in the table; None if the table is not available."""
         if self._mode_tables is None:
             return None
         undamped_modes, table = self._mode_tables
@@ -173,7 +172,7 @@ class Coupling(TextResult):
             return None
 
     def number(self, omega: float) -> int | None:
-        """The number in the table of the undamped mode of this frequency (rad/s), None where unknown."""
+        """The number in the table of the undamped mode of this frequency (rad/s), None if unknown."""
         if self._table is None:
             return None
         frequencies, numbers = self._table
@@ -183,7 +182,7 @@ class Coupling(TextResult):
 
     @cached_property
     def modes(self) -> tuple[StructureMode, ...]:
-        """The structure's own modes, ascending, its pendula as if they were stiff."""
+        """The structure's own modes, ascending, with locked pendula."""
         if not self.reduced.d:
             return ()
         square, shapes = stable_pencil(self.reduced.own_stiffness, self.reduced.hanging.inertia)
@@ -213,11 +212,11 @@ class Coupling(TextResult):
         return np.column_stack([mode.shape for mode in self.modes]) if d else np.zeros((0, 0))
 
     def words(self, eta: Floats) -> str:
-        """What of the structure moves in a motion η (d,): two carts in antiphase, board tilts."""
+        """Return the moving parts of the structure in a motion η (d,): two carts in antiphase, board tilts."""
         return moving_words(self.structure, eta, np.diag(self.reduced.hanging.inertia))
 
     def stiffness(self, omega: float) -> Floats:
-        """S (d, d) at ω (rad/s) over η: what a slow or fast push on the structure feels, N/m for coordinates in m."""
+        """S (d, d) at ω (rad/s) over η: the dynamic stiffness of the structure, N/m for coordinates in m."""
         d, x = self.reduced.d, omega**2
         if self.secular and d:
             return -x * self.secular(omega)[:, None]
@@ -230,19 +229,19 @@ class Coupling(TextResult):
 
     @property
     def dynamic(self) -> Any:
-        """The dynamic mass that a cart feels, over ω; of a structure `dynamic_matrix`."""
+        """The dynamic mass of a cart, over ω; for a structure `dynamic_matrix`."""
         return self.dynamic_matrix if self.scene.is_structured else self.secular
 
     @property
     def fast(self) -> Floats:
-        """The mass (d,) in kg that a fast push along each own mode feels: all but the modal effective masses."""
+        """The dynamic mass (d,) in kg of each own mode at high frequency: all except the modal effective masses."""
         pushes = self.reduced.push.T @ self.basis
         return np.asarray(np.array([mode.mass for mode in self.modes]) - (pushes**2).sum(0))
 
     def felt_masses(self, omega: Floats) -> Floats:
-        """The mass (W, d) in kg that a push along each own mode feels at ω (W,), the others free to move: 1/(m⁻¹)_ss.
+        """Return the dynamic mass (W, d) in kg of each own mode at ω (W,), the others free to move: 1/(m⁻¹)_ss.
 
-        Its zeros are modes of the scene, its poles where all that is free holds this motion still.
+        Its zeros are modes of the scene, its poles antiresonances of this motion.
         """
         masses = np.full((len(omega), self.reduced.d), np.nan)
         for row, value in zip(masses, omega.tolist(), strict=True):
@@ -265,7 +264,7 @@ class Coupling(TextResult):
 
     @cached_property
     def families(self) -> tuple[Family, ...]:
-        """The families, one for each distinct fixed-base frequency of pendula that something joins, ascending."""
+        """The families, one for each distinct fixed-base frequency of coupled pendula, ascending."""
         modes, solver = self.fixed_base, self.solver
         families = []
         for r, (members, branches) in enumerate(zip(solver.members, solver.branches, strict=True)):
@@ -305,7 +304,7 @@ class Coupling(TextResult):
         return np.asarray(ratio_at(self.rig)(omega) * omega) if self.scene.damping_ratio else 0.0 * omega
 
     def beat(self, family: Family, branch: FamilyBranch) -> float | None:
-        """2π/|Δω| (s) between a mode of a family and the nearest other one; None where energy does not come back."""
+        """2π/|Δω| (s) between a mode of a family and the nearest other one; None if energy does not come back."""
         if not family.beats:
             return None
         weights, levels = family.levels(self.fixed_base.count[list(family.members)], 0.0)
@@ -351,7 +350,7 @@ class Coupling(TextResult):
     def pairs(self) -> tuple[EnergyExchange, ...]:
         """Pairs of own modes of different kinds, those that exchange most first; none of too many modes.
 
-        A pair that nothing else resists is rigidly coupled and omitted: it exchanges nothing.
+        A pair with no other inertia is rigidly coupled and omitted: it exchanges nothing.
         """
         count, kinds = len(self.fixed_base.omega), self.fixed_base.kind
         if count > MOST_PAIRED_MODES or not self.is_coupled:
@@ -419,7 +418,7 @@ class Coupling(TextResult):
             )
 
     def motion_words(self, branch: FamilyBranch) -> str:
-        """What of the structure moves in a mode, in words; empty where there is no structure."""
+        """Return the moving parts of the structure in a mode, in words; empty without a structure."""
         if branch.still:
             return "structure still" if self.reduced.d else ""
         return self.words(self.basis @ branch.motion)
@@ -427,7 +426,7 @@ class Coupling(TextResult):
     def effective_mass(self, family: Family, branch: FamilyBranch) -> float | None:
         """Σ N (Γ Φ u)² (kg) of a family along the motion u of the structure in one of its modes.
 
-        u is scaled as the structure's own modes are, by the point that moves most; None where the structure is still.
+        u is scaled as the structure's own modes are, by the point that moves most; None if the structure is at rest.
         """
         if branch.still:
             return None
@@ -439,10 +438,10 @@ class Coupling(TextResult):
 
 @checked
 def explain(scene: Scene) -> Coupling:
-    """The coupling of the pendula of a scene through its cart, or through the structure that they hang from.
+    """Analyse the coupling of a scene's pendula through its cart or through the structure from which they hang.
 
-    Raises SceneError for inverted links and hoists, ComputationError beyond MOST_POLES distinct frequencies, or
-    MOST_COORDINATES of a structure, and where double precision misses the modal effective masses.
+    Raise SceneError for inverted links and hoists, ComputationError beyond MOST_POLES distinct frequencies, or
+    MOST_COORDINATES of a structure, and if double precision does not resolve the modal effective masses.
     """
     require(scene, "the explanation of the coupling")
     rig = rig_of(scene)

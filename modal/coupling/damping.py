@@ -1,10 +1,10 @@
-"""The damping and excitation of each mode by dampers and drives, and which modes outlive the others.
+"""Damping and excitation of each mode by dampers and drives, and which modes survive.
 
 To first order in the dampers a mode φ of the conservative scene, φᵀMφ = E, decays as exp(−σt) with
 
     σ = φᵀDφ/2E = ηᵀD_s η/2E + Σ d_i (θ_i − θ_{i−1})²/2E + Σ drag_k (h_kᵀφ)²/2E
 
-with D_s of what carries the pendula, c_c of a cart, the angle θ − Ωη of a first joint and the displacement h_kᵀφ of a
+with D_s of the supports, c_c of a cart, the angle θ − Ωη of a first joint and the displacement h_kᵀφ of a
 link's centre (Rayleigh, Theory of Sound, §102); modes of equal frequency are rotated until D is diagonal among them.
 A drive that applies the torque e θ_1' to every pendulum's top link contributes a growth rate e F, F = Σ θ_1²/2E: in the
 linear scene a mode grows once e exceeds σ/F. The van der Pol torques of the scene itself contribute
@@ -38,12 +38,12 @@ STILL_SHARE_MAX = 1e-20
 
 @dataclass(frozen=True, repr=False)
 class Damped(Displayed):
-    """Modes of frequency `omega` (rad/s), `fold` of them, in the conservative scene; `still` if the cart is.
+    """Modes of frequency `omega` (rad/s), `fold` of them, in the conservative scene; `still` if the cart is at rest.
 
-    `kind` is the pendula's name where only these move.  Rates in 1/s: `from_cart`, or from the dampers of a structure
-    and its springs, `from_joints`, `from_drag` and `from_ratio` (ζω of the scene's damping ratio) add up to σ,
-    `from_drives` is the growth rate by the scene's own drives.  `excitation` is F in 1/(kg m²), `exact` the damped
-    eigenvalue (rad/s), None where it is not available.
+    `kind` is the pendula's name if only these move. Rates in 1/s: `from_cart`, or from the dampers of a structure and
+    its springs, `from_joints`, `from_drag` and `from_ratio` (ζω of the scene's damping ratio) add up to σ,
+    `from_drives` is the growth rate by the scene's own drives. `excitation` is F in 1/(kg m²), `exact` the damped
+    eigenvalue (rad/s), None if it is not available.
     """
 
     omega: float
@@ -65,7 +65,7 @@ class Damped(Displayed):
 
     @property
     def decay(self) -> float:
-        """The decay rate (1/s) of the damped scene itself, −Re λ, or σ where that is not available."""
+        """The decay rate (1/s) of the damped scene itself, −Re λ, or σ if that is not available."""
         return self.rate if self.exact is None else -self.exact.real + 0.0
 
     @property
@@ -75,7 +75,7 @@ class Damped(Displayed):
 
     @property
     def threshold(self) -> float:
-        """The drive e (N m s/rad) above which the mode grows, σ/F; infinite where the drive does not reach it."""
+        """The drive e (N m s/rad) above which the mode grows, σ/F; infinite if the drive does not excite it."""
         return self.rate / self.excitation if self.excitation else inf
 
 
@@ -85,7 +85,7 @@ def damped_modes(
     undamped_spectrum: ModalSpectrum | None = None,
     damped_spectrum: ModalSpectrum | None = None,
 ) -> tuple[Damped, ...]:
-    """All modes of a rig in SI units that oscillate along the rail, ascending; all links must hang.
+    """Return all modes of a rig in SI units that oscillate along the rail, ascending; all links must hang.
 
     `strengths` are those of `negative_damping`; its spectra without dampers and with them may be known already.
     """
@@ -109,7 +109,7 @@ def damped_modes(
 
 
 def negative_damping(scene: Scene, rig: Rig) -> tuple[Floats, ...]:
-    """Strengths e (N m s/rad) of one copy, (n, P) of each block; of equal pendula with unequal drives, their mean."""
+    """Strengths e (N m s/rad) of one copy, (n, P) of each block; for equal pendula with unequal drives, their mean."""
     validate_scene(scene)
     strengths = tuple(np.zeros_like(block.damping) for block in rig.blocks)
     entries, remainder = iter(scene.pendulum), 0
@@ -239,7 +239,7 @@ class _Losses:
         ]
 
     def _carrier_losses(self, eta: Floats, angles: list[Floats]) -> Floats:
-        """Of what carries the pendula, of springs between points, and of what goes down, (R, R)."""
+        """Those of the supports, of springs between points, and of masses that move down, (R, R)."""
         losses = np.asarray(eta.T @ self.carrier[1] @ eta)
         for element in self.hanging.elements.damping:
             rates = np.zeros(eta.shape[1])

@@ -1,16 +1,16 @@
-"""The dynamic mass for a force on the cart, over frequency, and the families of pendula that it makes.
+"""Dynamic mass for a force on the cart, over frequency, and the resulting families of pendula.
 
     m_dyn(ω) = m_c − k_c/ω² + m_res + Σ_r μ_r ω_r²/(ω_r² − ω²)
 
 over the fixed-base frequencies ω_r of all pendula, μ_r the total modal effective mass at ω_r and m_res the residual
-mass, which the pivots feel from inertia alone; a force F on the cart accelerates it by F/m_dyn.  The cart is still at
-its poles and moves at its zeros.  Near a pole ω_r² − ω² is evaluated as (ω_r − ω)(ω_r + ω), and a zero is stored as an
-offset from the nearest pole (`modal.eigen.secular`), so that neither loses digits however close the two are.  So it is
-for any structure of one coordinate that pendula only push.
+mass; a force F on the cart accelerates it by F/m_dyn. Its poles are the antiresonances of the cart, its zeros the modes
+that move it. Near a pole ω_r² − ω² is evaluated as (ω_r − ω)(ω_r + ω), and a zero is stored as an offset from the
+nearest pole (`modal.eigen.secular`), so that neither loses digits however close the two are. The same holds for any
+structure of one coordinate on which pendula exert only forces.
 
 A mode with square x moves the coordinate by 1 and the pendula of a family by a = x h/(ω_r² − x).  Its potential energy
 is x = (k + Σ ω_r² a²)/φᵀMφ: it belongs to the family, or to the coordinate on its spring, with the largest share of
-that.  On a fixed support, whose pendula nothing joins, there are families without modes that move anything.
+that.  On a fixed support, with uncoupled pendula, there are families without modes that move it.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ FALLS = "the structure does not stand on its own: it falls over, and nothing swi
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Zeros(Displayed):
-    """Z frequencies at which the cart moves freely, ascending, zero j above pole j of `square` (rad²/s²).
+    """Z natural frequencies of modes that move the cart, ascending, zero j above pole j of `square` (rad²/s²).
 
     A spring to the ground is one more pole, at 0, before the others.  x_j = square[anchor[j]] + offset[j].
     """
@@ -87,12 +87,12 @@ class DynamicMass(Displayed):
 
     @property
     def at_infinity(self) -> float:
-        """The limit at high frequency (kg): the cart, and the mass that the pivots feel from inertia alone."""
+        """The limit at high frequency (kg): the masses of the cart and of the residual."""
         return self.cart + self.residual
 
     @property
     def at_rest(self) -> float:
-        """The total mass (kg), the limit at ω = 0 where no spring holds the cart."""
+        """The total mass (kg), the limit at ω = 0 without a spring on the cart."""
         return self.at_infinity + float(self.mass.sum())
 
     def __call__(self, omega: ArrayLike, left_out: Booleans | None = None) -> Floats:
@@ -132,7 +132,7 @@ class DynamicMass(Displayed):
 class CartMode:
     """A mode that moves the cart: `omega` (rad/s), and its limits for extreme cart masses.
 
-    `light` is ω as m_c → 0, infinite where the mode is lost, `heavy` as m_c → ∞ (rad/s), `participation` the share in
+    `light` is ω as m_c → 0, infinite if the mode is lost, `heavy` as m_c → ∞ (rad/s), `participation` the share in
     the cart's velocity just after a push.  `family` counts from 0; None for the cart oscillating on its own spring.
     """
 
@@ -147,8 +147,8 @@ class CartMode:
 class SecularEquation:
     """Modes of pendula on at most one coordinate, of own mode `unit` over it, with `damping` on it (N s/m).
 
-    `as_one_part` tells that all pendula are of one part, those that do not push it included; `lost` (K,) are the decay
-    rates (1/s) of pendula alone.
+    `as_one_part` says that all pendula belong to one part, including those that exert no force on it; `lost` (K,) are
+    the decay rates (1/s) of pendula alone.
     """
 
     reduced: ReducedStructure
@@ -176,7 +176,7 @@ class SecularEquation:
         return self.reduced.push.any(0)
 
     def still(self, r: int) -> int:
-        """How many combinations of different members of a family move nothing else."""
+        """The number of combinations of different members of a family that move nothing else."""
         return len(self.members[r]) - int(self.poles[r] >= 0)
 
     @cached_property
@@ -193,14 +193,14 @@ class SecularEquation:
 
     @cached_property
     def rest(self) -> Floats:
-        """m_r (C,): the dynamic mass at every pole of all but that one."""
+        """m_r (C,): the dynamic mass at every pole of everything except that pole."""
         omega, index = self.dynamic.omega, np.arange(len(self.dynamic.omega))
         parts = np.array_split(index, 1 + len(omega) ** 2 // 1_000_000)
         return np.concatenate([self.dynamic(omega[p], left_out=index == p[:, None]) for p in parts])
 
     @cached_property
     def owner(self) -> Ints:
-        """The pole that each zero belongs to, by its share in the potential energy; −1 for the coordinate's own mode.
+        """The pole to which each zero belongs, by its share in the potential energy; −1 for the coordinate's own mode.
 
         Beyond MOST_COORDINATES poles both are in order.
         """
@@ -263,7 +263,7 @@ class SecularEquation:
     def cart_modes(self) -> tuple[CartMode, ...]:
         """The modes that move a cart, ascending, except a free cart's rigid translation; none without a cart.
 
-        ComputationError where one of them hardly moves it, beyond double precision.
+        Raise ComputationError if one of them moves it too little for double precision.
         """
         if not self.as_one_part:
             return ()
@@ -283,7 +283,7 @@ class SecularEquation:
     def pulled(self, modes: tuple[int, int], *, with_dampers: bool = False) -> Any:
         """F of some own modes halfway between their frequencies: how the coordinate, and dampers, shift their ω².
 
-        LinAlgError where nothing else resists.
+        Raise LinAlgError if there is no other inertia.
         """
         at = list(modes)
         omega = self.reduced.fixed_base.omega[at]
@@ -306,7 +306,7 @@ class SecularEquation:
     def between(self, modes: tuple[int, int]) -> tuple[float, bool]:
         """The m (kg) between two modes, and whether it is steady over their frequencies: if not, others take part.
 
-        A coupling beyond STRONG_COUPLING is none that is steady; where there is no cart, infinite and steady.
+        A coupling beyond STRONG_COUPLING is never steady; without a cart it is infinite and steady.
         """
         if not self.as_one_part:
             return inf, True
@@ -324,14 +324,14 @@ class SecularEquation:
 
 
 def _residual_mass(block: Block) -> Floats:
-    """The mass (P,) that pivots feel of a block from inertia alone."""
+    """The residual mass (P,) of a block at its pivots."""
     return inertial_mass(block) if block.rotor.any() else at_infinity(block)[0]
 
 
 def dynamic_mass(reduced: ReducedStructure, *, as_one_part: bool) -> DynamicMass:
     """The dynamic mass of at most one coordinate; of a fixed support that of a massless cart in its place.
 
-    Raises ComputationError for a coordinate that falls.
+    Raise ComputationError for a coordinate with negative stiffness.
     """
     modes, rig = reduced.fixed_base, reduced.rig
     moves = reduced.along[:, 0] ** 2 if reduced.d else np.ones(len(reduced.kinds))

@@ -1,25 +1,24 @@
-"""Families of modes: what couples them, how strongly, how slowly they beat, and what energy pendula exchange.
+"""Families of modes: their coupling, its strength, their beats, and the energy that pendula exchange.
 
-Pendula of one fixed-base frequency ω_r that something joins form family r.  Those of their combinations that move
-nothing else stay at ω_r; each other one, a branch, has a coupling strength ε and a mode of the scene near
-ω_r (1 + ε/2).
+Coupled pendula with one fixed-base frequency ω_r form family r. Those of their combinations that move nothing else stay
+at ω_r; each other one, a branch, has a coupling strength ε and a mode of the scene near ω_r (1 + ε/2).
 
-Modes a and b of different pendula, of fixed-base frequencies ω_a, ω_b and modal effective masses μ_a, μ_b, share a
-cart that resists them with m, the dynamic mass of everything else halfway between them.  To first order in μ/m their
-slow amplitudes obey i a' = H a with
+Modes a and b of different pendula, of fixed-base frequencies ω_a, ω_b and modal effective masses μ_a, μ_b, share a cart
+with the dynamic mass m, the dynamic mass of everything else halfway between them. To first order in μ/m their slow
+amplitudes obey i a' = H a with
 
     H_aa = ω_a (1 + μ_a/2m),    H_ab = g = √(μ_a μ_b ω_a ω_b)/2m,    δ = H_aa − H_bb,
 
 so that of the energy given to one the other receives at most 4g²/(4g² + δ²), once in every 2π/√(4g² + δ²)
-(two coupled oscillators: [Landau1976, §23]).  More than half is transferred where |δ| < 2|g|.  All of
-this assumes a constant m: where it varies between ω_a and ω_b, something else takes part in the exchange.
+(two coupled oscillators: [Landau1976, §23]). More than half is transferred where |δ| < 2|g|. This assumes a constant m:
+if it varies between ω_a and ω_b, something else takes part in the exchange.
 
 Dampers make H complex.  A damper c_c on the cart adds c_c/iω to m, those of the joints add iσ_a to H_aa.  With
 Ω = √(g² + δ²/4) and h half the trace of H,
 
     a = e^{iht} (cos Ωt + iδ/2 sin Ωt / Ω),    b = ig e^{iht} sin Ωt / Ω,
 
-the energy is on its way back after π/Re Ω; where Im Ω is larger than Re Ω it never comes back.
+the energy returns from π/Re Ω on; if Im Ω is larger than Re Ω it never comes back.
 """
 
 from __future__ import annotations
@@ -54,7 +53,7 @@ UNEVEN_DECAY_MIN = 1e-3
 
 @dataclass(frozen=True)
 class Transfer:
-    """The later distribution of energy given to one of two coupled amplitudes, as fractions of it.
+    """The later distribution of energy given to one of two coupled amplitudes, as fractions.
 
     `most` is the maximum that the other ever has; after `period` seconds, from one to the other and back, `left` is the
     maximum that the first has again.  `beats` if any of it comes back, which dampers can prevent.  `lossless` without
@@ -106,7 +105,7 @@ def beats_of(weights: Floats, levels: Complexes) -> tuple[float, ...]:
 
 
 def exchange_among(weights: Floats, levels: Complexes) -> Transfer:
-    """What all others ever hold of the energy given to any one of several, over their levels, as a part of it.
+    """Return the largest fraction of the energy given to any one of several that all others ever have.
 
     A member has the weights w_l, Σ w_l = 1, (levels, members), in modes of frequency Re δ_l (rad/s, from any origin)
     and decay rate Im δ_l (1/s); the others hold Σ w_l |e_l|² − |Σ w_l e_l|² with e_l = exp(iδ_l t).
@@ -148,7 +147,7 @@ def _energy_at(half: np.complex128, turn: np.complex128, decay: float, time: flo
 
 @dataclass(frozen=True, repr=False)
 class EnergyExchange(Displayed):
-    """Modes `first` and `second`, indices into `FixedBaseModes`, all copies of each kind moving alike.
+    """Modes `first` and `second`, indices into `FixedBaseModes`, with all copies of each kind moving alike.
 
     `detuning` δ and `coupling` g in rad/s, `strength` the larger of their own shifts over ω, `cart_mass` the m (kg) of
     one coordinate between them, all without dampers, and `exchange` the transfer with them.  `alone` if no third mode
@@ -178,7 +177,7 @@ class EnergyExchange(Displayed):
 def pair_exchange(omega: Floats, rate: Floats, free: Any, lossy: Any) -> tuple[float, float, float, Transfer]:
     """Detuning, coupling, strength and transfer of two modes at `omega` (2,), their pull F without and with dampers.
 
-    `rate` (2,) are their own decay rates: where one is overdamped nothing comes back.
+    `rate` (2,) are their own decay rates: if one is overdamped, nothing comes back.
     """
     (wa, wb), x = omega.tolist(), float(omega.prod())
     first, second = wa + free[0, 0] / (2 * wa), wb + free[1, 1] / (2 * wb)
@@ -197,11 +196,11 @@ CHANGE_OF_REST_MAX = 0.02
 class FamilyBranch(Displayed):
     """One mode of a family that moves other things: its ε, and its `omega` (rad/s), `splitting` ω − ω_r.
 
-    ε is negative just above another pole or a spring of what moves, infinite where nothing else resists.  A mode that a
-    massless cart has lost is at infinity.
-    `motion` (d,) is what the structure does, in its own modes, `pattern` (√kg m) the amplitudes of the members.
-    `still` where the structure stands, and only springs between pendula split the family.  `damping_factor` is by what
-    complex factor dampers outside the family change ε, `cart_mode` the index of the mode among those that move a cart.
+    ε is negative just above another pole or a spring of the moving part, infinite without other inertia. A mode lost by
+    a massless cart is at infinity. `motion` (d,) is that of the structure in its own modes, `pattern` (√kg m) the
+    amplitudes of the members. `still` if the structure is at rest, and only springs between pendula split the family.
+    `damping_factor` is the complex factor by which dampers outside the family change ε, `cart_mode` the index of the
+    mode among those that move a cart.
     """
 
     what = "Mode of a family that moves something else"
@@ -241,9 +240,9 @@ class Family(Displayed):
 
     There are `fold` in all, counting copies, of which `still` combinations move nothing else.  `mass` is their modal
     effective mass μ_r along the rail (kg), `masses` (d,) that along each mode of the structure, Σ N (Γ Φ u)².
-    `exchange` describes the energy of any one pendulum released alone; None where there is only one, where first order
-    does not hold, and where the joints damp some of the pendula faster than others; `beats` are its 2π/|Δω| (s), the
-    slowest first, of every two levels between which energy passes, and comes back.
+    `exchange` describes the energy of any one pendulum released alone; None if there is only one, if first order does
+    not hold, and if the joints damp some of the pendula faster than others; `beats` are its 2π/|Δω| (s), the slowest
+    first, of every two levels between which energy is exchanged.
     """
 
     what = "Family of modes"
@@ -264,12 +263,12 @@ class Family(Displayed):
 
     @property
     def cart_mode(self) -> int | None:
-        """The index of the mode that moves the cart; None where there is none."""
+        """The index of the mode that moves the cart; None if there is none."""
         return self.branches[0].cart_mode if self.branches else None
 
     @property
     def strength(self) -> float:
-        """The largest ε; ε_r = μ_r/m_r for one coordinate, 0 where nothing couples."""
+        """The largest ε; ε_r = μ_r/m_r for one coordinate, 0 without coupling."""
         return max((branch.strength for branch in self.branches), key=abs, default=0.0)
 
     @property
@@ -280,7 +279,7 @@ class Family(Displayed):
 
     @property
     def splitting(self) -> float | None:
-        """Δω (rad/s) of the only mode that moves other things; None where there is none, or several."""
+        """Δω (rad/s) of the only mode that moves other things; None if there is none, or several."""
         moving = [branch.splitting for branch in self.branches if branch.is_finite]
         return moving[0] if len(moving) == 1 else None
 
@@ -296,7 +295,7 @@ class Family(Displayed):
 
     @property
     def beat(self) -> float | None:
-        """The slowest beat (s), in which energy passes from one pendulum of the family to the others and back."""
+        """The slowest beat (s), of energy passing from one pendulum of the family to the others and back."""
         return self.beats[0] if self.beats else None
 
     def levels(self, copies: Ints, decay_rate: float) -> tuple[Floats, Complexes]:
@@ -333,12 +332,12 @@ COLUMNS = (
 
 @dataclass(frozen=True, repr=False)
 class FamilyRow(Displayed):
-    """A line of the table, None where a quantity is not defined.
+    """A row of the table, None if a quantity is undefined.
 
     `omega` ω_r (rad/s) with all else held, `mass` the modal effective mass (kg), `strength` ε, `splitting` Δω (rad/s),
-    `beat` (s), and `share`, what the others of the family hold of the energy of one that is released, halfway through a
-    beat, or the most that they ever hold with dampers.  `modes` are numbers in the table, `moves` what of a structure
-    moves, `fold` how many modes of single pendula the family has.
+    `beat` (s), and `share`, the energy of a released pendulum that the others of the family have halfway through a
+    beat, or at most with dampers. `modes` are numbers in the table, `moves` the moving parts of a structure, `fold` the
+    number of modes of single pendula in the family.
     """
 
     what = "Row of the table of families"
@@ -376,6 +375,6 @@ def mode_words(still_number: int | None, moving: int | None, copies: int = 1) ->
 
 
 def family_table(rows: Sequence[FamilyRow]) -> ReportTable:
-    """The columns that hold anything."""
+    """Return the columns that contain anything."""
     table = ReportTable.of((column for column in COLUMNS if any(column.of(row) is not None for row in rows)), rows)
     return table._replace(spare=("effective mass (kg)", "Δω (rad/s)", "share halfway (%)"))

@@ -1,11 +1,11 @@
-"""The families of pendula on several coordinates, or that springs tie to each other, from the reduced matrices.
+"""Families of pendula on several coordinates, or joined by springs, from the reduced matrices.
 
 With a from the amplitudes of a family and everything else eliminated at x = ω_r²,
 
     F a = (x − ω_r²) a,    F = C_rr − (K − xM)_r· (K − xM')··⁻¹ (K − xM)·r,    M' without the family's h hᵀ,
 
-has the eigenvalues ε ω_r²: to first order mode (r, ε) is shifted by Δω = ½ ε ω_r.  For one cart ε = μ_r/m_r, as in
-`modal.coupling.dynamic_mass`.  The modes themselves are those of the reduced pencil (K, M).
+has the eigenvalues ε ω_r²: to first order mode (r, ε) is shifted by Δω = ½ ε ω_r. For one cart ε = μ_r/m_r, as in
+`modal.coupling.dynamic_mass`. The modes themselves are those of the reduced eigenvalue problem (K, M).
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ class ReducedPencil:
 
     @cached_property
     def moving(self) -> tuple[Floats, Floats]:
-        """ω² ascending and vectors (N, R) of all modes but those that leave everything but one family still."""
+        """ω² ascending and vectors (N, R) of all modes except those in which only one family moves."""
         d, K, M = self.reduced.d, self.reduced.K, self.reduced.M
         T = np.hstack([np.eye(len(K))[:, :d], *map(self._spread, range(len(self.members)), self.combinations)])
         square, shapes = stable_pencil(T.T @ K @ T, T.T @ M @ T)
@@ -182,7 +182,7 @@ class ReducedPencil:
 
     @property
     def cart_modes(self) -> tuple[CartMode, ...]:
-        """None: the mass of no single cart is felt."""
+        """None: there is no single cart."""
         return ()
 
     def between(self, modes: tuple[int, int]) -> tuple[float, bool]:
@@ -192,16 +192,16 @@ class ReducedPencil:
     def pulled(self, modes: tuple[int, int], *, with_dampers: bool = False) -> Any:
         """F of two own modes halfway between their frequencies, with dampers or without.
 
-        LinAlgError where nothing else resists.
+        Raise LinAlgError if nothing else resists.
         """
         x = float(self.reduced.fixed_base.omega[list(modes)].prod())
         return self.reduced.pulled(modes, x, self.D if with_dampers else None)
 
 
 def stable_pencil(K: Floats, M: Floats) -> tuple[Floats, Floats]:
-    """Squares ascending, 0 where nothing holds a mode, and vectors with vᵀMv = 1.
+    """Squares ascending, 0 for free modes, and vectors with vᵀMv = 1.
 
-    ComputationError for a structure that falls over.
+    Raise ComputationError for an unstable structure.
     """
     square, vectors = pencil(K, M)
     terms = NOISE_OF_SUM * np.einsum("ik,ij,jk->k", np.abs(vectors), np.abs(K), np.abs(vectors))

@@ -1,15 +1,15 @@
-"""What pendula hang from and its pendula in few coordinates: η, and the modes of every pendulum alone, all else held.
+"""Supports and pendula in few coordinates: η, and the modes of every pendulum alone, all else held.
 
 A mode φ of one pendulum alone, K φ = ω² A φ with φᵀAφ = 1, pushes its pivot with Γ = φᵀb; its modal effective mass
 
     μ_r = (φ_rᵀ b)² / (φ_rᵀ A φ_r),        Σ_r μ_r + residual mass = mass of the pendulum,
 
-is its contribution to the mass felt at the support (Clough & Penzien, Dynamics of Structures, §26-4).  These are the
+is its contribution to the dynamic mass at the support (Clough & Penzien, Dynamics of Structures, §26-4).  These are the
 modes of the conservative scene, along the rail; to first order the dampers of its joints and the drag of its links damp
 each at the rate σ = [Σ d_i (φ_i − φ_{i−1})² + Σ drag_k (h_kᵀφ)²] / 2φᵀAφ, h_kᵀφ the displacement of a link's centre.
 
-On a carrier that turns by Ω η a spring at the first joint pulls with k_1 φ_1.  Copies on pivots that move alike count
-as one, √N φ, their N − 1 other combinations leave everything else still.  Over η and the amplitudes of these modes
+On a support that turns by Ω η a spring at the first joint pulls with k_1 φ_1.  Copies on pivots that move alike count
+as one, √N φ, their N − 1 other combinations leave everything else at rest.  Over η and the amplitudes of these modes
 
     M = [[M_s + Σ m (ΦᵀΦ + ΨᵀΨ), h], [hᵀ, 1]],    K = [[K_s, g], [gᵀ, diag ω² + C]],
 
@@ -84,7 +84,7 @@ def without_damping(rig: Rig) -> Rig:
 def fixed_base_modes(rig: Rig, spring_stiffness: Mapping[Kind, Floats] = FREE) -> FixedBaseModes:
     """The fixed-base modes of every kind of pendulum of a rig in SI units, all of them hanging.
 
-    Springs add the stiffness `spring_stiffness` (n, n) to the pendula that they join to something.
+    Springs add the stiffness `spring_stiffness` (n, n) to the pendula to which they are attached.
     """
     places = {kind: place for place, kind in enumerate(rig.names)}
     modes = [*_free_modes(rig, spring_stiffness), *_tied_modes(rig, spring_stiffness)]
@@ -127,7 +127,7 @@ def _tied_modes(rig: Rig, spring_stiffness: Mapping[Kind, Floats]) -> Iterator[t
 def pencil(K: Floats, M: Floats) -> tuple[Floats, Floats]:
     """Squares ascending and vectors with vᵀMv = 1 of K v = ω² M v, by a Cholesky factor of M.
 
-    ComputationError where rounding leaves M none.
+    Raise ComputationError if rounding makes M indefinite.
     """
     size = np.sqrt(np.diag(M))
     try:
@@ -169,12 +169,12 @@ class ReducedStructure:
 
     @property
     def d(self) -> int:
-        """How many coordinates what carries the pendula has."""
+        """The number of support coordinates."""
         return self.hanging.structure.size
 
     @property
     def rig(self) -> Rig:
-        """The pendula, and what carries them."""
+        """The pendula, and their supports."""
         return self.hanging.rig
 
     @cached_property
@@ -184,7 +184,7 @@ class ReducedStructure:
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """The kinds of pendula in words, with what they hang from where there are several carriers."""
+        """The kinds of pendula in words, with what they hang from if there are several carriers."""
         names = tuple(self.rig.names.values())
         carriers = self.hanging.structure.carriers
         if len(carriers) == 1:
@@ -206,7 +206,7 @@ class ReducedStructure:
     def joints(self, name: str) -> tuple[Floats, Floats]:
         """√k_1 Ω of the first joints (kinds, d) of one copy, and √(N k_1) φ_1 (K,) of the modes.
 
-        The `name` tells whether k_1 are springs ("stiffness") or rotors.
+        The `name` says whether k_1 are springs ("stiffness") or rotors.
         """
         turning, modes = self.hanging.phi.turning[list(self.pivots)], self.fixed_base
         root = np.sqrt([getattr(self.rig.blocks[block], name)[0, column] for block, column in self.kinds])
@@ -215,7 +215,7 @@ class ReducedStructure:
 
     @cached_property
     def own_inertia(self) -> Floats:
-        """(d, d): M_s with what pendula weigh as they go down."""
+        """(d, d): M_s with the masses of the pendula for vertical motion."""
         return self.hanging.supporting[0]
 
     @cached_property
@@ -238,7 +238,7 @@ class ReducedStructure:
 
     @property
     def only_pushes(self) -> bool:
-        """Whether pendula feel each other only as they push what carries them: no spring ends on one or turns one."""
+        """Whether pendula feel each other only as they push their supports: no spring ends on one or turns one."""
         rotations = self.hanging.phi.turning[list(self.pivots)]
         names = ("rotor", "stiffness", "damping")
         has_joint_forces = [
@@ -292,7 +292,7 @@ class ReducedStructure:
         return vector
 
     def dampers(self, scene: Scene) -> Floats | None:
-        """D of everything that drains its scene; None where nothing does."""
+        """D of all dissipation in the scene; None if there is none."""
         if not scene.has_damping:
             return None
         D = np.zeros_like(self.M)
@@ -302,9 +302,9 @@ class ReducedStructure:
         return D
 
     def elimination(self, numbers: Sequence[int], x: float) -> Floats:
-        """What the others make of K − xM for the coordinates `numbers`, to be added to (K − xM) of these themselves.
+        """Return the contribution of the others to K − xM of the coordinates `numbers`.
 
-        LinAlgError where the others swing by themselves at x.
+        Raise LinAlgError if x is an eigenvalue of the others alone.
         """
         return np.asarray(self._schur(self.K - x * self.M, numbers))
 
@@ -328,7 +328,7 @@ class ReducedStructure:
 
     @cached_property
     def parts(self) -> Ints:
-        """A number for every coordinate, equal where springs or inertia join them."""
+        """A number for every coordinate, equal for coordinates coupled by springs or inertia."""
         is_linked = (self.K != 0) | (self.M != 0)
         parts = np.arange(len(is_linked))
         for at in range(len(is_linked)):
@@ -345,13 +345,13 @@ class ReducedStructure:
 
 
 def reduced(rig: Rig) -> ReducedStructure:
-    """A rig in SI units in these coordinates."""
+    """Return a rig in SI units in these coordinates."""
     hanging = Hanging(rig)
     return ReducedStructure(hanging, fixed_base_modes(hanging.rig, _spring_stiffness(hanging)))
 
 
 def refuse_beyond(structure: ReducedStructure) -> None:
-    """ComputationError for more than MOST_COORDINATES of a structure and its pendula."""
+    """Raise ComputationError for more than MOST_COORDINATES of a structure and its pendula."""
     if (size := structure.d + sum(block.mass.size for block in structure.rig.blocks)) > MOST_COORDINATES:
         raise ComputationError(
             f"the structure and different pendula have {size} coordinates: at most {MOST_COORDINATES}"

@@ -1,6 +1,6 @@
-"""The coupling of a scene as a report: the verdict, the table of families, what both leave out, and all in words.
+"""The coupling of a scene as a report: the verdict, the table of families, what both omit, and everything in words.
 
-Its JSON form has every number, units in the names, None where it is infinite or undefined; modes are numbered as in the
+Its JSON form has every number, units in the names, None if it is infinite or undefined; modes are numbered as in the
 table.
 """
 
@@ -46,8 +46,8 @@ class ReportSection:
 def coupling_report(coupling: Coupling, form: Form = "text", *, words: bool = False, elsewhere: str = "") -> str:
     """The report as "text", "markdown" or "json", the last with every number (units in the names).
 
-    First the verdict, then a table of the families, then what both leave out, which ends with the sentence `elsewhere`
-    on where more is.  `words` adds every number in a sentence with its formula.  Raises ValueError for another form.
+    First the verdict, then a table of the families, then what both omit, which ends with the sentence `elsewhere` on
+    where to find more. `words` adds every number in a sentence with its formula. Raise ValueError for another form.
     """
     if form not in FORMS:
         raise ValueError(f"form = {form!r}: must be one of {', '.join(FORMS)}")
@@ -91,7 +91,7 @@ def _columns(coupling: Coupling, rows: Sequence[FamilyRow]) -> Iterator[str]:
 
 
 def left_out(coupling: Coupling) -> tuple[str, ...]:
-    """Sentences on what the verdict and the table leave out."""
+    """Return sentences on what the verdict and the table omit."""
     return tuple(_left_out(coupling))
 
 

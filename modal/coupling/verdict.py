@@ -93,7 +93,7 @@ def _beats(coupling: Coupling, rows: list[FamilyRow]) -> Iterator[str]:
 
 
 def _no_beats(coupling: Coupling) -> Iterator[str]:
-    """Why equal pendula do not beat, where there are any."""
+    """Why equal pendula do not beat, if there are any."""
     if all(family.fold == 1 for family in coupling.families):
         return
     why = "the coupling is too strong, or another mode too near"

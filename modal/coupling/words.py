@@ -1,4 +1,4 @@
-"""The sections of the report in words: what hangs there, what couples it, families, limits, and exchange of energy."""
+"""The sections of the report in words: pendula, coupling, families, limits, and energy exchange."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ ELSEWHERE = "in the JSON form"
 
 
 def list_limit(coupling: Coupling) -> int:
-    """How many entries of each kind are listed, fewer where there are many."""
+    """Return how many entries of each kind are listed, fewer if there are many."""
     return MOST_LISTED if len(coupling.fixed_base.omega) <= MOST_PAIRED_MODES else 3
 
 
 def member_words(coupling: Coupling, k: int) -> str:
-    """A fixed-base mode by its pendulum, and by its number where the pendulum has several."""
+    """Return a fixed-base mode by its pendulum, and by its number if the pendulum has several."""
     modes = coupling.fixed_base
     name = coupling.names[modes.kind[k]]
     several = int(np.sum(modes.kind == modes.kind[k])) > 1
@@ -56,7 +56,7 @@ def fraction(share: float) -> str:
 
 
 def carrier_words(structure: Structure) -> str:
-    """What pendula hang from: 2 swings (left and right), or a board."""
+    """Return the supports in words: 2 swings (left and right), or a board."""
     by_kind: dict[str, list[CarrierNumbers]] = {}
     for carrier in structure.carriers:
         if carrier.size:
@@ -74,7 +74,7 @@ def carrier_words(structure: Structure) -> str:
 
 
 def pendula_words(coupling: Coupling) -> Iterator[str]:
-    """What hangs from what, and springs."""
+    """Return sentences on pendula, supports and springs."""
     scene, structure = coupling.scene, coupling.structure
     kinds = f" of {counted(len(coupling.names), 'kind', 'kinds')}" if scene.n_pendula > 1 else ""
     hanging = sum(float(np.sum(block.mass.sum(0) * block.count)) for block in coupling.rig.blocks)
@@ -121,7 +121,7 @@ def pendula_words(coupling: Coupling) -> Iterator[str]:
 
 
 def push_words(coupling: Coupling) -> Iterator[str]:
-    """What a push on the cart feels, or would feel on a fixed support."""
+    """Return sentences on the dynamic mass of the cart, or of a massless cart on a fixed support."""
     dynamic, on_cart = coupling.dynamic, coupling.on_cart
     sum_of_poles = "m_res + Σ μ_r ω_r²/(ω_r² − ω²)"
     fast = f"{short(dynamic.at_infinity)} kg [m_dyn(∞) = m_c + m_res, m_res = {short(dynamic.residual)} kg]"

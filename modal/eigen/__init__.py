@@ -1,15 +1,14 @@
-"""Eigenvalues and mode shapes of a rig, by the cheapest route that keeps every digit.
+"""Eigenvalues and mode shapes of a rig, by the cheapest method that keeps every digit.
 
 In: a `Rig`.  Out: a `ModalSpectrum`, the eigenvalues in ascending order, each with the source that describes its shape.
 
     K φ = ω² M φ,    with dampers  (λ² M + λ D + K) φ = 0
 
-A rig is parted into what moves together (`components`), all of a cart, chain by chain what is at rest.  Plain chains
-use the effective-mass recursion and bisection (`squares`, in floats `short`), on a cart of many different ones the
-secular equation (`coupled`).  All else is a structure (`structured`), a cart one of one coordinate, a support at rest
-one of none, what nothing holds (`free_motions`) aside: counts go on through trees of springs (`trees`);
-loops and springs between links take the factors of K and M (`product`), dampers the quadratic problem (`dense`).
-Start with `spectrum`, which chooses.
+A rig is divided into parts that move together (`components`): everything on a cart, or each chain on a fixed support.
+Plain chains use the effective-mass recursion and bisection (`squares`, in floats `short`), on a cart with many
+different ones the secular equation (`coupled`). All else is a structure (`structured`), without its free motions
+(`free_motions`): eigenvalue counts extend to trees of springs (`trees`); closed loops and springs between links use the
+factors of K and M (`product`), dampers the quadratic problem (`dense`). Start with `spectrum`, which chooses.
 
 `elimination` is the recursion at any complex frequency, with loads, in floats or decimals.
 """

@@ -87,11 +87,11 @@ class ModeSwing(NamedTuple):
 def distortion(
     blocks: tuple[Block, ...], swing: ModeSwing, answers: Sequence[tuple[int, ModeSwing]], kappa: float
 ) -> Floats:
-    """The relative error of one shape's angle of 1 %, then the changes of it by the responses of others, (1 + R,).
+    """Return the relative error of one shape's 1 % angle, then its changes by the responses of others, (1 + R,).
 
     `answers` are R shapes with the harmonic k in which each is driven; the error is by all of them and by the next
-    order of the shape's own frequency.  The angle is the largest of any link over the period; errors and changes are
-    infinite where two frequencies meet below it.
+    order of the shape's own frequency. The angle is the largest of any link over the period; errors and changes are
+    infinite if two frequencies meet below it.
     """
     a2 = min(ONE_PERCENT / abs(kappa), (pi / 2) ** 2)
     chosen = np.vstack((np.ones(len(answers)), np.eye(len(answers))))

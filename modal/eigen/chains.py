@@ -1,8 +1,8 @@
-"""Shapes by the effective mass, of chains on a fixed support and of chains that share a cart.
+"""Shapes by the effective mass, for chains on a fixed support and chains that share a cart.
 
-A shape is built from both ends and joined at one joint (a twisted factorization: [Dhillon2004, §2]).  There it is out
+A shape is computed from both ends and joined at one joint (a twisted factorization: [Dhillon2004, §2]). There it is out
 of balance by ω² (μ + ν) y, so its Rayleigh quotient deviates from ω² by |μ + ν| y² over the kinetic energy T: a
-residual that certifies the mode.  The joint is one where the halves agree to rounding (|μ + ν| against the joint's own
+residual that certifies the mode. The joint is one where the halves agree to rounding (|μ + ν| against the joint's own
 mass) and the neighbouring links have most of the kinetic energy: where the mode is localized.
 """
 
@@ -66,7 +66,7 @@ def fixed_shapes(chains: Block, x: Floats) -> ChainShapes:
 
 
 def cart_shapes(blocks: tuple[Block, ...], cart: CartNumbers, x: Floats) -> ChainShapes:
-    """Shapes at x (R,) of chains that share a cart, all of them and the cart together."""
+    """Return shapes at x (R,) of chains that share a cart, with the cart."""
     lower_halves, upper_halves = _eliminate_both_ways(blocks, cart, x)
     joints = [joint_masses(block.constants.p, block.constants.r) for block in blocks]
     pivot = cart.mass + sum(float(masses[0].sum()) for masses in joints)
@@ -149,7 +149,7 @@ def _join_halves(
 
 
 def sums_without_each(base: Floats, parts: list[Floats]) -> list[Floats]:
-    """Own + Σ of all rows but each one, for rows (P, …) in several arrays, without subtraction."""
+    """Return `own` + Σ of all rows except each one, for rows (P, …) in several arrays, without subtraction."""
     rows = np.concatenate(parts)
     before, after = np.zeros_like(rows), np.zeros_like(rows)
     np.cumsum(rows[:-1], axis=0, out=before[1:])

@@ -1,10 +1,10 @@
-"""The matrices of one component of a rig on a structure as sums of squares, and its form as a tree where it has one.
+"""The matrices of one component of a rig on a structure as sums of squares, and its form as a tree if it has one.
 
     M = Σ m b bᵀ,      K = Σ k a aᵀ,      D = Σ d c cᵀ
 
-over the component's η and the angles of its combinations of pendula (`modal.eigen.components`): rows and sizes, none
-of which is the difference of two numbers of the scene, so that `modal.eigen.product` finds modes with every digit.
-What moves without any spring is found from the rows alone.
+over the component's η and the angles of its combinations of pendula (`modal.eigen.components`): rows and sizes, none of
+which is the difference of two numbers of the scene, so that `modal.eigen.product` finds modes to all digits. Free
+motions are found from the rows alone.
 """
 
 from __future__ import annotations
@@ -40,13 +40,13 @@ class SquareSum(NamedTuple):
 
     @property
     def matrix(self) -> Floats:
-        """The sum, (n, n), symmetric to the last digit: else stiff dampers would feel it."""
+        """The sum, (n, n), symmetric to the last digit, which stiff dampers need."""
         S: Floats = (self.rows.T * self.size) @ self.rows
         return (S + S.T) / 2
 
 
 def is_wide(size: int) -> bool:
-    """Whether the triangular factors of so many coordinates are computed in wider floats."""
+    """Whether triangular factors of this many coordinates are computed in extended precision."""
     return size <= LARGEST_WIDE and bool(np.finfo(np.longdouble).eps < EPS)
 
 
@@ -59,7 +59,7 @@ class ComponentMatrices:
 
     @cached_property
     def places(self) -> Ints:
-        """Where the angles of each combination begin, and the number of coordinates."""
+        """The first angle of each combination, and the number of coordinates."""
         sizes = [self.parted_rig.rig.blocks[heavy.block].n for heavy in self.component.heavies]
         return len(self.component.eta) + np.concatenate([[0], np.cumsum(sizes, dtype=np.int64)])
 
@@ -81,7 +81,7 @@ class ComponentMatrices:
 
     @cached_property
     def factors(self) -> tuple[SquareSum, SquareSum, SquareSum]:
-        """Those of M, K and D; sizes in that of K may be negative."""
+        """The factors of M, K and D; sizes in that of K may be negative."""
         return self._factor(0), self._factor(1), self._factor(2)
 
     def _factor(self, which: int) -> SquareSum:
@@ -104,7 +104,7 @@ class ComponentMatrices:
 
     @cached_property
     def squares(self) -> tuple[tuple[Element, ...], ...]:
-        """The elements of M, K and D but those of the chains themselves, in the coordinates of the component."""
+        """The elements of M, K and D except those of the chains, in the coordinates of the component."""
         place_of, part_elements = (
             self._place_of_coordinate,
             self.parted_rig.elements_of_parts.get(self.component.group, ([], [], [])),
@@ -137,7 +137,7 @@ class ComponentMatrices:
 
     @cached_property
     def momentum(self) -> Floats:
-        """The momentum along the rail (n,) by each rate; NaN where a modal support is part of the component."""
+        """The momentum along the rail (n,) per unit of each rate; NaN if a modal support is part of the component."""
         momentum = np.zeros(self.size)
         momentum[: len(self.component.eta)] = self.parted_rig.momenta[self.component.eta]
         for (block, heavy), at in zip(self._chains, self.places.tolist(), strict=False):
@@ -195,7 +195,7 @@ class ComponentMatrices:
 
     @cached_property
     def hidden(self) -> Floats:
-        """What the sums of terms of each η exceed the stiffness that is left of them, (nη,)."""
+        """The excess of the sum of absolute terms over the remaining stiffness of each η, (nη,)."""
         elements, eta = self.parted_rig.hanging.elements, self.component.eta
         remainder = np.zeros(self.parted_rig.size)
         for element in elements.stiffness:
@@ -205,7 +205,7 @@ class ComponentMatrices:
 
     @property
     def cancelling(self) -> float:
-        """The largest ratio of the sum of absolute terms of an η's stiffness to what is left of it."""
+        """The largest ratio of the sum of absolute terms to the remaining stiffness of an η."""
         stiffness = np.zeros(len(self.component.eta))
         for element in self.squares[1]:
             for place, value in zip(element.at, element.row, strict=True):
@@ -216,9 +216,9 @@ class ComponentMatrices:
 
     @cached_property
     def free(self) -> Floats:
-        """Motions (n, f) without any spring, orthonormal in M and orthogonal in D, those first that dampers drag least.
+        """Motions (n, f) without any spring, orthonormal in M and orthogonal in D, least damped first.
 
-        No angle takes part in them.
+        They involve no angles.
         """
         eta = self.component.eta
         d = len(eta)
@@ -249,7 +249,7 @@ class ComponentMatrices:
 
     @cached_property
     def coasting(self) -> Floats:
-        """Free motions (n, f) that no damper drags either."""
+        """Free motions (n, f) without damping."""
         if not self.is_damped:
             return self.free
         rows, free = self.factors[2].rows, self.free
@@ -308,7 +308,7 @@ class StructureShapes:
 
     @property
     def energies(self) -> tuple[Floats, ...]:
-        """Twice the energy of each link of one copy, with its rotor, over ω², (n, P, R); a mean of those that sink."""
+        """Twice the energy of each link of one copy, with its rotor, over ω², (n, P, R); a mean if pivots move down."""
         energies = []
         for number, (block, angle) in enumerate(zip(self.parted_rig.rig.blocks, self.angles, strict=True)):
             pivot_displacement = self.parted_rig.pivots[number] @ self.eta
@@ -349,7 +349,7 @@ def _tree(
     springs: dict[tuple[int, int], tuple[float, float, float]],
     hanging_chains: list[HungChains],
 ) -> Tree | None:
-    """The tree of coordinates in the order in which they are reached from the first; None where there is a loop."""
+    """The tree of coordinates in the order in which they are reached from the first; None if there is a loop."""
     neighbours: list[list[tuple[int, float, float, float]]] = [[] for _ in mass]
     for (first, second), (size, alpha, beta) in springs.items():
         neighbours[first].append((second, size, alpha, beta))

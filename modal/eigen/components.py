@@ -1,9 +1,9 @@
-"""Pendula on a structure, parted into what moves together, with equal ones combined.
+"""Pendula on a structure, divided into components that move together, with equal pendula combined.
 
-N equal pendula on coordinates η hang from pivots Φ η (N, d), and feel angles Ω η where a first joint has a rotor, a
-spring or a damper.  With (Φ, Ω) = U diag(σ) Vᵀ the combinations U_kᵀ of the pendula hang from pivots σ_k V_kᵀ η, and
-all orthogonal ones leave the structure still, with the pendulum's fixed-base frequencies.  The rank is that of the rows
-with columns divided by √inertia of the structure; where it is full, as on carts, every pendulum stays as it is.
+N equal pendula on coordinates η hang from pivots Φ η (N, d), and first joints with a rotor, a spring or a damper act
+relative to the angles Ω η. With (Φ, Ω) = U diag(σ) Vᵀ the combinations U_kᵀ of the pendula hang from pivots σ_k V_kᵀ η,
+and all orthogonal ones leave the structure at rest, with the pendulum's fixed-base frequencies. The rank is that of the
+rows with columns divided by √inertia of the structure; if it is full, as on carts, the pendula are not combined.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from modal.types import EPS, NOISE_OF_TERMS, Floats, Ints
 
 
 class Share(NamedTuple):
-    """How a combination moves each of `copies` equal pendula of a column of its block, by its first pendulum."""
+    """The amplitudes in a combination of `copies` equal pendula of a column of its block, from its first pendulum."""
 
     column: int
     copies: int
@@ -33,7 +33,7 @@ class Share(NamedTuple):
 class Heavy(NamedTuple):
     """A combination of equal pendula: a chain `weight` times as heavy on a pivot `pivot_row` η, (d,).
 
-    It feels the angle `turning_row` η, (d,).
+    Its first joint acts relative to the angle `turning_row` η, (d,).
     """
 
     block: int
@@ -45,15 +45,15 @@ class Heavy(NamedTuple):
 
     @property
     def is_alone(self) -> bool:
-        """Whether it is one pendulum, to whose links springs may be joined."""
+        """Whether it is a single pendulum, to whose links springs may be attached."""
         return len(self.shares) == 1 and self.shares[0].copies == 1
 
 
 class StillGroup(NamedTuple):
-    """Combinations of a group of equal pendula, in `columns` (C,) of a block, that leave the structure still.
+    """Combinations of a group of equal pendula, in `columns` (C,) of a block, that leave the structure at rest.
 
     Each of `counts` (C,) pendula of a column moves by the combination's entry over √count.  All are orthogonal to the
-    columns of `moving` (C, r); the first alone pushes along the rail, if any `pushes`.
+    columns of `moving` (C, r); only the first exerts a force along the rail, if any `pushes`.
     """
 
     block: int
@@ -75,7 +75,7 @@ class StillGroup(NamedTuple):
 
     @property
     def number(self) -> int:
-        """How many there are."""
+        """The number of combinations."""
         return len(self.columns) - int(self.moving.shape[1]) + self.pushes
 
     def vectors(self, which: Ints) -> Floats:
@@ -102,18 +102,18 @@ class Component(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class PartedRig:
-    """A rig, parted into what moves together."""
+    """A rig, divided into components that move together."""
 
     rig: Rig
 
     @property
     def is_plain(self) -> bool:
-        """Whether all it hangs from is one cart or a support at rest."""
+        """Whether its only support is one cart or a fixed support."""
         return self.rig.structure is None
 
     @cached_property
     def hanging(self) -> Hanging:
-        """Its pendula and elements, with one pendulum for all equal ones on a cart or a support at rest."""
+        """Its pendula and elements, with one pendulum for all equal ones on a cart or a fixed support."""
         rig = self.rig
         return Hanging(
             replace(rig, members=tuple((*kind, 1) for kind in rig.names)).on_structure if self.is_plain else rig
@@ -128,7 +128,7 @@ class PartedRig:
 
     @property
     def size(self) -> int:
-        """How many coordinates the structure has."""
+        """The number of coordinates of the structure."""
         return self.rig.leading
 
     @cached_property
@@ -191,7 +191,7 @@ class PartedRig:
 
     @cached_property
     def partition(self) -> tuple[tuple[Component, ...], tuple[StillGroup, ...]]:
-        """The components, and the combinations of pendula in different columns that leave the structure still."""
+        """The components, and the combinations of pendula in different columns that leave the structure at rest."""
         if self.is_plain:
             return ((self.all_pendula,) if self.size else ()), ()
         tied = {p: self.size + k for k, p in enumerate(sorted(self.hanging.tied))}
@@ -229,7 +229,7 @@ class PartedRig:
 
     @cached_property
     def carrying(self) -> tuple[Ints, ...]:
-        """How many combinations of the copies of every column of each block move with what they hang from."""
+        """The number of combinations of the copies of every column of each block that move with their supports."""
         if self.is_plain:
             return tuple(np.full(block.size, self.size) for block in self.rig.blocks)
         moving = [np.zeros(block.size, dtype=np.int64) for block in self.rig.blocks]
@@ -264,7 +264,7 @@ class PartedRig:
 
     @cached_property
     def inertia(self) -> Floats:
-        """The diagonal of the structure's mass matrix with all that hangs, (d,)."""
+        """The diagonal of the structure's mass matrix, including the pendula, (d,)."""
         return self.hanging.inertia.diagonal()
 
     @cached_property
@@ -279,13 +279,13 @@ class PartedRig:
         )
 
     def turning(self, number: int) -> Floats:
-        """Ω (P, d) of every column of a block, whether its first joint feels it or not."""
+        """Ω (P, d) of every column of a block, whether its first joint depends on it or not."""
         first = [self._columns[number, column] for column in range(self.rig.blocks[number].size)]
         return self.hanging.phi.turning[first]
 
     @cached_property
     def sinking(self) -> tuple[Floats | None, ...]:
-        """The mean of ψ ψᵀ (P, d, d) over the copies of every column of each block; None where no pivot moves down."""
+        """The mean of ψ ψᵀ (P, d, d) over the copies of every column of each block; None if no pivot moves down."""
         down = None if self.is_plain else self.hanging.phi.down
         if down is None or not down.any():
             return (None,) * len(self.rig.blocks)
@@ -308,7 +308,7 @@ class PartedRig:
 
     @cached_property
     def momenta(self) -> Floats:
-        """The momentum along the rail by each rate of the structure, (d,)."""
+        """The momentum along the rail per unit of each rate of the structure, (d,)."""
         if self.is_plain:
             return np.full(self.size, self.rig.total_mass)
         structure, momentum = self.hanging.structure, np.zeros(self.size)

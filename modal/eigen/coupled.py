@@ -1,18 +1,18 @@
-"""Plain chains on one cart: different ones coupled by the secular equation, their equal frequencies apart.
+"""Plain chains on one cart: different ones coupled by the secular equation, equal frequencies separated.
 
 With the cart displaced by X, the fixed-base mode r of a pendulum follows with amplitude
 x P_r X / (E_r (λ_r − x)), where P_r = φ_rᵀ b is its momentum, E_r = φ_rᵀ A φ_r and μ_r = P_r²/E_r its modal
 effective mass.  Equal λ_r are one pole.  With α the residual mass of a pendulum, its momentum and twice its energy over
-ω² are sums over its modes, X (α + Σ μ_r λ_r/(λ_r − x)) and X² (α + Σ μ_r λ_r²/(λ_r − x)²): nothing cancels where a
-light cart moves under pendula that stay in place.
+ω² are sums over its modes, X (α + Σ μ_r λ_r/(λ_r − x)) and X² (α + Σ μ_r λ_r²/(λ_r − x)²): nothing cancels if a light
+cart moves under pendula that stay in place.
 
-Of d fixed-base modes of one frequency, with momenta P_i and modal masses E_i, all but one leave the cart still.  Moving
-with amplitudes a_i/√E_i they push it with Σ a_i p_i, p_i = P_i/√E_i; the combinations orthogonal to p,
+Of d fixed-base modes of one frequency, with momenta P_i and modal masses E_i, all but one leave the cart at rest.
+Moving with amplitudes a_i/√E_i they push it with Σ a_i p_i, p_i = P_i/√E_i; the combinations orthogonal to p,
 
     a^(k) = (p_1 p_{k+1}, …, p_k p_{k+1}, −s_k, 0, …)/√(s_k s_{k+1}),    s_k = p_1² + … + p_k²,    k = 1 … d − 1,
 
-leave it still, are orthonormal, and for equal pendula become (1, −1, 0, …)/√2, (1, 1, −2, 0, …)/√6, …  The one mode
-that moves the cart sees a single pole of weight Σ p_i².
+leave it at rest, are orthonormal, and for equal pendula become (1, −1, 0, …)/√2, (1, 1, −2, 0, …)/√6, … The mode that
+moves the cart corresponds to a single pole of weight Σ p_i².
 """
 
 from __future__ import annotations
@@ -44,11 +44,11 @@ MOST_LINKS_TOGETHER = 600
 
 @dataclass(frozen=True, eq=False)
 class DegenerateModes:
-    """The fixed-base modes of all kinds, clustered where their frequencies are equal.
+    """The fixed-base modes of all kinds, clustered by equal frequencies.
 
     `order` (K,) sorts the modes, counted block by block, mode by mode, column by column; cluster c consists of
-    `size[c]` of them from `first[c]` on and has the square `square[c]`, that of its lowest member; all (C,).  `rounded`
-    tells whether the members of any differ in their last digits.
+    `size[c]` of them from `first[c]` on and has the square `square[c]`, that of its lowest member; all (C,). `rounded`
+    says whether the members of any cluster differ in their last digits.
     """
 
     order: Ints
@@ -98,8 +98,8 @@ def degenerate_modes(squares: tuple[Floats, ...]) -> DegenerateModes:
 class CartPendula:
     """The modes of one heavy pendulum of each kind, all of them plain, and the cart.
 
-    `fixed_squares` are the squares (n, P) of every block on a support at rest where there are different kinds.  Few
-    links take counts; many of different kinds, and the shapes of close ones, the secular equation.
+    `fixed_squares` are the squares (n, P) of every block on a fixed support if there are different kinds. Few links use
+    eigenvalue counts; many different kinds, and the shapes of close modes, the secular equation.
     """
 
     rig: Rig
@@ -154,7 +154,7 @@ class CartPendula:
 
     @cached_property
     def bare_mass(self) -> float:
-        """The mass felt by a force on the cart at infinite frequency; 0 where M is singular."""
+        """The dynamic mass of the cart at infinite frequency; 0 if M is singular."""
         return bare_mass(self.blocks, self.cart)
 
     @property
@@ -223,14 +223,14 @@ class CartPendula:
         return structured_error(deepest, chains)
 
     def details(self, rows: Ints) -> Details:
-        """Shapes in which all copies of a kind move alike."""
+        """Return shapes in which all copies of a kind move alike."""
         x = self.squares[rows]
         return self.describe(
             x, cart_shapes(self.blocks, self.cart, x) if self._are_apart else self.secular_equation.shapes(rows, x)
         )
 
     def describe(self, x: Floats, motion: ChainShapes) -> Details:
-        """The properties of shapes at x (R,)."""
+        """Return the properties of shapes at x (R,)."""
         angles = tuple(a * (b.sigma / b.length)[:, :, None] for a, b in zip(motion.turns, self.blocks, strict=True))
         parts = [quartic(b, x, motion.cart, angle).sum(0) for b, angle in zip(self.blocks, angles, strict=True)]
         copies = (part / block.count[:, None] for part, block in zip(motion.energies, self.rig.blocks, strict=True))
@@ -239,7 +239,7 @@ class CartPendula:
 
 @dataclass(frozen=True, eq=False)
 class StillModes:
-    """The modes of different pendula that together hold the cart still; a row is a cluster and a vector in it."""
+    """The modes of different pendula that together leave the cart at rest; a row is a cluster and a vector in it."""
 
     pendula: CartPendula
     route = "effective mass"

@@ -1,14 +1,14 @@
-"""The dense route, for small scenes that have no structured one.
+"""The dense method, for small scenes without a structured one.
 
-Undamped: the symmetric pencil K φ = ω² M φ, also with inverted links and an indefinite K.  Free
-motions are eliminated first, and their momentum with them, so that they are exact.
+Undamped: the symmetric eigenvalue problem K φ = ω² M φ, also with inverted links and an indefinite K. Free motions are
+eliminated first, and their momentum with them, so that they are exact.
 
 With dampers, M q'' + D q' + K q = 0, each eigenvalue is from a problem scaled to a rate of its own magnitude.
 
-Dampers spread the eigenvalues: a stiff one makes a fast decay d/m and a slow one k/d in addition to the oscillations
-√(k/m), and one matrix is accurate only for those near its own norm.  So the quadratic problem is solved once for every
-magnitude of rate that its diagonal suggests.  For the rate γ, with λ = γμ and the coordinates scaled so that
-P = γ²M + γD + K has a unit diagonal, Cayley's θ = (μ + 1)/(μ − 1) turns it into
+Dampers spread the eigenvalues: a stiff one gives a fast decay d/m and a slow one k/d in addition to the oscillations
+√(k/m), and one matrix is accurate only for eigenvalues near its own norm. So the quadratic problem is solved once for
+every magnitude of rates that its diagonal suggests. For the rate γ, with λ = γμ and the coordinates scaled so that P =
+γ²M + γD + K has a unit diagonal, Cayley's θ = (μ + 1)/(μ − 1) turns it into
 
     P θ² x + 2(γ²M − K) θ x + (γ²M − γD + K) x = 0,
 
@@ -58,9 +58,9 @@ class Eigen:
 
 
 def undamped_modes(M: Floats, K: Floats, total_inertia: Floats, *, singular: bool) -> Eigen:
-    """Modes of K φ = ω² M φ, K positive definite; M is `total_inertia` less that of motions that are left out.
+    """Modes of K φ = ω² M φ, K positive definite; M is `total_inertia` less that of omitted motions.
 
-    Where M is known to be `singular`, by one dimension, the mode at infinite frequency is omitted.
+    If M is known to be `singular` by one dimension, the mode at infinite frequency is omitted.
     """
     scale, L, sensitivity = _scaled_factor(K)
     inverse_square, v = np.linalg.eigh(_in_factors(L, M * scale * scale[:, None]))
@@ -77,9 +77,9 @@ def undamped_modes(M: Floats, K: Floats, total_inertia: Floats, *, singular: boo
 def indefinite_modes(M: Floats, K: Floats, *, terms: Floats, loss_factor: float = 1.0) -> Eigen:
     """Modes of K φ = x M φ about an equilibrium that may be unstable: λ = i√x, and for x < 0 the growth rate √−x > 0.
 
-    `terms` (size,) are the sums of the absolute terms of K's diagonal, where springs and gravity may cancel,
-    `loss_factor` is the factor on errors by what was subtracted from M.  The decaying counterpart −√−x of a growing
-    mode has the same shape and is not listed.
+    `terms` (size,) are the sums of the absolute terms of K's diagonal, where springs and gravity may cancel;
+    `loss_factor` multiplies errors because of subtractions from M. The decaying counterpart −√−x of a growing mode has
+    the same shape and is not listed.
     """
     scale, L, sensitivity = _scaled_factor(M)
     x, v = np.linalg.eigh(_in_factors(L, K * scale * scale[:, None]))
@@ -92,7 +92,7 @@ def indefinite_modes(M: Floats, K: Floats, *, terms: Floats, loss_factor: float 
 
 
 def in_phase(shape: NDArray[np.inexact], first: int) -> NDArray[np.inexact]:
-    """Each column rotated in the complex plane until its largest entry in rows `first` … is real and positive."""
+    """Rotate each column in the complex plane so that its largest entry in rows `first` … is real and positive."""
     entries = shape[first:]
     leading = np.take_along_axis(entries, np.abs(entries).argmax(0)[None], 0)[0]
     size = np.abs(leading)
@@ -125,7 +125,7 @@ def is_singular(M: Floats) -> bool:
 
 
 def refuse_beyond(largest: int, size: int, cause: str) -> None:
-    """ComputationError for more coordinates than this route allows."""
+    """Raise ComputationError for more coordinates than this method allows."""
     if size > largest:
         raise ComputationError(
             f"{cause} need the dense route: {size} coordinates, at most {largest} "
@@ -142,7 +142,7 @@ FACTORS_OF_RATE = (1.0, 2.0, 0.5)
 class Dampers(NamedTuple):
     """Strength of the damper between each coordinate and the one `parents` it (−1: the ground), both (size,).
 
-    Further ones, as drag, act on the coordinates with D = `roots`ᵀ diag(`signs`) `roots`, (R, size).  Those below 0
+    Others, such as drag, act on the coordinates with D = `roots`ᵀ diag(`signs`) `roots`, (R, size).  Those below 0
     supply energy.
     """
 
@@ -341,7 +341,7 @@ def _correct_light_damping(values: Complexes, shape: Complexes, scaling: _Scaled
 
 
 def square_root(S: Floats) -> tuple[Floats, Floats]:
-    """Rows F (R, d) and signs (R,) with S = Fᵀ diag(signs) F: Cholesky's factor where there is one."""
+    """Rows F (R, d) and signs (R,) with S = Fᵀ diag(signs) F: the Cholesky factor if it exists."""
     if not (S - np.diag(np.diag(S))).any():
         is_nonzero = np.diag(S) != 0
         return np.diag(np.sqrt(np.abs(np.diag(S))))[is_nonzero], np.sign(np.diag(S))[is_nonzero]

@@ -1,7 +1,7 @@
-"""Frequency responses by elimination of K + iωD − ω²M from the tips: no digit is lost however far the modes are.
+"""Frequency responses by elimination of K + iωD − ω²M from the tips: no digit is lost however far ω is from the modes.
 
 A link whose upper joint is displaced by y and lower one by y + a (a = σ l θ), with r, p, q, u and J of
-`modal.pair.Constants`, feels from all below it the effective mass μ on its lower joint and, through a joint with a
+`modal.pair.Constants`, is loaded from below by the effective mass μ at its lower joint and, through a joint with a
 spring and a damper, κ = stiffness + iω damping, the coupling ν and the stiffness S on its turn.  With loads F on its
 centre of mass (s = c/l along it), T on its turn, e + ω²ε on its lower joint, and c = κ/(l l′) to the link above it,
 
@@ -10,18 +10,17 @@ centre of mass (s = c/l along it), T on its turn, e + ω²ε on its lower joint,
     μ′ = ((m + μ) k̃ − ω²(m J + p μ + 2 m(1 − s) ν − ν²))/P      ν′ = c β/P      S′ = κ (P − κ/l²)/(P l′²)
     e′ = (N e + (k̃ − ω²(J + (1 − s) μ + (2 − s) ν)) F)/P,     ε′ = (N ε + β T)/P,     T′ = c E/P
 
-where primes are for the link above.  Nothing is subtracted that is not subtracted in the data: μ of bobs becomes
-k/ω² above their modes, where m_dyn as a sum over modes cancels, and torques alone push the cart with ω²ε, whose ω² is
-that of the cart's inertia.  A linear drag d on a centre of mass adds −i d/ω to its mass, loss angles φ make k and κ's
-stiffness k (1 + iφ).
-(The recursion of `modal.eigen.recursion`, at a complex frequency; [Parlett1998, §3.3].)
+where primes are for the link above. There are no subtractions except those in the data: μ of bobs becomes k/ω² above
+their modes, where m_dyn as a sum over modes cancels, and torques alone push the cart with ω²ε, whose ω² is that of the
+cart's inertia. A linear drag d on a centre of mass adds −i d/ω to its mass, loss angles φ make k and κ's stiffness k (1
++ iφ). (The recursion of `modal.eigen.recursion`, at a complex frequency; [Parlett1998, §3.3].)
 
-There are two kinds of arithmetic: floats whose rounding is felt, and as many decimal digits as it takes.
+There are two kinds of arithmetic: floats with measured rounding errors, and as many decimal digits as needed.
 `Rounded` computes every frequency REPLICAS + 1 times in floats; in all but the first, `round_off` changes each result
-by a random part in 2⁵², as rounding does, and the frequency by a last digit, as the rounding of ω² does beside a sharp
-resonance, so that the spread of the results is their rounding error (Monte Carlo arithmetic:
-[Parker1997]; [Vignes2004]).  `Digits` computes in decimals of any
-precision, starting from the exact value of every float.  Arrays of both take the same operators, frequencies last.
+by a random part in 2⁵², as rounding does, and the frequency by a last digit, as the rounding of ω² does near a sharp
+resonance, so that the spread of the results is their rounding error (Monte Carlo arithmetic: [Parker1997];
+[Vignes2004]). `Digits` computes in decimals of any precision, starting from the exact value of every float. Arrays of
+both support the same operators, frequencies last.
 """
 
 from __future__ import annotations
@@ -43,7 +42,7 @@ Load = tuple[str, int]
 
 
 class ChainResponse(NamedTuple):
-    """P chains on a pivot: `mass` (P, W) felt there, `direct` and `inertial` (P, L, W), e and ε of the loads there.
+    """P chains on a pivot: dynamic `mass` (P, W), and the loads' e and ε there, `direct` and `inertial` (P, L, W).
 
     Joints (n + 1, P, 1 + L, W) and angles (n, P, 1 + L, W) for a pivot displaced by 1, then for each load on a pivot at
     rest.
@@ -136,7 +135,7 @@ def _descend(coefficients: list[Any], pivot: Any, square: Any, round_off: Any) -
 
 
 def _widen(values: Any) -> Any:
-    """Numbers of chains (P, W) beside those of chains and loads (P, L, W)."""
+    """Numbers of chains (P, W) next to those of chains and loads (P, L, W)."""
     return values[:, None]
 
 
@@ -155,7 +154,7 @@ def _unit_loads(block: Block, loads: list[Load]) -> tuple[Any, Any]:
 def cart_of(cart: CartNumbers, mass: Any, numbers: Arithmetic) -> tuple[Any, Any, Any]:
     """The cart's displacement (W,) for a unit force, for a unit of ω²ε, and for the ground's.
 
-    `mass` (W,) is what it feels of the pendula; without a spring and a damper its equation is divided by ω².
+    `mass` (W,) is the dynamic mass of the pendula; without a spring and a damper its equation is divided by ω².
     """
     omega, round_off = numbers.omega, numbers.round_off
     total_mass = round_off(numbers.number(cart.mass) + mass)
@@ -211,7 +210,7 @@ class Rounded:
         return values
 
     def pivot(self, values: Any, neighbours: Any) -> Any:
-        """Zeros replaced by a last bit of those beside them."""
+        """Replace zeros by a last bit of the terms next to them."""
         return np.where(values == 0, -EPS * neighbours, values)
 
     def results(self, values: Any) -> tuple[Complexes, Floats]:
@@ -258,7 +257,7 @@ class Digits:
         return values
 
     def pivot(self, values: Any, neighbours: Any) -> Any:
-        """Zeros replaced by a last digit of those beside them."""
+        """Replace zeros by a last digit of the terms next to them."""
         digit: Any = Decimal(-1).scaleb(-self.precision)
         last = digit if self.is_real else Complex(digit, Decimal(0))
         return np.frompyfunc(lambda value, neighbour: neighbour * last if value == 0 else value, 2, 1)(
@@ -329,10 +328,10 @@ def precise_values(
     tolerance: float,
     remainder: Floats | None = None,
 ) -> Complexes:
-    """What `evaluate` makes of an arithmetic, (…, W), to a relative error of `tolerance` in every entry.
+    """Return the result of `evaluate` in an arithmetic, (…, W), to a relative error of `tolerance` in every entry.
 
-    In floats first, then in digits where they have lost too many, as beside a sharp resonance: there the frequencies
-    are omega + remainder (W,), and not their floats.
+    Floats are tried first, then decimals where they have lost too many digits, as near a sharp resonance: there the
+    frequencies are omega + remainder (W,), and not their floats.
     """
     with np.errstate(all="ignore"):
         values, errors = (numbers := Rounded(omega)).results(evaluate(numbers))
@@ -352,9 +351,9 @@ def _in_digits(
 ) -> Complexes:
     """The values (…, W) in as many digits as they need; `terms` (…, W) is the size of what adds up to each.
 
-    A value below 10^−half of the digits of its terms is 0 where it is in the most digits at a frequency beside all of
+    A value below 10^−half of the digits of its terms is 0 if it is in the most digits at a frequency next to all of
     these, at an irrational ratio, where no response vanishes by the roundness of its numbers: it vanishes at all
-    frequencies.  Any other is sought in more digits.
+    frequencies. Any other is sought in more digits.
     """
 
     def compute(

@@ -1,4 +1,4 @@
-"""Free motions of pendula on structures, as the rigid translation of a cart without a spring; in natural units."""
+"""Free motions of pendula on structures, such as the rigid translation of a free cart; in natural units."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def details_of(
 
 @dataclass(frozen=True, eq=False)
 class FreeMotions:
-    """The motions of one component that nothing holds, ω = 0; where a damper drags it no dynamics are left of them."""
+    """The unrestrained motions of one component, ω = 0; with dampers they are omitted as oscillations."""
 
     matrices: ComponentMatrices
     moving: Any
@@ -41,7 +41,7 @@ class FreeMotions:
 
     @property
     def problem_size(self) -> ProblemSize:
-        """One problem that is not solved."""
+        """One problem, which is not solved."""
         if self.matrices.parted_rig.is_plain:
             return ProblemSize("free cart with everything at rest on it", 1, 0)
         return ProblemSize("free motion of the structure with everything at rest on it", self._number, 0)
@@ -52,7 +52,7 @@ class FreeMotions:
 
     @property
     def has_drag(self) -> Booleans:
-        """Which of them a damper drags, (f,)."""
+        """Which of them are damped, (f,)."""
         return np.asarray(np.arange(self._number) >= self.matrices.coasting.shape[1])
 
     @property
@@ -62,11 +62,11 @@ class FreeMotions:
 
     @property
     def error(self) -> Floats:
-        """They are exact."""
+        """Zero: they are exact."""
         return np.zeros(self._number)
 
     def details(self, rows: Ints) -> Details:
-        """The structure alone is displaced, every angle is zero."""
+        """Return details in which only the structure is displaced and every angle is zero."""
         parted_rig, at = self.matrices.parted_rig, self.matrices.component.eta
         eta, unit = np.zeros((parted_rig.size, len(rows))), np.ones(len(rows))
         eta[at] = self.matrices.free[: len(at), rows]
@@ -88,6 +88,6 @@ class FreeMotions:
 
 
 def significant_product(row: Floats, shape: Numbers) -> Floats:
-    """A row times shapes (n, R), 0 where no more than rounding is left of its terms."""
+    """Return a row times shapes (n, R), 0 if its terms cancel to rounding."""
     products: Floats = row @ shape
     return np.where(np.abs(products) <= 4 * len(row) * EPS * (np.abs(row) @ np.abs(shape)), 0.0, products)

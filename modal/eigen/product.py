@@ -1,4 +1,4 @@
-"""Modes of springs and masses that add, every digit of them: K = Σ k a aᵀ and M = Σ m b bᵀ with k, m > 0.
+"""Modes of sums of springs and masses, to all digits: K = Σ k a aᵀ and M = Σ m b bᵀ with k, m > 0.
 
 Changing every k and m by a relative ε changes every ω² by 2ε at most: no subtraction is in the data.  To keep that,
 
@@ -8,8 +8,8 @@ Changing every k and m by a relative ε changes every ω² by 2ε at most: no su
 3. G = L D U by complete pivoting, a rank-revealing decomposition with L and U well conditioned;
 4. L D = Q' R' with pivoting, W = R' P' U, one-sided Jacobi on W ([Demmel1999, algorithm 3.1]; LAPACK's dgejsv).
 
-Steps 2 and 3 are computed in the widest floats of the machine where there are not too many coordinates: in plain ones
-they lose two or three digits in some scenes whose masses and springs each range over 24 orders.
+Steps 2 and 3 use the widest floats of the machine unless there are too many coordinates: in plain ones they lose two or
+three digits in some scenes whose masses and springs each range over 24 orders.
 
 Free motions, without any spring, have exactly ω = 0: their number is known, and they are never computed.
 """
@@ -31,7 +31,7 @@ from modal.types import Floats, Ints
 def product_modes(stiffness: SquareSum, inertia: SquareSum, free: int = 0) -> tuple[Floats, Floats]:
     """ω (n − free,), ascending, and shapes (n, n − free) with φᵀMφ = 1, of which `free` motions have no spring.
 
-    ComputationError where M is singular, or double precision does not suffice.
+    Raise ComputationError if M is singular, or double precision does not suffice.
     """
     number_type: Any = np.longdouble if is_wide(inertia.rows.shape[1]) else np.float64
     F1, F2 = (np.sqrt(factor.size.astype(number_type))[:, None] * factor.rows for factor in (stiffness, inertia))

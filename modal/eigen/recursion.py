@@ -1,23 +1,22 @@
 """The effective (apparent, dynamic) mass of a chain, counts of modes and shapes that keep every digit.
 
-Elimination from the free end.  With t = ω²/k and μ the effective mass felt at a link's lower joint,
+Elimination from the free end.  With t = ω²/k and μ the effective mass at a link's lower joint,
 
     D = 1 − t (r + μ),    μ' = ((1 − t p) μ + m (1 − t J)) / D        (μ = 0 below the last link),
 
 the number of D < 0 is the number of frequencies below ω (Sylvester's law of inertia: [Parlett1998, §3.3]), and a link
-whose upper joint moves by y turns by a = t (m s + μ) y / D and moves its lower joint to y (1 + t q) / D.  Counts take J
-apart, with w = 1 − t J,
+whose upper joint moves by y turns by a = t (m s + μ) y / D and moves its lower joint to y (1 + t q) / D. Counts
+separate J, with w = 1 − t J,
 
     D = w − t (m s² + μ),    μ' = ((w − t m (1 − s)²) μ + m w) / D,
 
-as of a link turned by a J far above its mass the roundings of r, p and m J, each by itself, would act like those of a
-multiple of the mass.  From above the same equations hold with s → 1 − s, p ↔ r and ν, the effective mass of
-everything above, in place of μ.
+since for a J far above the mass the separate roundings of r, p and m J would act like those of a multiple of the mass.
+From above the same equations hold with s → 1 − s, p ↔ r and ν, the effective mass of everything above, in place of μ.
 
 Arrays: links first, then pendula, then trial values x = ω² (natural units, g = 1): (n, P, R).
 
 Counts are of all trial values at once.  On a fixed support the number of modes below ω is that of D < 0.  On a cart the
-pivots move together, and the count gains one where the mass felt by the rail,
+pivots move together, and the count gains one if the mass at the rail,
 m_c − k_c/ω² + Σ μ', is positive.
 
 Many supports of one form are one problem: trial values x = ω² have the shape (R, S), R of each of S supports, and the
@@ -46,7 +45,7 @@ NUDGE = 2.0**-60
 def at_infinity(block: Block) -> tuple[Floats, Floats, Floats]:
     """(α, β, γ), each (P,), of the effective mass α − β/ω² − γ/ω⁴ − … at the pivot for high frequencies.
 
-    α is the residual mass, which the pivot feels from inertia alone.  With R = r + α and u = m s + α below the link,
+    α is the residual mass at the pivot. With R = r + α and u = m s + α below the link,
 
         α' = (p α + m J)/R,   β' = (k u² + β q²)/R²,   γ' = (k u + β q)²/R³ + γ q²/R²,
 
@@ -77,7 +76,7 @@ class SweepResult(NamedTuple):
 
 
 def from_below(block: Block, x: Floats) -> SweepResult:
-    """Everything below each joint, seen from above: joint n is free."""
+    """Return the result of eliminating everything below each joint; joint n is free."""
     results = _empty(block, x)
     results.mass[-1] = results.energy[-1] = results.nearest[-1] = 0.0
     for i, link in reversed(list(enumerate(_columns(block)))):
@@ -92,7 +91,7 @@ def from_below(block: Block, x: Floats) -> SweepResult:
 
 
 def from_above(block: Block, x: Floats, nu: Floats | None, energy: Floats | float = 0.0) -> SweepResult:
-    """Everything above each joint, seen from below; mass `nu` and `energy` (P, R) at the pivot, None if it is fixed."""
+    """Return the elimination from above each joint; mass `nu` and `energy` (P, R) at the pivot, None if it is fixed."""
     results = _empty(block, x)
     results.mass[0] = np.inf if nu is None else nu
     results.energy[0], results.nearest[0] = energy, 0.0
@@ -124,7 +123,7 @@ def joints(pivot: Floats, a: Floats) -> Floats:
 
 
 def joint_masses(p: Floats, r: Floats) -> Floats:
-    """Mass felt at each joint with every other joint held, (n + 1, …), from the links' p and r (n, …)."""
+    """Return the mass at each joint with every other joint held, (n + 1, …), from the links' p and r (n, …)."""
     masses = np.zeros((len(p) + 1, *p.shape[1:]))
     masses[:-1] += p
     masses[1:] += r
@@ -170,7 +169,7 @@ FEW_TRIALS = 8
 class Chains(NamedTuple):
     """The recursion's constants (n, P, 1, S) with 1/k for k, and the entries of a dense matrix.
 
-    J = I/l² is apart from `top_inertia`, `tip_inertia` and `cross`: m s², m (1 − s)² and m s (1 − s).
+    J = I/l² is separate from `top_inertia`, `tip_inertia` and `cross`: m s², m (1 − s)² and m s (1 − s).
     """
 
     m: Floats
@@ -202,7 +201,7 @@ class Chains(NamedTuple):
 
     @property
     def rest(self) -> Chains:
-        """All links but the first."""
+        """All links except the first."""
         return Chains(*(values[1:] for values in self))
 
 
@@ -238,7 +237,7 @@ class Suspension:
 
     @classmethod
     def on_fixed_support(cls, block: Block) -> Suspension:
-        """Every chain of a block on a fixed support of its own."""
+        """Return every chain of a block on its own fixed support."""
         return cls((_arrange(block, (1, 1, -1)),))
 
     @property
@@ -287,7 +286,7 @@ class Suspension:
 
 
 def count_and_mass(chains: Chains, x: Floats) -> tuple[Ints, Floats]:
-    """Number of fixed-base frequencies of each chain below each x, and the mass felt at its pivot, (P, R, S)."""
+    """Number of fixed-base frequencies of each chain below each x, and the mass at its pivot, (P, R, S)."""
     if results := one_by_one(
         count_in_floats, (chains.inverse, chains.J, chains.top_inertia, chains.tip_inertia, chains.m), x
     ):
@@ -328,9 +327,9 @@ def _count_in_arrays(chains: Chains, x: Floats, nudge: float) -> tuple[Ints, Flo
 
 
 def one_by_one(sweep: Sweep, constants: Sequence[Floats], x: Floats) -> tuple[Floats, Floats] | None:
-    """What a sweep over floats returns for each chain (n, P, 1, S) at each x (R, S), (P, R, S), of FEW_TRIALS in all.
+    """The results of a sweep in floats for each chain (n, P, 1, S) at each x (R, S), (P, R, S), up to FEW_TRIALS.
 
-    None for more of them, and where a pivot is zero.
+    None for more of them, or if a pivot is zero.
     """
     _, chains, _, supports = constants[0].shape
     if chains * x.size > FEW_TRIALS:

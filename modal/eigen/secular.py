@@ -1,6 +1,6 @@
 """The secular equation of many pendula on one cart, solved in O(N log N).
 
-Fixed-base modes of effective mass μ_r and square ω_r² = λ_r appear at the rail as
+Fixed-base modes of effective mass μ_r and square ω_r² = λ_r enter the equation of the rail,
 
     f(x) = c + Σ W_r / (λ_r − x),    W_r = μ_r λ_r,    c = m_c + Σ residual masses,
 
@@ -8,9 +8,8 @@ and a spring k_c to the ground as one more pole, λ = 0 with W = k_c.  f rises f
 poles, so each gap contains one root, and one more lies beyond the last pole if c > 0.  Roots are stored as
 (nearest pole, offset), which gives every difference λ_r − x full relative accuracy.
 
-Distant poles vary smoothly over a short run of gaps: their sum is tabulated at Chebyshev points, run by run, while
-the runs are divided until few enough neighbours are left to be summed one by one, as in fast multipole sums
-[Gu1995].
+Distant poles vary smoothly over a short run of gaps: their sum is tabulated at Chebyshev points, run by run, while the
+runs are divided until few enough neighbours remain to be summed directly, as in fast multipole methods [Gu1995].
 """
 
 from __future__ import annotations

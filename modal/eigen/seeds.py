@@ -9,7 +9,7 @@ of whose entries, none negative, the terms of that difference are rounded; it ex
 
 They are improved by one Rayleigh quotient step each.  Elimination leaves at the pivot, displaced by 1, an unbalanced
 mass T and a shape of kinetic energy N, twice over ω². The Rayleigh quotient of that shape is x (1 − T/N), with an error
-that is the square of that of x.  A mode that leaves the pivot still is found by a search.
+that is the square of that of x.  A mode that leaves the pivot at rest is found by a search.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ LARGEST_SEEDED = 1500
 
 
 def seeds(suspension: Suspension) -> tuple[Floats, Floats]:
-    """ω² (N, S), ascending, and bounds on the relative errors (N, S), infinite where nothing is known."""
+    """ω² (N, S), ascending, and bounds on the relative errors (N, S), infinite if nothing is known."""
     matrix, removed_norm = _scaled_matrices(suspension)
     size = matrix.shape[-1]
     try:
@@ -51,8 +51,8 @@ def slow_seeds(suspension: Suspension, number: int) -> tuple[Floats, Floats]:
     """The `number` lowest ω² (R, 1) of one support without a spring, and estimates of their relative errors (R, 1).
 
     They are the largest eigenvalues of the same matrix, by the Lanczos iteration with full orthogonalization
-    [Parlett1998, §13]: its product with a vector is two running sums along each chain.  It may miss a mode, which a
-    count tells.
+    [Parlett1998, §13]: its product with a vector is two running sums along each chain. It may miss a mode, which a
+    count detects.
     """
     (product, removed_norm), size = _product(suspension), suspension.size
     steps = min(size, 4 * (number + 4))
@@ -136,7 +136,7 @@ def _scaled_matrices(suspension: Suspension) -> tuple[Floats, Floats]:
 
 
 def at_pivot(suspension: Suspension, x: Floats) -> Floats:
-    """The Rayleigh quotients (R, S) of the shapes at x (R, S) out of balance at the pivot; NaN where that is still."""
+    """The Rayleigh quotients (R, S) of the shapes at x (R, S) out of balance at the pivot; NaN if that is still."""
     with np.errstate(all="ignore"):
         if suspension.mass is None or suspension.stiffness is None:
             (chains,) = suspension.chains

@@ -1,8 +1,8 @@
-"""All frequencies of one short chain, in floats: arrays of so few numbers take longer to make than to use.
+"""All frequencies of one short chain, in floats: for so few numbers arrays would cost more than the computation.
 
-The route is that of `squares`: dense seeds, a Rayleigh quotient step at the pivot, and counts on either side of the
-float at which they step, link by link with the arithmetic of `recursion` and `seeds`.  Where counts do not confirm
-that float there is no answer, and the general route has its further ways.
+The method is that of `squares`: dense seeds, a Rayleigh quotient step at the pivot, and counts on either side of the
+float at which they step, link by link with the arithmetic of `recursion` and `seeds`. If counts do not confirm that
+float, there is no result, and the general method is used.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ LARGEST_LAST_STEP = 1e-5
 def short_squares(links: Sequence[Link], cart: CartNumbers | None) -> Floats | None:
     """ω² (R,) of the oscillatory modes, ascending, of a chain of links (mass, length, centre, inertia), with g = 1.
 
-    The same floats as `squares_of`; None where counts confirm none near a seed, or two modes meet.
+    The same floats as `squares_of`; None if counts confirm none near a seed, or two modes meet.
     """
     try:
         squares = _confirmed_squares(links, cart)

@@ -1,10 +1,9 @@
 """Sources of modes: each holds modes of one structure and describes any of its rows.
 
-    Alone          pendula on a support that is still in these modes: a fixed one, across the rail, or because equal
-                   pendula in antiphase hold the cart still
-    StillPendula   combinations of equal pendula that leave a structure still
+    Alone pendula on a support at rest in these modes: a fixed one, across the rail, or because equal pendula in
+    antiphase leave the cart at rest StillPendula combinations of equal pendula that leave a structure still
 
-`modal.eigen.coupled` is for plain chains on one cart, `modal.eigen.structured` for all else.  All in natural units.
+`modal.eigen.coupled` is for plain chains on one cart, `modal.eigen.structured` for all else. All are in natural units.
 Each reports the sizes of the problems that it solved.
 """
 
@@ -78,7 +77,7 @@ class Source(Protocol):
 
     @property
     def is_damped(self) -> bool:
-        """Whether dampers besides those of a damping ratio act on these modes."""
+        """Whether dampers other than those of a damping ratio act on these modes."""
 
     @property
     def is_singular(self) -> bool:
@@ -94,7 +93,7 @@ def oscillating(squares: Floats) -> NDArray[np.complex128]:
 
 
 def structured_error(links: int, chains: int) -> float:
-    """Bound on the relative error of ω: each step of a count perturbs the scene's data by a few roundings."""
+    """Return a bound on the relative error of ω: each step of a count perturbs the scene's data by a few roundings."""
     return (12 + 6 * links + log2(chains + 1)) * EPS / 2
 
 
@@ -108,7 +107,7 @@ class Alone:
 
     @property
     def route(self) -> str:
-        """Dense where that is accurate enough, else the effective mass."""
+        """Dense if that is accurate enough, else the effective mass."""
         return self.fixed_squares.route
 
     @property
@@ -150,7 +149,7 @@ class Alone:
 
 @dataclass(frozen=True, eq=False)
 class StillPendula:
-    """Combinations of equal pendula in different columns that leave the structure still: row i K + k of mode i."""
+    """Combinations of equal pendula in different columns that leave the structure at rest: row i K + k of mode i."""
 
     parted_rig: PartedRig
     still_group: StillGroup
@@ -165,7 +164,7 @@ class StillPendula:
 
     @property
     def problem_size(self) -> ProblemSize:
-        """What is known of one pendulum already."""
+        """None: the modes of one pendulum are known already."""
         return ProblemSize("equal pendula that leave the structure still", 1, 0)
 
     @cached_property
@@ -235,7 +234,7 @@ def largest_angle(angles: tuple[NDArray[np.inexact], ...]) -> Floats:
 class ProblemSize(NamedTuple):
     """A number of `problems` of one form, each with `unknowns`; square `matrices` as (name, order, count).
 
-    `is_complex` tells whether eigenvalues were sought in the complex plane.
+    `is_complex` says whether eigenvalues were sought in the complex plane.
     """
 
     what: str
@@ -246,5 +245,5 @@ class ProblemSize(NamedTuple):
 
 
 def noun_count(number: int, noun: str, several: str = "") -> str:
-    """A number and its noun: 1 link, 3 links."""
+    """Return a number with its noun: 1 link, 3 links."""
     return f"{number} {noun if number == 1 else several or noun + 's'}"

@@ -1,9 +1,9 @@
-"""All eigenvalues of a scene in ascending order, by the routes that its structure requires.
+"""All eigenvalues of a scene in ascending order, by the methods that its structure requires.
 
 On a fixed support every pendulum is independent.  On a cart, N equal pendula (equal links, bit for bit, wherever they
-are in the file) split exactly: one pendulum N times as heavy moves together with the cart, and N − 1 antiphase
-copies of the pendulum's fixed-base modes hold it still.  So do all but one of the modes of equal frequency of different
-pendula.  In space the motion across the rail is that on a fixed support.
+are in the file) split exactly: one pendulum N times as heavy moves together with the cart, and N − 1 antiphase copies
+of the pendulum's fixed-base modes leave it at rest. So do all but one of the modes of equal frequency of different
+pendula. In space the motion across the rail is that on a fixed support.
 """
 
 from __future__ import annotations
@@ -45,8 +45,8 @@ MERGED = (
 class SpectrumPart(NamedTuple):
     """`along_count` + `across_count` modes of equal frequency, from row `row` of source `source` on.
 
-    `kind` is the (block, column) whose copies share that row and move while all else is at rest; None where one
-    vector moves several kinds and has a row of its own.  `is_still` tells that the support does not move.
+    `kind` is the (block, column) whose copies share that row and move while all else is at rest; None if one vector
+    moves several kinds and has its own row. `is_still` says that the support does not move.
     """
 
     source: int
@@ -63,7 +63,7 @@ class SpectrumPart(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Batch:
-    """Rows of a source with their multiplicities, all (R,); `block` and `columns` where single kinds move alone."""
+    """Rows of a source with their multiplicities, all (R,); `block` and `columns` if single kinds move alone."""
 
     source: Source
     rows: Ints
@@ -81,7 +81,7 @@ class Batch:
 
 
 def batches(rig: Rig, limits: Limits) -> Iterator[Batch]:
-    """All modes of a rig in natural units: chains on what is still, equal ones that leave it still, and all others.
+    """Return all modes of a rig in natural units: chains on a support at rest, equal ones that do not move it, others.
 
     Equal frequencies of different pendula on a cart are recognized from all digits of their own modes.
     """
@@ -163,7 +163,7 @@ def _moving(source: Source) -> Batch:
 
 
 def notes(sources: Sequence[Source]) -> tuple[str, ...]:
-    """What these `sources` omitted or took as equal, and why."""
+    """Return what these `sources` omitted or treated as equal, and why."""
     has_merger = any(isinstance(source, StillModes) and source.clusters.has_rounding for source in sources)
     is_dense = any(SEEDS in source.route for source in sources)
     return (MASSLESS,) * sum(source.is_singular for source in sources) + (MERGED,) * has_merger + (DENSE,) * is_dense
@@ -223,7 +223,7 @@ class ModalSpectrum:
 def find_spectrum(rig: Rig, limits: Limits = EVERYTHING) -> ModalSpectrum:
     """The spectrum of a rig in natural units, or the requested part of it.
 
-    Raises ComputationError where double precision or memory does not suffice.
+    Raise ComputationError if double precision or memory does not suffice.
     """
     try:
         parts = list(batches(rig, limits))
@@ -251,7 +251,7 @@ def find_spectrum(rig: Rig, limits: Limits = EVERYTHING) -> ModalSpectrum:
 
 
 def _compare_with_states(rig: Rig, parts: Sequence[Batch]) -> None:
-    """ComputationError where the modes are not as many as the states, of which a decay or a dragged rest has one."""
+    """Raise ComputationError if the modes are not as many as the states, of which a decay or a dragged rest has one."""
     missing = sum(batch.source.is_singular for batch in parts)
     links = sum(int(block.count.sum()) * block.n for block in rig.blocks) * (1 + rig.spatial)
     states, mode_states = 2 * (rig.leading + links - missing), 0

@@ -1,14 +1,14 @@
-"""ω² of chains to the last digits: seeds, one Rayleigh quotient step from each, and counts that confirm them or search.
+"""ω² of chains to the last digits: seeds, one Rayleigh quotient step from each, and counts to confirm or search.
 
 Zeros of a monotone count are found on the floats themselves, all of them at once.  Positive floats are ordered like the
 integers that share their bits, so bisecting these integers finds exponent and mantissa alike and ends at two
-neighbouring floats, after at most 62 counts.  Where few zeros are sought each count tries several points in the same
+neighbouring floats, after at most 62 counts. If few zeros are sought, each count tries several points in the same
 interval, which costs little more than one.
 
-A guess is used if the count confirms it: of one support x is the float at which the count steps, within PLACES_OF_GUESS
-units in the last place of the guess, or PLACES_OF_SECOND_GUESS where few are sought or few were missed; of many
-supports the guess itself, if the count steps within two units of it.  The others are sought in brackets about theirs,
-which are widened until the count steps inside.
+A guess is used if the count confirms it: for one support x is the float at which the count steps, within
+PLACES_OF_GUESS units in the last place of the guess, or PLACES_OF_SECOND_GUESS if few are sought or few were missed;
+for many supports it is the guess itself, if the count steps within two units of it. The others are sought in brackets
+about their guesses, which are widened until the count steps inside.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ CLOSE = 1e-8
 
 
 class Limits(NamedTuple):
-    """What is required of a spectrum: a relative accuracy of ω (0: every digit), and a number of the lowest modes.
+    """Requirements on a spectrum: a relative accuracy of ω (0: every digit), and a number of the lowest modes.
 
     The oscillatory `squares` (R,) of a single chain may be known already.
     """
@@ -67,7 +67,7 @@ def smallest_where(condition: Callable[[Floats], Booleans], low: Floats, high: F
 
 
 def upper_bounds(count: Callable[[Floats], Ints], start: Floats, target: Ints) -> Floats:
-    """Some power of 2²⁶ times `start` at which `count` has reached `target` everywhere."""
+    """Return a power of 2²⁶ times `start` at which `count` has reached `target` everywhere."""
     high: Floats = start / np.sqrt(EPS)
     if not np.all((start > 0) & np.isfinite(start)):
         raise ComputationError(BEYOND)
@@ -124,7 +124,7 @@ def lies_within(problem: Counting, indices: Ints, guess: Floats, error: Floats |
 
 
 def search(problem: Counting, indices: Ints, guess: Floats, error: Floats, modes: int) -> Floats:
-    """The eigenvalues from guesses (R, S) with relative errors (R, S), infinite where there is no guess."""
+    """The eigenvalues from guesses (R, S) with relative errors (R, S), infinite if there is no guess."""
     lowest = problem.low[None].view(np.int64)
     highest = upper_bounds(problem.count, problem.low[None], np.array(modes)).view(np.int64)
     bits = np.clip(np.where(np.isfinite(error), guess, 1.0).view(np.int64), lowest, highest)

@@ -1,8 +1,8 @@
-"""The source of modes of pendula on structures: what moves with the structure, free motions aside.
+"""The source of modes of pendula that move with a structure, without free motions.
 
-The frequencies of a component (`modal.eigen.components`) are found by counts where its springs form a tree
-(`modal.eigen.trees`), from the factors of K and M where all springs are positive (`modal.eigen.product`), and from
-dense matrices with dampers and where a coordinate falls, as under pivots above an axis.  All in natural units.
+The frequencies of a component (`modal.eigen.components`) are found by counts if its springs form a tree
+(`modal.eigen.trees`), from the factors of K and M if all springs are positive (`modal.eigen.product`), and from dense
+matrices with dampers or a negative stiffness, as of pivots above an axis. All in natural units.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ ERROR_OF_NARROW = 64.0
 
 @dataclass(frozen=True, eq=False)
 class OnStructure:
-    """The modes of one component but its free motions: of a structure, a cart, or a chain on a support at rest."""
+    """The modes of one component without its free motions: of a structure, a cart, or a chain on a fixed support."""
 
     matrices: ComponentMatrices
     ratio: RatioAt | None = None
@@ -53,7 +53,7 @@ class OnStructure:
 
     @cached_property
     def is_damped(self) -> bool:
-        """Whether there are dampers besides those of a damping ratio."""
+        """Whether there are dampers other than those of a damping ratio."""
         return self.matrices.is_damped
 
     @cached_property
@@ -87,7 +87,7 @@ class OnStructure:
 
     @property
     def route(self) -> str:
-        """Counts, factors or dense matrices, about the equilibrium under constant forces where there are any."""
+        """Counts, factors or dense matrices, about the equilibrium under constant forces if there are any."""
         if self._is_counted:
             return "effective mass" if self.matrices.tree and self.matrices.tree.is_plain else "mass and moment"
         leaning = ", about the equilibrium under constant forces" * self.matrices.parted_rig.rig.leans
@@ -95,7 +95,7 @@ class OnStructure:
 
     @property
     def problem_size(self) -> ProblemSize:
-        """The unknowns of the component, and matrices where there are any."""
+        """The unknowns of the component, and matrices if there are any."""
         eta, n = len(self.matrices.component.eta), self.matrices.size
         links = noun_count(n - eta, "link")
         what = f"{noun_count(eta, 'coordinate')} of the structure and {links}"
@@ -152,7 +152,7 @@ class OnStructure:
 
     @cached_property
     def _dense(self) -> dense.Eigen:
-        """Of dense matrices, free motions without dampers left out with their momentum."""
+        """Of dense matrices, free motions without dampers omitted with their momentum."""
         leans, positive = self.matrices.parted_rig.rig.leans, self.matrices.is_positive
         cause = "constant forces" if leans else "inverted links" if not positive else "joint springs"
         cause = cause if self._is_plain else "falling coordinates"
@@ -307,7 +307,7 @@ class OnStructure:
 
     @cached_property
     def accelerance(self) -> float:
-        """Σ φ_x² over all finite modes of a cart (1/kg): (M⁻¹)_xx, where M is singular from the modes themselves."""
+        """Σ φ_x² over all finite modes of a cart (1/kg): (M⁻¹)_xx, or from the modes if M is singular."""
         if (tree := self.matrices.tree) is None:
             return float(np.linalg.inv(self.matrices.factors[0].matrix)[0, 0])
         if not self.is_singular:

@@ -7,8 +7,8 @@ A coordinate η with its own spring k and mass m, on which chains hang that move
 of x = ω² and the effective masses μ of `modal.eigen.recursion`, with joint springs or inverted links those
 below; the last sum is over the springs κ (α η + β η')² to coordinates η' further from the root.
 Chains on a support at rest are a tree without coordinates.  The number of modes below x is that of chains' D < 0, of
-β²κ + s' < 0 and of s < 0 at the root (Sylvester's law of inertia).  Every rounding is one of a number of the scene;
-with inverted links gravity and springs may cancel (`Tree.slack`).
+β²κ + s' < 0 and of s < 0 at the root (Sylvester's law of inertia). Every rounding error is equivalent to one of a
+number of the scene; with inverted links gravity and springs may cancel (`Tree.slack`).
 
 With joint springs or inverted links the part of a chain below a joint depends on the angle φ of the link above as well
 as on the displacement y of the joint.  Eliminated from the free end, with x = ω², that part is the quadratic form
@@ -16,18 +16,17 @@ as on the displacement y of the joint.  Eliminated from the free end, with x = �
     −x μ y² − 2 x h y φ + F φ²,        Δ = μ F + x h²
 
 of an effective mass μ, first moment h and stiffness F; Δ is kept separately, as it would lose its digits as a sum.  For
-a link of mass m, centre c, inertia I and length l, with r = l − c, its weight G = σ g b, and s of the spring at its
-upper joint,
+a link of mass m, centre c, inertia I and length l, with r = l − c, its weight G = σ g b, and the stiffness s of the
+spring at its upper joint,
 
     H = l μ + h + m c,        N = Δ + μ (G − x (I + m r²)) − 2 x m r h + m (G + F − x I),
     B = G + F − x (I + m c² + l (l μ + 2 h)),        D = B + s,
     μ' = (N + s (μ + m)) / D,    h' = s H / D,    F' = s B / D,    Δ' = s N / D        (all 0 below the last link).
 
 The number of D < 0 is the number of x below, negative ones included (Sylvester's law of inertia).  Without springs
-this is `modal.eigen.recursion`; with them the four are the minors of a 2 × 2 form, so that a stiff spring subtracts
-nothing (compound matrices: [Ng1979]).  Angles are σ θ, those of the hanging chain:
-in these a spring acts on σ_i θ_i − σ_i σ_{i−1} (σ_{i−1} θ_{i−1}).
-Shapes come from inverse iteration in the same elimination.
+this is `modal.eigen.recursion`; with them the four are the minors of a 2 × 2 form, so that a stiff spring causes no
+cancellation (compound matrices: [Ng1979]). Angles are σ θ, those of the hanging chain: in these a spring acts on σ_i
+θ_i − σ_i σ_{i−1} (σ_{i−1} θ_{i−1}). Shapes come from inverse iteration in the same elimination.
 
 Arrays as in `modal.eigen.recursion`: links first, then pendula, then trial values x: (n, P, R).
 """
@@ -65,7 +64,7 @@ class TreeShapes(NamedTuple):
 class HungChains(NamedTuple):
     """Chains of one length with h² copies of each folded into their masses, and the coordinate of each.
 
-    Their angles, h times those of these chains, stand among all coordinates from `first` on; all (P,).
+    Their angles, h times those of these chains, begin at `first` among all coordinates; all (P,).
     """
 
     block: Block
@@ -110,7 +109,7 @@ class Tree:
 
     @property
     def free(self) -> int:
-        """1 if nothing holds it."""
+        """1 if it is free."""
         return int(len(self.mass) > 0 and not self.stiffness.any())
 
     @property
@@ -120,7 +119,7 @@ class Tree:
 
     @cached_property
     def bare(self) -> Floats:
-        """The mass (N,) that each coordinate feels from inertia alone."""
+        """The residual mass (N,) of each coordinate."""
         bare = self.mass.copy()
         for hanging in self.hanging_chains if len(bare) else ():
             np.add.at(bare, hanging.places, at_infinity(hanging.block)[0])
@@ -162,7 +161,7 @@ class Tree:
         return stiffness, np.where(pivot == 0, -NUDGE * size, pivot), float(alpha_stiffness)
 
     def take(self, supports: Ints | slice) -> Tree:
-        """The tree itself: it is one problem."""
+        """Return the tree itself: it is one problem."""
         return self
 
     @cached_property
@@ -180,7 +179,7 @@ class Tree:
         return np.asarray(trial[0])
 
     def squares(self, lowest: int | None) -> Floats:
-        """All ω² but 0, ascending, or the lowest of them; with inverted links all, negative for growing modes."""
+        """All ω² except 0, ascending, or the lowest of them; with inverted links all, negative for growing modes."""
         modes = self.size - self.free
         indices = np.arange(modes)
         if not self.stands:
@@ -391,7 +390,7 @@ def eliminated_chain(block: Block, x: Floats) -> EliminatedChain:
 
 
 def sprung_count_and_mass(block: Block, x: Floats) -> tuple[Ints, Floats]:
-    """Number of ω² of each chain on a fixed support below each x (R,), and the mass felt at its pivot, (P, R)."""
+    """Number of ω² of each chain on a fixed support below each x (R,), and the mass at its pivot, (P, R)."""
     count = np.zeros((block.size, x.shape[-1]), dtype=np.int64)
     for link in eliminate(block, x):
         count += link.pivot < 0
@@ -399,7 +398,7 @@ def sprung_count_and_mass(block: Block, x: Floats) -> tuple[Ints, Floats]:
 
 
 def inertial_mass(block: Block) -> Floats:
-    """The mass (P,) that pivots feel from inertia alone: μ of `eliminate` as x grows, with s = −x J of rotors."""
+    """Return the residual mass (P,) at the pivots: μ of `eliminate` as x grows, with s = −x J of rotors."""
     mu, h, f, delta = np.zeros((4, block.size))
     turn_signs = turns(block)
     arrays = block.mass, block.length, block.centre, block.inertia, block.rotor, turn_signs

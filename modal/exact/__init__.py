@@ -1,4 +1,4 @@
-"""Exact and proved answers: integer polynomials, isolated roots, ball arithmetic.
+"""Exact and proved results: integer polynomials, isolated roots, ball arithmetic.
 
 In: a `Scene` whose numbers are taken exactly as stored.  Out: characteristic polynomials with integer coefficients,
 intervals that provably contain their roots, and enclosures of every natural frequency to any number of digits.

@@ -3,9 +3,9 @@
     M = Σ m (h hᵀ + v vᵀ) + Σ I a aᵀ,      K = Σ k e eᵀ
 
 The rows h and v of a centre of mass are its displacements along the rail and down, a is an angle, e the turn of a
-joint, the extension of a spring, or an angle or a coordinate that weights hold.  A link that hangs or stands straight
-has for coordinate how far its lower end moves along, so that M and K of a chain join neighbours only; one that leans
-under constant forces has its angle.  The floats of the scene are taken exactly as they are stored.
+joint, the extension of a spring, or an angle or a coordinate restored by weights. The coordinate of a vertical link is
+the displacement of its lower end along the rail, so that M and K of a chain couple neighbours only; that of a link
+tilted by constant forces is its angle. The floats of the scene are taken exactly as they are stored.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ Row = dict[int, Ball]
 
 
 def is_zero(ball: Ball) -> bool:
-    """Whether a ball is 0 and nothing else: `!=` also says no where it only contains 0."""
+    """Whether a ball is exactly 0: `!=` is also false if it only contains 0."""
     return bool(ball == 0)
 
 
 def flint() -> Any:
-    """The python-flint module; MissingExtraError where it is not installed."""
+    """Return the python-flint module; raise MissingExtraError if it is not installed."""
     try:
         return import_module("flint")
     except ImportError:
@@ -45,7 +45,7 @@ def flint() -> Any:
 
 
 def combine(*terms: tuple[Ball, Row]) -> Row:
-    """The sum of rows, each times a factor."""
+    """Return the sum of rows, each times a factor."""
     row: Row = {}
     for factor, other in terms:
         for at, value in other.items():
@@ -55,7 +55,7 @@ def combine(*terms: tuple[Ball, Row]) -> Row:
 
 @dataclass(frozen=True, eq=False)
 class BlockInBalls:
-    """M and K of coordinates that move together, their lower halves row by row; `multiplicity` equal ones."""
+    """M and K of coupled coordinates, their lower halves row by row; `multiplicity` equal blocks."""
 
     label: str
     multiplicity: int
@@ -63,20 +63,20 @@ class BlockInBalls:
     K: list[Row] = field(default_factory=list)
 
     def coordinate(self) -> int:
-        """The number of a new one."""
+        """Add a coordinate and return its number."""
         self.M.append({})
         self.K.append({})
         return len(self.M) - 1
 
     def add(self, S: list[Row], size: Ball, *rows: Row) -> None:
-        """A size times the squares of rows, to M or K."""
+        """Add a size times the squares of rows to M or K."""
         for row in () if is_zero(size) else rows:
             for i, a in row.items():
                 for j in (j for j in row if j <= i):
                     S[i][j] = S[i].get(j, 0) + size * a * row[j]
 
     def pivots(self, x: Ball) -> list[Ball]:
-        """Those of K − x M at a ball or a series x, eliminated from the free ends to what carries them."""
+        """Return the pivots of K − x M at a ball or a series x, eliminated from the free ends to the supports."""
         A = [{j: K.get(j, 0) - x * M.get(j, 0) for j in {**K, **M}} for K, M in zip(self.K, self.M, strict=True)]
         pivots = []
         for k in reversed(range(len(A))):
@@ -90,7 +90,7 @@ class BlockInBalls:
 
 
 class PointInBalls(NamedTuple):
-    """A point as its displacements along and down and the turn of what it is on; its place as drawn (m)."""
+    """A point: its displacements along and down, the rotation of its body, and its position as drawn (m)."""
 
     along: Row
     down: Row
@@ -99,7 +99,7 @@ class PointInBalls(NamedTuple):
 
 
 class LinkInBalls(NamedTuple):
-    """The numbers of a link, sine and cosine of its angle, and the stiffness (N m/rad) by which weights hold it."""
+    """The numbers of a link, sine and cosine of its angle, and the stiffness (N m/rad) due to weights."""
 
     mass: Ball
     length: Ball
@@ -113,7 +113,7 @@ class LinkInBalls(NamedTuple):
 
 
 def links_of(pendulum: Pendulum, gravity: Ball) -> list[LinkInBalls]:
-    """The links of a pendulum that hangs or stands straight."""
+    """Return the links of a vertical pendulum."""
     arb, numbers = flint().arb, []
     for link in (each for each in pendulum.links for _ in range(each.count)):
         m, l = arb(link.mass), arb(link.length)
@@ -128,7 +128,7 @@ def links_of(pendulum: Pendulum, gravity: Ball) -> list[LinkInBalls]:
 
 
 def leaning_links(scene: Scene) -> list[list[LinkInBalls]]:
-    """The links of every pendulum, counting copies, at the equilibrium under constant forces, which is enclosed."""
+    """Return the links of every pendulum, counting copies, at the enclosed equilibrium under constant forces."""
     arb, equilibrium = flint().arb, equilibrium_of(scene)
     assert equilibrium is not None
     load, angles = load_of(scene, np.frompyfunc(arb, 1, 1)), equilibrium.rest.angle
@@ -151,9 +151,10 @@ def leaning_links(scene: Scene) -> list[list[LinkInBalls]]:
 
 
 def enclosed_angles(links: list[LinkInBalls], x: Any, z: Any, torque: Any, start: list[float]) -> list[Ball]:
-    """Balls that hold the one equilibrium near a start of a chain that is pulled along by x and down by z.
+    """Return balls that contain the unique equilibrium near a start of a chain pulled along by x and down by z.
 
-    Newton's method in balls [Neumaier1990]: where X holds m − J(X)⁻¹ f(m), X has one root of f, and it is there.
+    Newton's method in balls [Neumaier1990]: if X contains m − J(X)⁻¹ f(m), X has exactly one root of f, and it is
+    there.
     """
     arb, arb_mat, n = flint().arb, flint().arb_mat, len(links)
     relaxed = [arb(0) if link.cosine > 0 else arb.pi() for link in links]
@@ -187,7 +188,7 @@ def enclosed_angles(links: list[LinkInBalls], x: Any, z: Any, torque: Any, start
 
 
 class Assembly:
-    """What moves with the supports, and every pendulum that moves while its support is still, in balls."""
+    """Everything that moves with the supports, and every pendulum that moves while its support is at rest, in balls."""
 
     def __init__(self, scene: Scene) -> None:
         arb = flint().arb
@@ -324,7 +325,7 @@ class Assembly:
 
 
 def in_arb(where: Any) -> Any:
-    """A place in balls; the number of a point of a modal support as it is."""
+    """Return a position in balls; the number of a point of a modal support unchanged."""
     return where if isinstance(where, int) else tuple(map(flint().arb, where))
 
 

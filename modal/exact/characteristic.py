@@ -1,6 +1,7 @@
 """Characteristic polynomials with exact integer coefficients, and intervals that provably contain their roots.
 
-With μ = N/d the effective mass of `modal.eigen.recursion`, numerator and denominator follow a link together, x = ω²:
+With μ = N/d the effective mass of `modal.eigen.recursion`, numerator and denominator are propagated through a link
+together, x = ω²:
 
     d' = k d − x (r d + N),    N' = (k − x p) N + (m k − x m J) d        (d = 1, N = 0 below the last link)
 
@@ -56,7 +57,7 @@ class Polynomial(Displayed):
         return self if self.variable == "x" else self._with_reciprocal_roots("x")
 
     def in_lambda(self) -> Polynomial:
-        """The polynomial whose roots are λ = −unit/ω²; ComputationError where ω = 0 is a root."""
+        """The polynomial whose roots are λ = −unit/ω²; ComputationError if ω = 0 is a root."""
         return self if self.variable == "lambda" else self._with_reciprocal_roots("lambda")
 
     def intervals(self, width: Fraction | float = 1e-15) -> list[Interval]:
@@ -101,7 +102,7 @@ def equal_bobs(n: int, variable: Variable = "lambda") -> Polynomial:
 
 
 class Factor(NamedTuple):
-    """A factor of a scene's characteristic polynomial in x = ω² (rad²/s²), its multiplicity and what moves in it."""
+    """A factor of a scene's characteristic polynomial in x = ω² (rad²/s²), its multiplicity and a label."""
 
     polynomial: Polynomial
     multiplicity: int
@@ -113,7 +114,7 @@ def of_scene(scene: Scene) -> list[Factor]:
 
     A number of the scene is read as the shortest decimal that gives its float, as written in the file: 0.1 is 1/10;
     a rod has c = l/2 and I = m l²/12 exactly.  Equal pendula factor, and a free cart's rigid translation is the
-    factor x.  Raises SceneError where there are dampers.
+    factor x.  Raise SceneError for scenes with dampers.
     """
     validate_scene(scene)
     require(scene, "a polynomial in ω²")
@@ -202,8 +203,8 @@ def eliminate_sprung_links(
 ) -> tuple[list[int], list[int]]:
     """(d, N) of a chain with joint springs, whose links are eliminated from the free end.
 
-    What hangs from a joint takes the force and the moment Z (u, φ) where the joint is displaced by u along the rail and
-    the link above it turns by φ.  With Z = [p, q; q, r]/d below a link and its b, in its own angle θ,
+    The part below a joint needs the force and the moment Z (u, φ) if the joint is displaced by u along the rail and the
+    link above it turns by φ. With Z = [p, q; q, r]/d below a link and its b, in its own angle θ,
 
         S_uu = p/d − x m,    k = κ − x J of a spring and a rotor,    S_uθ = σ l p/d + q/d − x σ m c,
         S_θθ = k + g σ b − x (m c² + I) + (l² p + 2 σ l q + r)/d

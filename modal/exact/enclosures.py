@@ -5,7 +5,7 @@ pivots of K − x M are negative as there are ω² < x, with the matrices of `mo
 signs are all decided is a proof: the enclosure of frequency number k is a pair of trial values with at most k
 frequencies below one and more than k below the other.  The starting values are double-precision frequencies, Newton's
 iteration on log det supplies the digits, and where Newton fails (clusters closer than double precision) the proof falls
-back on bisection.  Where a sign remains undecided the precision is doubled.
+back on bisection.  If a sign remains undecided, the precision is doubled.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ natural_modes = deferred("modal.modes:natural_modes")
 
 
 class _UndecidedError(ArithmeticError):
-    """A ball contains zero where a sign is needed."""
+    """A ball contains zero if a sign is needed."""
 
 
 class SceneInBalls:
-    """The blocks of an undamped scene, at whatever precision a count takes."""
+    """The blocks of an undamped scene, at any precision that a count needs."""
 
     def __init__(self, scene: Scene) -> None:
         self.scene, self._blocks_by_bits = scene, dict[int, list[BlockInBalls]]()
@@ -52,7 +52,7 @@ class SceneInBalls:
         return self._blocks_by_bits[bits]
 
     def count(self, x: Fraction) -> int:
-        """Number of ω² < x of the scene, with those of equal pendula and of free motions: proved."""
+        """Number of ω² < x of the scene, including those of equal pendula and free motions: proved."""
         exact = flint().fmpq(x.numerator, x.denominator)
         return sum(block.multiplicity * self.count_in(k, exact, GUARD_BITS) for k, block in enumerate(self.blocks()))
 
@@ -98,7 +98,7 @@ class SceneInBalls:
             return self.bisect(block, index, start, width, bits)
 
     def bisect(self, block: int, index: int, start: Ball, width: Ball, bits: int) -> tuple[Ball, Ball]:
-        """From a bracket expanded until proved, by near-halving (so that no trial value is special)."""
+        """Bisect a bracket that is expanded until proved, by near-halving (so that no trial value is special)."""
         growth = flint().arb(1 + 4 * EPS)
         low, high = _shift(start, 1 / growth), _shift(start, growth)
         while self.count_in(block, low, bits) > index:
@@ -156,7 +156,7 @@ def _shift(x: Ball, factor: Ball) -> Ball:
 class Enclosure:
     """low ≤ ω ≤ high (rad/s), exact decimals; the number of modes that share it by symmetry, and a description.
 
-    Where the mode `is_growth`, as of inverted links, they enclose its growth rate (1/s).
+    If the mode `is_growth`, as for inverted links, they enclose its growth rate (1/s).
     """
 
     low: str
@@ -179,9 +179,9 @@ class Enclosure:
 def enclose(scene: Scene, digits: int = 30, report: Callable[[float], object] = silent) -> list[Enclosure]:
     """Every natural frequency, in an interval of relative width at most 10^−digits, ascending in ω².
 
-    Rows of different labels may overlap: no interval proves two frequencies equal.  A free motion, as the translation
-    of a free cart, is exact.  Under constant forces the equilibrium is enclosed first.  `report` is called with the
-    fraction done.  Raises SceneError for dampers and laws of joints, ComputationError where no precision decides a
+    Rows of different labels may overlap: no interval proves two frequencies equal. A free motion, such as the
+    translation of a free cart, is exact. Under constant forces the equilibrium is enclosed first. `report` is called
+    with the fraction done. Raise SceneError for dampers and joint laws, ComputationError if no precision decides a
     sign, MissingExtraError without python-flint.
     """
     checked_index("digits", digits, 1, MOST_DIGITS)

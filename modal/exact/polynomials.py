@@ -1,9 +1,9 @@
 """Polynomials as bare lists of coefficients, and intervals that provably contain the roots of real-rooted ones.
 
-Sums, products and quotients take integers, fractions or symbols, lowest power first.  Of roots, highest power first and
-by integer arithmetic alone, Descartes' rule is exact where all are real: the number of those above a, with their
-multiplicities, is that of the sign changes in the coefficients of p(a + y).  Once a simple root is isolated, the sign
-of p halves its interval.  Endpoints are dyadic, and every interval is half-open: low < root ≤ high.
+Sums, products and quotients accept integers, fractions or symbols, lowest power first. For roots (highest power first,
+integer arithmetic only) Descartes' rule is exact if all are real: the number of those above a, with their
+multiplicities, is that of the sign changes in the coefficients of p(a + y). Once a simple root is isolated, the sign of
+p halves its interval. Endpoints are dyadic, and every interval is half-open: low < root ≤ high.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ Narrow = Callable[[Fraction, Fraction], bool]
 
 
 class Interval(NamedTuple):
-    """low < root ≤ high, and the number of roots: more than one only where they are closer than the width."""
+    """low < root ≤ high, and the number of roots: more than one only if they are closer than the width."""
 
     low: Fraction
     high: Fraction
@@ -76,8 +76,8 @@ def isolate(coefficients: Sequence[int], width: Fraction, *, relative: bool = Fa
     """Ascending intervals, none wider than `width`, of all roots of a real-rooted polynomial, highest power first.
 
     With `relative`, none is wider than `width` times its smaller end, for a polynomial without the root 0.
-    The caller guarantees that all roots are real (K and M are symmetric, M positive): ComputationError where
-    Newton's inequalities disprove it.  Intervals that are all simple prove it.
+    The caller guarantees that all roots are real (K and M are symmetric, M positive): ComputationError if Newton's
+    inequalities disprove it. Intervals that are all simple prove it.
     """
     if width <= 0:
         raise ValueError(f"width = {width}: must be positive")

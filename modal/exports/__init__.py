@@ -1,4 +1,4 @@
-"""A state-space model as a file for another tool: one module per family of formats, loaded on use.
+"""State-space models as files for other tools: one module per family of formats, loaded on use.
 
 In: a `StateSpace`.  Out: bytes that python-control, SciPy, MATLAB and Octave, C, Modelica, an FMI tool or a spreadsheet
 reads.  A format is a class of `modal.extend`, ours as a stranger's, in `FORMATS` by its name; the command, its help,

@@ -48,7 +48,7 @@ def write_json(model: StateSpace) -> bytes:
 
 
 def read_json(source: Source) -> StateSpace:
-    """The model that was written, from the bytes of the file or its path; SceneError for any other content."""
+    """The model that was written, from the bytes of the file or its path; raise SceneError for any other content."""
     with reading(source, "model"):
         text = content(source)
         verify_sealed_text(text, OPENING)
@@ -60,7 +60,7 @@ def read_json(source: Source) -> StateSpace:
 
 
 def assemble(arrays: Mapping[str, Any], signals: Mapping[str, Sequence[Sequence[str]]], resting: Rests) -> StateSpace:
-    """The model of A, B, C, D, dt and title; ValueError where they do not fit together or are not finite."""
+    """The model of A, B, C, D, dt and title; raise ValueError if they do not fit together or are not finite."""
     signals_by_kind = {kind: tuple(Signal(*map(str, row)) for row in rows) for kind, rows in signals.items()}
     sizes = {name: tuple(len(signals_by_kind[kind]) for kind in kinds) for name, kinds in SHAPES.items()}
     A, B, C, D = (finite_array(arrays[name] if prod(size) else np.zeros(size), *size) for name, size in sizes.items())
@@ -119,7 +119,7 @@ def _labels(model: StateSpace | VaryingModel) -> tuple[dict[str, Any], dict[str,
 
 
 def read_npz(source: Source) -> StateSpace:
-    """The model that was written, from the bytes of the file or its path; SceneError for any other content."""
+    """The model that was written, from the bytes of the file or its path; raise SceneError for any other content."""
     with reading(source, "model"):
         data = unpack(content(source), NAMES)
         resting = zip(data["operating_names"].tolist(), data["operating_values"].tolist(), strict=True)
@@ -160,7 +160,7 @@ def _csv_rows(model: StateSpace) -> Iterator[tuple[Any, ...]]:
 
 
 def write_transfer(model: StateSpace) -> bytes:
-    """One object for every pair; ComputationError for a sampled or reduced model."""
+    """One object for every pair; raise ComputationError for a sampled or reduced model."""
     if model.scene is None or model.dt:
         raise ComputationError("transfer functions need a whole model in continuous time")
     form = to_modal_form(natural_modes(model.scene), model)

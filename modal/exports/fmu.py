@@ -66,7 +66,7 @@ ROLES = {
 def write_fmu(model: StateSpace, step: float = 0.01) -> bytes:
     """The FMU; `step` in seconds is the default communication step, for a discrete model its own.
 
-    The same model gives the same source and GUID.  Raises SceneError for a step that is not positive.
+    The same model gives the same source and GUID.  Raise SceneError for a step that is not positive.
     """
     name = identifier(heading(model))
     discrete, step = (model, model.dt) if model.dt else (sample(model, step), step)

@@ -63,7 +63,7 @@ DISCRETE = """\
 
 
 def write_c(model: StateSpace) -> bytes:
-    """The header; every name in it begins with the title's identifier.  Raises SceneError for a continuous model."""
+    """The header; every name in it begins with the title's identifier.  Raise SceneError for a continuous model."""
     if not model.dt:
         raise SceneError(["`format=c` needs `sample(model, seconds)`, since a controller steps in time"])
     return text_file(_c_lines(model, identifier(heading(model)).lower()))

@@ -52,7 +52,7 @@ def is_moving(model: StateSpace | VaryingModel) -> bool:
 
 
 def datum(model: StateSpace | VaryingModel) -> str:
-    """What states, inputs and outputs deviate from."""
+    """Return the point from which states, inputs and outputs deviate."""
     return "the motion through the operating point" if is_moving(model) else "the equilibrium"
 
 

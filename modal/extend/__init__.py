@@ -1,7 +1,7 @@
-"""The doors for what others bring: laws of joints, forces on bobs, supports, measures and formats.
+"""Interfaces for extensions: joint laws, point forces, supports, measures and formats.
 
-In: a class of a stranger's package, or of a script.  Out: the same class, known by its kind and name wherever a scene
-file, an option or a list asks for one.  Our own are written with the same base classes:
+In: a class of another package or of a script. Out: the same class, known by its kind and name in scene files, options
+and lists. The built-in ones use the same base classes:
 
     from modal.extend import JointLaw, Parameter, register, sin
 
@@ -13,11 +13,11 @@ file, an option or a list asks for one.  Our own are written with the same base 
         def torque(self, angle, rate, parameters):
             return -parameters["strength"] * sin(3 * angle)
 
-JointLaw and PointForce give torques and forces, Support the places of pivots, Measure numbers of a scene or a motion,
-Format the bytes of a file.  They are plain arithmetic with the functions of `scalars`, which take floats,
-arrays, complex numbers, recorded symbols and expressions of SymPy alike.  A package names its classes in the group
-`multipendula.extensions` of its entry points; they are loaded when a name is first needed.  Nothing of a scene file is
-ever run.  What goes wrong in an extension is an ExtensionError, with its name and package.  Start with `registry`.
+JointLaw and PointForce give torques and forces, Support the positions of pivots, Measure numbers of a scene or a
+motion, Format the bytes of a file. They are plain arithmetic with the functions of `scalars`, which accept floats,
+arrays, complex numbers, recorded symbols and expressions of SymPy alike. A package names its classes in the group
+`multipendula.extensions` of its entry points; they are loaded when a name is first needed. Nothing in a scene file is
+ever executed. Failures of an extension raise ExtensionError, with its name and package. Start with `registry`.
 """
 
 from typing import TYPE_CHECKING

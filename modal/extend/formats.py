@@ -12,7 +12,7 @@ from modal.extend.registry import Extension, call, mistake_of, registered
 class Format(Extension):
     """A format of `export`: the `extension` of its files, `what` is written, and the function that writes it.
 
-    `tools` are names of what reads such files, by which a format may be asked for by mistake.  `write` takes a
+    `tools` are names of programs that read such files, which users may give instead of the format.  `write` takes a
     `StateSpace`, with A, B, C, D, dt, title and the names and units of states, inputs and outputs.
 
     >>> from modal.extend import Format
@@ -32,7 +32,7 @@ class Format(Extension):
 
     @classmethod
     def mistakes(cls) -> Iterator[str]:
-        """What it does not state, and a missing function."""
+        """Missing attributes, and a missing function."""
         if not cls.extension.startswith("."):
             yield f"its extension {cls.extension!r} must begin with a point"
         if not cls.what:
@@ -41,11 +41,11 @@ class Format(Extension):
             yield "has no write"
 
     def write(self, model: Any) -> bytes:
-        """The bytes of the file of a `StateSpace`."""
+        """Return the bytes of the file of a `StateSpace`."""
         raise NotImplementedError
 
     def write_varying(self, model: Any) -> bytes:
-        """The bytes of a model along a hoist or a run; SceneError for a format without any."""
+        """Return the bytes of a model along a hoist or a run; raise SceneError if the format has none."""
         forms = registered("format", discover=False)
         able = ", ".join(name for name, form in forms.items() if form.write_varying is not Format.write_varying)
         raise SceneError(
@@ -56,11 +56,11 @@ class Format(Extension):
         )
 
     def note(self, content: bytes) -> str:
-        """A note for the user about these bytes, usually empty."""
+        """Return a note for the user about these bytes, usually empty."""
         return ""
 
     def content(self, model: Any, *, is_varying: bool = False) -> bytes:
-        """What it writes of a model, which may vary in time; ExtensionError where that is no bytes."""
+        """Return the bytes of a model, which may vary with time; raise ExtensionError if they are not bytes."""
         content = call(self, "write_varying" if is_varying else "write", model)
         if not isinstance(content, bytes):
             raise mistake_of(self, f"write returned {type(content).__name__}: must be bytes")

@@ -1,4 +1,4 @@
-"""Derivatives of what extensions write: Taylor polynomials of second order in one direction, over any scalar.
+"""Derivatives of extension functions: Taylor polynomials of second order in one direction, over any scalar.
 
 A jet is f(t) with f' and f'' at t = 0.  Its parts may be floats, arrays, complex numbers, recorded symbols or SymPy's
 expressions.  Parts that are the float 0.0 stay so without an operation, so that records of it are short:
@@ -15,9 +15,9 @@ from modal.extend.scalars import cos, exp, log, sin, sqrt, tanh
 
 
 def plus(total: Any, factor: Any, value: Any) -> Any:
-    """The sum total + factor · value, without operations on arrays that would only add a 0 or multiply by 1.
+    """Return total + factor · value, without array operations that would only add 0 or multiply by 1.
 
-    Constants are plain floats; what is computed may be a float of NumPy, and 0 by chance.
+    Constants are plain floats; a computed value may be a NumPy float that happens to be 0.
     """
     if (type(factor) is float and factor == 0.0) or (type(value) is float and value == 0.0):
         return total
@@ -129,6 +129,6 @@ def _is_zero(part: Any) -> bool:
 
 
 def along(function: Callable[[list[Any]], Any], values: Sequence[Any], direction: Sequence[Any]) -> tuple[Jet, ...]:
-    """What a function of several scalars returns, as jets in a direction."""
+    """Return the value of a function of several scalars as jets in a direction."""
     results = function([Jet(value, way) for value, way in zip(values, direction, strict=True)])
     return tuple(map(_jet, results))

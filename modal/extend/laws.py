@@ -1,12 +1,12 @@
-"""Laws of joints and forces on centres of mass: plain arithmetic over any scalar, with what follows from it.
+"""Joint laws and point forces: plain arithmetic over any scalar, and quantities derived from it.
 
-A law of a joint gives the torque τ(γ, γ') on the link below, and reversed on what is above, γ being the angle of the
-joint from equilibrium.  With a potential V the part τ(γ, 0) = −V'(γ) conserves energy, and the rest of the torque does
-work; without one all of it does.  About equilibrium
+A joint law gives the torque τ(γ, γ') on the link below, and reversed on the link above, γ being the angle of the joint
+from equilibrium. With a potential V the part τ(γ, 0) = −V'(γ) conserves energy, and the rest of the torque does work;
+without a potential all of it does. About equilibrium
 
     stiffness = −∂τ/∂γ,    damping = −∂τ/∂γ'    at (0, 0),
 
-by complex steps [Squire1998].  A point force F(v) acts on the centre of mass of a link that has the velocity v.
+by complex steps [Squire1998].  A point force F(v) acts on the centre of mass of a link with the velocity v.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ AGREEMENT = 1e-9
 
 
 class Law(Extension):
-    """What laws of joints and point forces have in common: parameters by name, and what they say of themselves."""
+    """The common base of joint laws and point forces: parameters by name, and declared properties."""
 
     parameters: ClassVar[tuple[Parameter, ...]] = ()
     is_smooth: ClassVar[bool] = True
@@ -41,14 +41,14 @@ class Law(Extension):
 
     @classmethod
     def mistakes(cls) -> Iterator[str]:
-        """Parameters without names of their own."""
+        """Parameters without unique names."""
         names = [parameter.name for parameter in cls.parameters]
         if len(set(names)) < len(names) or not all(name.isidentifier() and name != "kind" for name in names):
             yield f"parameters must have different names, which are words and not kind: {', '.join(names)}"
 
 
 class JointLaw(Law):
-    """A torque at a joint, `torque(angle, rate, parameters)`, and where it has one its `potential`.
+    """A torque at a joint, `torque(angle, rate, parameters)`, and optionally its `potential`.
 
     Parameters arrive as a mapping by name.  Write plain arithmetic with the functions of `modal.extend`.
 
@@ -70,7 +70,7 @@ class JointLaw(Law):
     is_dissipative: ClassVar[bool] = False
     """Whether it never supplies energy."""
     is_drive: ClassVar[bool] = False
-    """Whether it sustains a swing: linear models leave it out."""
+    """Whether it sustains a swing: linear models ignore it."""
 
     @classmethod
     def mistakes(cls) -> Iterator[str]:
@@ -80,7 +80,7 @@ class JointLaw(Law):
             yield "has no torque"
 
     def torque(self, angle: Any, rate: Any, parameters: Values) -> Any:
-        """The torque (N m) on the link below, of the joint's angle (rad) from equilibrium and its rate (rad/s)."""
+        """The torque (N m) on the link below from the joint's angle (rad) from equilibrium and its rate (rad/s)."""
         raise NotImplementedError
 
     def potential(self, angle: Any, parameters: Values) -> Any:
@@ -94,7 +94,7 @@ class JointLaw(Law):
 
     @property
     def is_conservative(self) -> bool:
-        """Whether it does no work but that of its potential: whether its torque leaves the rate alone."""
+        """Whether it does only the work of its potential: whether its torque is independent of the rate."""
         return self.has_potential and not self.is_dissipative
 
     def torques(self, angle: Any, rate: Any, parameters: Values) -> tuple[Any, Any]:
@@ -130,7 +130,7 @@ class JointLaw(Law):
         return {name: (slope(name, SMALL, 0.0), slope(name, 0.0, SMALL)) for name in parameters}
 
     def judge(self, parameters: Values) -> None:
-        """ExtensionError where it is not what it says: at rest, mirrored, by its potential, by its power."""
+        """Raise ExtensionError if it is not as declared: at rest, mirrored, by its potential, by its power."""
         with np.errstate(all="ignore"):
             self._judge(parameters)
 
@@ -168,7 +168,7 @@ class JointLaw(Law):
 
 
 class PointForce(Law):
-    """A force on the centre of mass of a link, `force(velocity, parameters)`, against still air.
+    """A force on the centre of mass of a link, `force(velocity, parameters)`, in still air.
 
     The velocity is a list of its components (m/s), the force (N) one of as many.
 
@@ -201,7 +201,7 @@ class PointForce(Law):
         return -complex(along).imag / IMAGINARY_STEP + 0.0
 
     def judge(self, parameters: Values) -> None:
-        """ExtensionError where it is not what it says: at rest, and alike in all directions of small motions."""
+        """Raise ExtensionError if it is not as declared: zero at rest, and isotropic for small motions."""
         with np.errstate(all="ignore"):
             at_rest = call(self, "force", [0.0, 0.0], parameters, shape=(2,))
             along, down = call(self, "force", [0.0, complex(0.0, IMAGINARY_STEP)], parameters, shape=(2,))
@@ -218,7 +218,7 @@ class PointForce(Law):
 
 
 class SpringLaw(JointLaw):
-    """A spring at a joint or between a carrier and the ground.
+    """A spring at a joint or between a support and the ground.
 
     >>> from modal.extend.laws import SpringLaw
     >>> SpringLaw().torque(0.5, 0.0, {"stiffness": 4.0})
@@ -230,7 +230,7 @@ class SpringLaw(JointLaw):
     is_odd = True
 
     def torque(self, angle: Any, rate: Any, parameters: Values) -> Any:
-        """Against the angle."""
+        """Return a torque against the angle."""
         return -parameters["stiffness"] * angle
 
     def potential(self, angle: Any, parameters: Values) -> Any:
@@ -239,7 +239,7 @@ class SpringLaw(JointLaw):
 
 
 class DamperLaw(JointLaw):
-    """A damper at a joint or between a carrier and the ground.
+    """A damper at a joint or between a support and the ground.
 
     >>> from modal.extend.laws import DamperLaw
     >>> DamperLaw().torque(0.0, 0.5, {"damping": 4.0})
@@ -251,7 +251,7 @@ class DamperLaw(JointLaw):
     is_odd, is_dissipative = True, True
 
     def torque(self, angle: Any, rate: Any, parameters: Values) -> Any:
-        """Against the rate."""
+        """Return a torque against the rate."""
         return -parameters["damping"] * rate
 
 
@@ -268,7 +268,7 @@ class VanDerPolLaw(JointLaw):
     is_odd, is_drive = True, True
 
     def torque(self, angle: Any, rate: Any, parameters: Values) -> Any:
-        """With the rate within γ₀, against it beyond."""
+        """Return a torque with the rate within γ₀, against it beyond."""
         curb = parameters["strength"] / (parameters["angle_deg"] * radians(1)) ** 2
         return (parameters["strength"] - curb * angle**2) * rate
 
@@ -286,7 +286,7 @@ class DragLaw(PointForce):
     is_smooth = False
 
     def force(self, velocity: Any, parameters: Values) -> Any:
-        """Against the velocity."""
+        """Return a force against the velocity."""
         strength, quadratic = parameters["drag"], parameters["quadratic_drag"]
         if not isinstance(quadratic, float) or quadratic:
             strength = strength + quadratic * sqrt(sum(component * component for component in velocity))

@@ -1,9 +1,9 @@
-"""What can be measured of a scene or of its motion: the base class, and how a verb is asked for a measure.
+"""Measures of a scene or of its motion: the base class, and how commands request a measure.
 
 A measure states its name, words, columns and needs, and has the function that computes it: `of_modes` of the modes of a
 scene, `of_orbit` of a periodic motion along one of them, `of_motion` of a whole motion, `of_members` of many motions
-side by side.  Which verbs take it follows: a motion can be measured in every one, what belongs to a scene in `sweep`
-and `spread`.
+side by side. This determines the commands that accept it: motions can be measured in all, scenes in `sweep` and
+`spread`.
 
 >>> from modal.extend.measures import measure_for, taken_by
 >>> measure_for("sweep", "lyapunov").columns, "beat" in taken_by("basins")
@@ -37,13 +37,13 @@ FORMER = {"amplitude": "largest_angle, with cart_travel beside it"}
 
 
 class Measure(Extension, Displayed):
-    """A measure: what `words` say, in these `columns`, whose names end in the unit unless there is none.
+    """A measure: described in `words`, with these `columns`, whose names end in the unit if there is one.
 
-    In columns R stands for the number of a mode, P for that of a pendulum, L for that of a link.  `counts` says what
-    the N of NAME:N is, "" where there is none; `usual` is N unless told, 0 where that depends on the scene, `most` its
-    largest.  `needs` says what a scene must have, `is_planar` whether motion in the plane, `is_numbered` whether its
-    columns or values number modes, `refused` by which verbs it is not taken and why.  What it `reads` follows from the
-    functions that it has.
+    In columns R stands for the number of a mode, P for that of a pendulum, L for that of a link. `counts` says what the
+    N of NAME:N is, "" if there is none; `usual` is the default of N, 0 if that depends on the scene, `most` its largest
+    value. `needs` says what a scene must have, `is_planar` whether motion must be planar, `is_numbered` whether its
+    columns or values number modes, `refused` which commands refuse it and why. What it `reads` follows from its
+    functions.
 
     >>> from modal.extend import Measure
     >>> class Swings(Measure):
@@ -82,12 +82,12 @@ class Measure(Extension, Displayed):
 
     @classmethod
     def has(cls, function: str) -> bool:
-        """Whether it has a function of its own of this name."""
+        """Whether it defines a function of this name."""
         return getattr(cls, function) is not getattr(Measure, function)
 
     @classmethod
     def mistakes(cls) -> Any:
-        """What it does not state, and functions that it lacks."""
+        """Missing attributes and functions."""
         yield from (f"has no {name}" for name in ("words", "columns", "needs") if not getattr(cls, name))
         if not any(map(cls.has, ("of_modes", "of_orbit", "of_motion", "of_members", "of_scene"))):
             yield "has none of of_modes, of_orbit, of_motion and of_members"
@@ -104,11 +104,11 @@ class Measure(Extension, Displayed):
 
     @property
     def whole(self) -> bool:
-        """Whether N is a whole number."""
+        """Whether N is an integer."""
         return self.counts != SECONDS
 
     def validate(self, number: float) -> float:
-        """The N itself; SceneError where it is none of such a measure."""
+        """Return N itself; raise SceneError if it is invalid for this measure."""
         if not self.counts:
             raise SceneError([f"measure {self.name}:{number:g}: {self.name} takes no number"])
         kind = f"a {'whole ' * self.whole}number above 0 and at most {self.most:g}"
@@ -117,30 +117,30 @@ class Measure(Extension, Displayed):
         return number
 
     def require(self, scene: Any, seconds: float | None) -> None:
-        """SceneError where a scene has nothing of it, or not from so many seconds, before anything is computed."""
+        """Raise SceneError before anything is computed if a scene does not have it, or a run is too short for it."""
         if self.is_planar and scene.space == "space":
             raise SceneError([f"measure {self.name}: only for motion in the plane"])
 
     # ------------------------------------------------------------------------------------------- how it is computed
 
     def of_modes(self, modes: Any, number: float) -> Any:
-        """Of the `Modes` of a scene and N: a number for each column, a sequence of them, or a mapping by columns."""
+        """Measure the `Modes` of a scene with N: a number for each column, a sequence, or a mapping by columns."""
         raise NotImplementedError
 
     def of_orbit(self, orbit: Any, number: float) -> Any:
-        """The same of the `Orbit` of mode N whose largest angle is `amplitude_deg`."""
+        """Measure the `Orbit` of mode N whose largest angle is `amplitude_deg`."""
         raise NotImplementedError
 
     def of_motion(self, run: Any, seconds: float) -> Any:
-        """The same of a `Trajectory` of so many seconds."""
+        """Measure a `Trajectory` of this duration (s)."""
         raise NotImplementedError
 
     def of_members(self, context: Any, results: Any, ending: Any) -> Any:
-        """The same of S motions side by side, arrays (S,); `ending` (S, K, size) are samples of their last tenth."""
+        """Measure S motions at once, arrays (S,); `ending` (S, K, size) are samples of their last tenth."""
         raise NotImplementedError
 
     def of_scene(self, scene: Any, number: float, portion: Any) -> dict[str, float]:
-        """Its values by their columns, of a scene with what `portion` knows of it: modes, runs, members."""
+        """Return its values by columns for a scene, from what `portion` provides: modes, runs, members."""
         if self.reads == SCENE_ITSELF and self.has("of_orbit"):
             return self.values_of("of_orbit", portion.orbit(scene, int(number), self.amplitude_deg), number)
         if self.reads == SCENE_ITSELF:
@@ -152,7 +152,7 @@ class Measure(Extension, Displayed):
         return dict(portion.member(scene, number, self.name))
 
     def values_of(self, function: str, *arguments: Any) -> dict[str, Any]:
-        """What one of its functions returns, by columns; ExtensionError where it raises or returns something else."""
+        """The result of one of its functions by columns; raise ExtensionError if it fails or returns something else."""
         returned = call(self, function, *arguments)
         if isinstance(returned, Mapping):
             return {**returned}
@@ -167,13 +167,13 @@ class Measure(Extension, Displayed):
 
 
 def taken_by(verb: str, *, discover: bool = True) -> tuple[str, ...]:
-    """The names of the measures that one of the VERBS takes; without `discover` of those at hand."""
+    """Return the names of the measures that one of the VERBS accepts; without `discover` only loaded ones."""
     known = registered("measure", discover=discover)
     return tuple(name for name, measure in known.items() if verb not in measure.refused)
 
 
 def measure_for(verb: str, text: str) -> Measure:
-    """The measure that a text such as "beat:3" names; SceneError where there is none, or one that a verb refuses."""
+    """The measure named by a text such as "beat:3"; raise SceneError if there is none or the command refuses it."""
     name = text.partition(":")[0]
     measure = find_extension("measure", name)
     if measure is None:
@@ -186,7 +186,7 @@ def measure_for(verb: str, text: str) -> Measure:
 
 
 def parse_request(verb: str, text: str) -> tuple[Measure, float]:
-    """The measure in a text such as "frequencies:6" and its N, `usual` where it has none; SceneError for a mistake.
+    """The measure in a text such as "frequencies:6" and its N, by default `usual`; raise SceneError for a mistake.
 
     >>> from modal.extend.measures import parse_request
     >>> parse_request("sweep", "frequencies:6")[1], parse_request("sweep", "largest_angle")[1]
@@ -203,7 +203,7 @@ def parse_request(verb: str, text: str) -> tuple[Measure, float]:
 
 
 def columns_of(name: str, columns: Sequence[str]) -> tuple[str, ...]:
-    """Those of some columns that belong to a measure, by the beginnings of its own.
+    """Return those of some columns that belong to a measure, by their prefixes.
 
     >>> from modal.extend.measures import columns_of
     >>> columns_of("first_turn", ["energy_drift", "first_turn_1_1_s"])

@@ -12,9 +12,9 @@ from modal.report import Displayed, Summary
 
 @dataclass(frozen=True, repr=False)
 class Parameter(Displayed):
-    """A number from `low` to `high`, both included, that scenes give by `name`; `default` where a scene has none.
+    """A number from `low` to `high`, both included, given in scenes by `name`, with an optional `default`.
 
-    Without a default a scene must give it.  `unit` is its SI unit, "" for a ratio, `meaning` says in words what it is.
+    Without a default a scene must give it. `unit` is its SI unit, "" for a ratio, `meaning` its description.
 
     >>> from modal.extend import Parameter
     >>> Parameter("strength", "N m", low=0.0).mistake(-1.0)
@@ -34,7 +34,7 @@ class Parameter(Displayed):
         return Summary(f"Parameter {self.name} ({self.unit or '1'})", facts)
 
     def mistake(self, value: Any) -> str:
-        """What is wrong with a value, "" where nothing is."""
+        """Return what is wrong with a value, "" if nothing is."""
         if isinstance(value, bool) or not isinstance(value, Real):
             return "must be a number"
         number = float(value)

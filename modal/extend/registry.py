@@ -1,8 +1,8 @@
-"""Who extends what: classes by kind and name, entry points that are read when a name is first needed, and blame.
+"""The registry of extensions: classes by kind and name, entry points read on first need, and attribution of errors.
 
 A class is known by its `kind` and `name`.  Those of installed packages are entry points of the group
-`multipendula.extensions`, each a class or a module with such classes; they are loaded once, when a name that none of
-the classes at hand has is asked for, or all names.  One that cannot be loaded spoils no other.
+`multipendula.extensions`, each a class or a module with such classes; they are loaded once, when an unknown name or all
+names are requested. One that cannot be loaded does not affect the others.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ NAME = re.compile(r"[a-z][a-z0-9_-]*")
 
 
 class Extension:
-    """What all extensions are: of a kind, which its base class states, with a name by which files and options ask.
+    """Base of all extensions: a kind, set by the base class, and a name used in files and options.
 
     >>> from modal.extend import Extension
     >>> Extension.kind in ("joint law", "")
@@ -44,7 +44,7 @@ class Extension:
 
     @classmethod
     def mistakes(cls) -> Iterator[str]:
-        """What is wrong with the class itself, in words, before anything is computed with it."""
+        """Return what is wrong with the class itself, in words, before anything is computed with it."""
         yield from ()
 
 
@@ -102,7 +102,7 @@ _registry = _Registry()
 
 
 def register(cls: type[T]) -> type[T]:
-    """The class itself, from now on known by its kind and name; ExtensionError where it is none or the name is taken.
+    """Register a class by its kind and name and return it; raise ExtensionError if it is invalid or the name is taken.
 
     >>> from modal.extend import register
     >>> try:
@@ -132,7 +132,7 @@ def _definition(cls: type) -> tuple[str, str]:
 
 
 def registered(kind: str, *, discover: bool = True) -> Mapping[str, type[Any]]:
-    """All classes of a kind by name, those of installed packages among them; without `discover` only those at hand.
+    """Return all classes of a kind by name, including those of installed packages; without `discover` only loaded ones.
 
     >>> from modal.extend import registered
     >>> "nosuch" in registered("joint law")
@@ -144,7 +144,7 @@ def registered(kind: str, *, discover: bool = True) -> Mapping[str, type[Any]]:
 
 
 def find_extension(kind: str, name: str) -> type[Any] | None:
-    """The class of a kind and name, None where there is none; entry points are read for a name that is not at hand.
+    """Return the class of a kind and name, None if there is none; entry points are read for an unknown name.
 
     >>> from modal.extend import find_extension
     >>> find_extension("joint law", "nosuch")
@@ -159,7 +159,7 @@ def find_extension(kind: str, name: str) -> type[Any] | None:
 
 @contextmanager
 def registration(cls: type[Extension]) -> Iterator[type[Extension]]:
-    """The class, known as long as this lasts: for tests.
+    """Register a class within a context: for tests.
 
     >>> from modal.extend import Extension, registration
     """
@@ -172,18 +172,18 @@ def registration(cls: type[Extension]) -> Iterator[type[Extension]]:
 
 
 def package_of(cls: type) -> str:
-    """The distribution of a class with its version, or its module."""
+    """Return the distribution of a class with its version, or its module."""
     return _registry.packages.get(cls) or cls.__module__.partition(".")[0]
 
 
 def mistake_of(extension: Any, words: str) -> ExtensionError:
-    """The error that attributes a mistake to an extension: its class, or one of its objects."""
+    """Return the error that attributes a mistake to an extension: its class, or one of its objects."""
     cls = extension if isinstance(extension, type) else type(extension)
     return ExtensionError(f"extension {getattr(cls, 'name', '') or cls.__name__} (package {package_of(cls)}): {words}")
 
 
 def call(extension: Any, function: str, *arguments: Any, shape: tuple[int, ...] | None = None) -> Any:
-    """What a function of an extension returns; ExtensionError where it raises, or returns another shape.
+    """Return the result of a function of an extension; raise ExtensionError if it fails or returns a wrong shape.
 
     >>> from modal.extend.registry import call
     >>> call("aba", "count", "a", shape=())

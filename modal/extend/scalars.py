@@ -1,7 +1,7 @@
 """Functions of plain arithmetic over any scalar, so that an extension writes its physics once.
 
-A float, a complex number, an array, a recorded symbol of the tape, an expression of SymPy, a number of many digits:
-each brings its functions along, as methods or in its package, and others are taken for floats by NumPy.
+Floats, complex numbers, arrays, recorded symbols, SymPy expressions and multiprecision numbers bring their own
+functions, as methods or in their packages; all others are passed to NumPy as floats.
 """
 
 from __future__ import annotations

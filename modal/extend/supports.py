@@ -1,12 +1,12 @@
-"""What a support is: where its origin goes, by which of its coordinates it turns, and the energy it stores.
+"""Base class of supports: the motion of the origin, the rotation coordinate, and the stored energy.
 
 A support is a rigid body with coordinates η, whose mass, inertia about the centre of mass, `centre`, springs and
-dampers a scene gives.  Its origin is at (x, z)(η) from where it is drawn, x along the rail and z down; its angle φ, if
-it turns, is one of η.  A point s along it and h below its origin as drawn moves as
+dampers a scene gives. Its origin is displaced by (x, z)(η) from the drawn position, x along the rail and z down; its
+angle φ, if it turns, is one of η. A point s along it and h below its origin as drawn moves as
 
     r = (x, z)(η) + (s cos φ + h sin φ, h cos φ − s sin φ),      r'' = J η'' + J' η'
 
-J and J' η' follow from `place` by jets, exactly; everything that a scene can be asked follows from them.
+J and J' η' follow from `place` by jets, exactly; all results for a scene follow from them.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ Slope = tuple[Any, Any]
 
 
 class SupportCoordinate(NamedTuple):
-    """A coordinate of a support in "m" or "rad", its `way` where there are several: ("m", "sway").
+    """A coordinate of a support in "m" or "rad", with its `way` if there are several: ("m", "sway").
 
-    `letter` is its symbol, `verb` what a support does in a mode that moves it; `words` are what it is and what a force
-    on it is, in full.  `is_mirrored` tells that a mirror image has it reversed.
+    `letter` is its symbol, `verb` describes a mode that moves it; `words` describe it and a force on it in full.
+    `is_mirrored` says that a mirror image reverses it.
 
     >>> from modal.extend import SupportCoordinate
     >>> SupportCoordinate("rad", "roll").suffix, SupportCoordinate("m").suffix
@@ -41,28 +41,28 @@ class SupportCoordinate(NamedTuple):
 
     @property
     def suffix(self) -> str:
-        """What follows the name of a support in the name of the coordinate."""
+        """The suffix of the coordinate's name after the name of its support."""
         return f"{self.way}_{self.unit}" if self.way else self.unit
 
     def described(self, noun: str) -> tuple[str, str]:
-        """Its `words`, or those that its unit gives, with what its support is called."""
+        """Return its `words`, or those implied by its unit, with the name of its support."""
         motion, force = ("angle", "torque") if self.unit == "rad" else ("displacement", "force")
         way = f" in {self.way}" if self.way else ""
         return self.words if self.words[0] else (f"{motion}{way} of the {noun}", f"{force}{way} on the {noun}")
 
     @property
     def force_suffix(self) -> str:
-        """What follows it in the name of the force or torque on the coordinate."""
+        """The suffix of the name of the force or torque on the coordinate."""
         force = "torque" if self.unit == "rad" else "force"
         return f"{self.way}_{force}" if self.way else force
 
 
 class Support(Extension):
-    """A kind of support: `place` gives the displacement (along, down) of its origin in m, 0 where all η are.
+    """A kind of support: `place` gives the displacement (along, down) of its origin in m, 0 if all η are 0.
 
-    `parameters` are numbers that its kind has beside those of all supports.  `turning` is which of its `coordinates` is
-    the angle (rad, positive as that of links) by which it turns; None if it does not.  `potential` (J), flat where all
-    η are 0, is energy beside springs and weight.
+    `parameters` are those of its kind in addition to those of all supports. `turning` is which of its `coordinates` is
+    its rotation angle (rad, with the sign of link angles); None if it does not turn. `potential` (J), with zero slope
+    at η = 0, is energy in addition to springs and weight.
 
     >>> from modal.extend import SupportCoordinate, Parameter, Support
     >>> class Disc(Support):  # it rolls along a rail
@@ -82,12 +82,12 @@ class Support(Extension):
     parameters: ClassVar[tuple[Parameter, ...]] = ()
     turning: ClassVar[int | None] = None
     nouns: ClassVar[tuple[str, str]] = ("", "")
-    """What one and what several are called; the name unless given."""
+    """Its singular and plural names; by default its name."""
 
     bends: ClassVar[bool] = True
-    """Whether its origin may move on a bent path."""
+    """Whether its origin may move on a curved path."""
     keeps_speeds: ClassVar[bool] = False
-    """Whether each coordinate but its angle is a length along the path of the origin, which the angle leaves still."""
+    """Whether each coordinate except its angle is a length along the path of the origin, unaffected by the angle."""
 
     def __init_subclass__(cls) -> None:
         """Call one by its name, and several by that with an s, where it says nothing else."""
@@ -95,7 +95,7 @@ class Support(Extension):
             cls.nouns = cls.name, f"{cls.name}s"
 
     def place(self, eta: Sequence[Any], parameters: Mapping[str, Any]) -> tuple[Any, Any]:
-        """How far (m) its origin is from where it is drawn, along the rail and down."""
+        """Return the displacement (m) of its origin from the drawn position, along the rail and down."""
         raise NotImplementedError
 
     def potential(self, eta: Sequence[Any], parameters: Mapping[str, Any]) -> Any:
@@ -124,7 +124,7 @@ class Support(Extension):
         return displacement, slopes, (x.second, z.second)
 
     def forces(self, eta: Sequence[Any], parameters: Mapping[str, Any]) -> list[Jet] | None:
-        """For each coordinate the `potential` as a jet along it; None without one."""
+        """Return for each coordinate the `potential` as a jet along it; None without one."""
         if type(self).potential is Support.potential:
             return None
         constants = {name: Jet(value) for name, value in parameters.items()}
@@ -136,7 +136,7 @@ class Support(Extension):
 
     @classmethod
     def mistakes(cls) -> Iterator[str]:
-        """Names that are taken, no coordinate, one of an unknown unit, two of one name, no angle to turn by."""
+        """Names already taken, no coordinate, an unknown unit, repeated names, no angle to turn by."""
         suffixes = [coordinate.suffix for coordinate in cls.coordinates]
         if cls.name in {"fixed", "moved", "modal"}:
             yield f'a support of kind "{cls.name}" exists'

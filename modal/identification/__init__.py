@@ -1,4 +1,4 @@
-"""From measurements to numbers of a scene: which of them are determined, and how well.
+"""System identification: parameters of a scene from measurements, and how well they are determined.
 
 In: derivatives of readings by a scene's numbers, measured modes, records.  Out: parameters with standard deviations,
 the combinations that the data determine, and in words those that they do not; poles and shapes of records; what the

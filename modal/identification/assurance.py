@@ -1,4 +1,4 @@
-"""Measured beside computed modes: MAC matrix, pairs, errors of frequencies and damping ratios.
+"""Measured next to computed modes: MAC matrix, pairs, errors of frequencies and damping ratios.
 
     MAC_rs = |φ_rᴴψ_s|²/((φ_rᴴφ_r)(ψ_sᴴψ_s))
 
@@ -67,7 +67,7 @@ PAIR = (
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Assurance(Result):
-    """MAC (R, S) of measured modes with the oscillating ones computed, `rows`; NaN where there is no shape."""
+    """MAC (R, S) of measured modes with the oscillating ones computed, `rows`; NaN if there is no shape."""
 
     modes: Modes
     measured: MeasuredModes
@@ -84,7 +84,7 @@ class Assurance(Result):
 
     @property
     def notes(self) -> list[str]:
-        """What there is to say of the pairs."""
+        """Notes on the pairs."""
         notes = []
         for pair in self.pairs:
             if pair.mac is not None and pair.mac < 0.5:  # less than half of one shape is in the other
@@ -98,7 +98,7 @@ class Assurance(Result):
         return notes
 
     def parts(self, form: Form = "text") -> Iterator[ReportTable | str]:
-        """The pairs, the matrix where there are shapes, and the notes."""
+        """The pairs, the matrix if there are shapes, and the notes."""
         yield ReportTable.of(PAIR, self.pairs)
         if np.isfinite(self.mac).any():
             yield ReportTable(
@@ -134,7 +134,7 @@ class Assurance(Result):
 def compare_modes(modes: Modes, measured: MeasuredModes) -> Assurance:
     """Compare measured modes with those of a scene that oscillate; a repeated frequency has its nearest shape's MAC.
 
-    Raises ComputationError where nothing oscillates.
+    Raise ComputationError if nothing oscillates.
     """
     rows = tuple(mode for mode in modes if mode.oscillates and mode.omega > 0)
     if not rows:
@@ -153,7 +153,7 @@ def compare_modes(modes: Modes, measured: MeasuredModes) -> Assurance:
 
 
 def _nearest(shape: Floats, basis: Any) -> float:
-    """MAC with the nearest combination of the columns of a basis (C, k); 0 where none has these components."""
+    """MAC with the nearest combination of the columns of a basis (C, k); 0 if none has these components."""
     if not basis.shape[1]:
         return 0.0
     if basis.shape[1] == 1:

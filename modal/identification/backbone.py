@@ -1,4 +1,4 @@
-"""The backbone of a free decay: how the frequency of one link falls with its amplitude, from windows of the record.
+"""The backbone of a free decay: frequency of one link as a function of amplitude, from windows of the record.
 
 In each window of a period or more, an angle is fitted by an offset and three harmonics, whose first has an amplitude A
 and a phase φ.  Of one link in its plane, with the nome q of its swing [Whittaker1927, §22.6],
@@ -78,12 +78,12 @@ class Backbone:
 
     @property
     def changes(self) -> bool:
-        """Whether the frequency changes with amplitude, by more than chance."""
+        """Whether the frequency changes significantly with amplitude."""
         return abs(self.ratio) > AMPLITUDE_SIGNIFICANCE * self.ratio_std
 
     @property
     def of_one_link(self) -> bool:
-        """Whether it changes as that of one link, and nothing else swings."""
+        """Whether it changes like that of a single link, and nothing else swings."""
         tolerance = np.hypot(DEVIATION_MAX * self.ratio_std, 2 * GAIN_ERROR)
         return bool(self.changes and abs(self.ratio - 1) < tolerance and self.other < OTHER_AMPLITUDE)
 

@@ -1,4 +1,4 @@
-"""Covariances of fitted parameters that allow for residuals which are not white.
+"""Covariances of fitted parameters that account for correlated residuals.
 
 With the influence G = J (JᵀJ)⁻¹ of the readings on the estimates, an estimate is off by Gᵀ e, so that
 

@@ -124,7 +124,7 @@ class Decays:
         return self.model.poles
 
     def shift(self, r: int) -> float | None:
-        """The change of frequency β/2π (Hz) at the strongest start of mode r, None where it has none."""
+        """The change of frequency β/2π (Hz) at the strongest start of mode r, None if it has none."""
         shifts = self.model.shifts[self.model.bent == r]
         return float(shifts[0].real) / (2 * np.pi) if len(shifts) else None
 
@@ -135,11 +135,11 @@ def shape_of(decays: Decays, r: int, sensors: int) -> Complexes:
 
 
 def fit_decays(series: Sequence[Series], poles: Complexes, faint: float = 0.0) -> Decays:
-    """Poles fitted to these series, from given ones on; those without significance are left out one by one.
+    """Poles fitted to these series, from given ones on; those without significance are omitted one by one.
 
     So are those whose amplitudes are less than `faint` of the strongest one's in every series.
 
-    Raises ComputationError where none is left.
+    Raise ComputationError if none is left.
     """
     bent, shifts = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.complex128)
     return _significant(series, DecayModel(poles, bent, shifts, np.ones((len(series), len(poles)))), faint)
@@ -148,8 +148,8 @@ def fit_decays(series: Sequence[Series], poles: Complexes, faint: float = 0.0) -
 def one_mode(series: Sequence[Series], decays: Decays, faint: float = 0.0, *, resolved: bool = False) -> Decays | None:
     """Decays with one mode fewer: two poles of one shape are one whose frequency changes with amplitude.
 
-    None where no two poles are.  They are if the one mode fits the series as well; if
-    they never beat, and no `resolved` modes are asked for, also if it fits them somewhat worse.
+    None if no two poles are. They are if the one mode fits the series as well; if they never beat, and no `resolved`
+    modes are requested, also if it fits them somewhat worse.
     """
     weights, beatless = _weights(series, decays), suspects(series, decays)
     distances = np.abs(decays.poles[:, None] / decays.poles - 1)
@@ -163,7 +163,7 @@ def one_mode(series: Sequence[Series], decays: Decays, faint: float = 0.0, *, re
 
 @dataclass(frozen=True)
 class LargeSwings:
-    """What large swings make of modes: `repetitions`, poles that are a stronger one at another amplitude, {r: of}.
+    """Artefacts of large swings: `repetitions`, poles that are a stronger one at another amplitude, {r: of}.
 
     `tones` are poles at the places of sums Σ n_i ω_i of one or two stronger modes, {r: {i: n_i}}.
     """
@@ -173,7 +173,7 @@ class LargeSwings:
 
 
 def large_swings(series: Sequence[Series], decays: Decays, angle: float) -> LargeSwings:
-    """Poles that are none of small swings, where the largest swing is an `angle` (rad), or 0 if no sensor is one.
+    """Return poles that are artefacts of swings up to an `angle` (rad), 0 if no sensor reads an angle.
 
     Cubic forces change a frequency by a²/6 at most, and make tones of such a share; being odd in the angles, they and
     their repetition have three and five terms.  One sensor tells one shape only from poles that never beat.  Once there
@@ -236,7 +236,7 @@ def _strengths(series: Sequence[Series], decays: Decays) -> Floats:
 def bent(series: Sequence[Series], decays: Decays, faint: float = 0.0) -> Decays | None:
     """Decays in which one more mode's frequency changes with amplitude: the one that betters the fit most.
 
-    None where none betters it much, or the residuals are white, or rounding.
+    None if none betters it much, or the residuals are white, or rounding.
     """
     rounding = np.sqrt(np.finfo(float).eps) * np.array([np.std(record.values) for record in series])
     if decays.white or np.all(decays.rms < rounding):
@@ -293,7 +293,7 @@ def _merge(series: Sequence[Series], decays: Decays, r: int, s: int) -> DecayMod
 
 
 def _significant(series: Sequence[Series], model: DecayModel, faint: float) -> Decays:
-    """The fit of this model without the poles that are faint or vague, which are left out one by one."""
+    """The fit of this model without the poles that are faint or vague, which are omitted one by one."""
     weights = np.array([1 / (float(np.std(record.values)) or 1.0) for record in series])
     while True:
         if not len(model.poles):
@@ -460,7 +460,7 @@ def _squares(series: Sequence[Series], amplitudes: Complexes) -> Floats:
 class Decrement:
     """A single pole by its turning points: λ (1/s) with standard deviations of its parts, and their number.
 
-    `loss` is by how much each is smaller than the last, None where they shrink by a factor.
+    `loss` is by how much each is smaller than the last, None if they shrink by a factor.
     """
 
     pole: complex
@@ -474,8 +474,8 @@ def log_decrement(times: Floats, values: Floats) -> Decrement:
     """The pole of a decay (K,) in which one mode swings, from its turning points.
 
     Extremes lie on b ± a e^{−σt}, so that ln of the differences of successive ones falls by σ times half a period
-    [Ewins2000, §4.2.1]; their times are half a period π/Im λ apart.  Raises ComputationError
-    where there are too few of them.
+    [Ewins2000, §4.2.1]; their times are half a period π/Im λ apart. Raise ComputationError if there are too few of
+    them.
     """
     middle = values - np.median(values)
     high = 0.02 * float(np.abs(middle).max())

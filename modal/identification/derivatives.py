@@ -28,7 +28,7 @@ DERIVATIVE_ROUNDING = 8 * np.sqrt(np.finfo(float).eps)
 
 
 def require_polynomial(scene: Scene) -> None:
-    """SceneError where M, K or D are no polynomials in the numbers of a scene."""
+    """Raise SceneError if M, K or D are no polynomials in the numbers of a scene."""
     require(scene, "a derivative of modes")
 
 
@@ -56,7 +56,7 @@ class ModeDerivatives:
         self.shapes = modes.matrix
 
     def eigenvalue(self, row: int) -> Complexes:
-        """∂λ/∂p (p,) of the mode with index `row`; NaN where it splits, and where no digit of it is certain."""
+        """∂λ/∂p (p,) of the mode with index `row`; NaN if it splits, and where no digit of it is certain."""
         value = complex(self.modes.eigenvalue[row])
         if not self.modes.error[row] < UNCERTAIN:
             return np.full(len(self.dM), np.nan + 0j)
@@ -74,7 +74,7 @@ class ModeDerivatives:
         return np.asarray(np.where(splits, np.nan, first[:, 0]))
 
     def _of_group(self, value: complex, phi: Complexes) -> Complexes:
-        """Derivatives (p, copies) by each of the shapes; NaN where they are coupled."""
+        """Derivatives (p, copies) by each of the shapes; NaN if they are coupled."""
         pencil = phi.T @ (2 * value * self.M + self.D) @ phi
         Q_p = value**2 * self.dM + value * self.dD + self.dK
         change = np.einsum("ia,pij,jb->pab", phi, Q_p, phi, optimize=True)

@@ -1,4 +1,4 @@
-"""The numbers of a fitted scene with their covariance, as a report of `fit` keeps them in JSON.
+"""The parameters of a fitted scene with their covariance, as stored in the JSON report of `fit`.
 
 It has `{"parameters": [{"place": …, "value": …, "std": …}, …], "covariance": [[…], …]}`.
 """
@@ -70,7 +70,7 @@ class Estimate(Displayed):
         return [natural_unit(self.scene, unknown.place) for unknown in self.unknowns]
 
     def drawn(self, count: int, rng: np.random.Generator) -> dict[str, Floats]:
-        """So many values (count,) by path, from the joint normal distribution."""
+        """Draw values (count,) by path from the joint normal distribution."""
         size = np.where(self.stds > 0, self.stds, 1.0)
         strength, axes = np.linalg.eigh(self.covariance / size / size[:, None])
         steps = rng.standard_normal((count, len(size))) * np.sqrt(np.maximum(strength, 0.0)) @ axes.T
@@ -84,7 +84,7 @@ class Estimate(Displayed):
 
 @checked
 def read_estimate(scene: Scene, path: str | os.PathLike[str]) -> Estimate:
-    """The estimate in a report of `fit`, of this scene; SceneError lists every mistake."""
+    """The estimate in a report of `fit`, of this scene; raise SceneError with every mistake."""
     name = os.fspath(path)
     try:
         return estimate_of(scene, json.loads(text_of(name, "report")))
@@ -97,7 +97,7 @@ def read_estimate(scene: Scene, path: str | os.PathLike[str]) -> Estimate:
 
 
 def estimate_of(scene: Scene, record: Any) -> Estimate:
-    """The estimate in a record such as that of a fit; SceneError lists every mistake."""
+    """The estimate in a record such as that of a fit; raise SceneError with every mistake."""
     parameters = record.get("parameters") if isinstance(record, dict) else None
     rows = record.get("covariance") if isinstance(record, dict) else None
     if isinstance(record, dict) and record.get("fits") is False:
@@ -145,7 +145,7 @@ def _unknown(scene: Scene, k: int, parameter: Any) -> Unknown:
 
 
 def _is_number(value: Any) -> bool:
-    """Whether it is a finite number in double precision; whole numbers in JSON have any size."""
+    """Whether it is a finite number in double precision; integers in JSON have any size."""
     try:
         return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
     except OverflowError:

@@ -1,4 +1,4 @@
-"""What data determine: combinations of parameters from the singular values of a Jacobian.
+"""Identifiability: combinations of parameters that the data determine, from the singular values of a Jacobian.
 
 With J = U S Vᵀ, the derivatives of readings in units of their noise, a step along the direction v_k changes the
 readings by s_k standard deviations, so 1/s_k is the standard deviation of that combination [Bellman1970],
@@ -29,7 +29,7 @@ def _all(words: Sequence[str]) -> str:
 
 @dataclass(frozen=True, repr=False)
 class Undetermined(Displayed):
-    """A direction in which numbers change together without effect: `held` is the one that stays at its value.
+    """A direction in which parameters change together without effect: `held` is the one fixed at its value.
 
     `changes` are the relative changes of numbers, by path, for a change of 1 of the held one.
     """

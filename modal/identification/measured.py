@@ -2,9 +2,9 @@
 
     mode, frequency_hz, std_hz [, damping_ratio [, damping_ratio_std]] [, cart, theta_1_1, theta_1_2, …] [, shape_std]
 
-`mode` is the number in the table of modes, `frequency_hz` the natural frequency |λ|/2π, as there.  Columns `theta_P_L`
-and `cart` are a shape of any scale, angles from the vertical in rad beside metres, the real part of a complex one
-after `turned`; on a structure its coordinates stand in columns of their own names, as `floor1_m`.  Empty cells are
+`mode` is the number in the table of modes, `frequency_hz` the natural frequency |λ|/2π, as there. Columns `theta_P_L`
+and `cart` are a shape of any scale, angles from the vertical in rad next to metres, the real part of a complex one
+after `turned`; on a structure its coordinates stand in columns of their own names, as `floor1_m`. Empty cells are
 missing values.
 """
 

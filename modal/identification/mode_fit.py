@@ -1,4 +1,4 @@
-"""The result of a fit to measured modes: numbers with their covariance, and every mode beside its measurement."""
+"""The result of a fit to measured modes: parameters with their covariance, and every mode with its measurement."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from modal.types import Floats, Ints
 
 @dataclass(frozen=True, repr=False)
 class FittedMode(Displayed):
-    """A measured mode beside the computed one; residuals in standard deviations of the measurement."""
+    """A measured mode next to the computed one; residuals in standard deviations of the measurement."""
 
     measured: MeasuredMode
     frequency: float
@@ -140,7 +140,7 @@ class ModeFit(FittedNumbers, Solution):
 
     @property
     def undetermined(self) -> tuple[Undetermined, ...]:
-        """What the modes do not determine."""
+        """The undetermined directions."""
         return self.determined.directions
 
     @cached_property

@@ -1,4 +1,4 @@
-"""Fit the numbers of a scene to measured modes, by weighted least squares on exact derivatives.
+"""Fits of a scene's parameters to measured modes, by weighted least squares with exact derivatives.
 
 The residuals are those of frequencies, of damping ratios and of shapes, each in units of its standard deviation:
 
@@ -65,10 +65,10 @@ def fit_modes(
     priors: Sequence[str] = (),
     loss: str = "linear",
 ) -> ModeFit:
-    """The numbers at the places `free` that fit measured modes best, from the scene's values on.
+    """Fit the parameters at the places `free` to measured modes, starting from the scene's values.
 
-    `priors` are texts such as "gravity=9.81±0.01".  Raises SceneError for places that are no free numbers and for modes
-    that the scene does not have, ComputationError where a mode has no derivative.
+    `priors` are texts such as "gravity=9.81±0.01". Raise SceneError for places that are no free numbers and for modes
+    that the scene does not have, ComputationError if a mode has no derivative.
     """
     if loss not in LOSSES:
         raise SceneError([f"loss {loss}: must be one of {', '.join(LOSSES)}"])
@@ -103,7 +103,7 @@ class _ModeFitProblem:
         return scene, natural_modes(scene)
 
     def residuals(self, z: Floats) -> Floats:
-        """In standard deviations, priors last; ComputationError where a measured mode is none any more."""
+        """In standard deviations, priors last; raise ComputationError if a measured mode is none any more."""
         _, modes = self.modes_at(z)
         residuals: list[Any] = []
         for measured_mode, place in zip(self.measured.modes, self.places, strict=True):

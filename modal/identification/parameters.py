@@ -1,4 +1,4 @@
-"""The numbers of a scene that a fit may change, in coordinates in which a step of one is a large change of each.
+"""The parameters of a scene that a fit may change, scaled so that a step of one is a large change of each.
 
 A number that is positive by nature is p = p₀ eᶻ, so that it stays positive; one that may vanish (a damper, a spring,
 friction) is p = u z with z ≥ 0, u being its natural unit in this scene: that of critical damping, of the weight's
@@ -306,7 +306,7 @@ class FittedNumbers(Drawable, Result):
         }
 
     def table_of_numbers(self: Any, more: Mapping[str, Floats]) -> ReportTable:
-        """Every number beside the scene's, with its standard deviation and `more` of them, (p,) by their headings."""
+        """Every number next to the scene's, with its standard deviation and `more` of them, (p,) by their headings."""
         held_rows = set(self.held.tolist())
 
         def spread(stds: Floats, k: int) -> str:

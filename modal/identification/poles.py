@@ -85,10 +85,10 @@ FREQUENCY_TOLERANCE = 0.01
 class IdentifiedMode(Displayed):
     """A pole λ (1/s) with the standard deviations of |λ|/2π (Hz) and of the damping ratio, and its shape (C,).
 
-    The largest component of the shape is 1; `shape_std` is the standard deviation of a component.  `frequency_shift` is
+    The largest component of the shape is 1; `shape_std` is the standard deviation of a component. `frequency_shift` is
     by how much the frequency (Hz) of the record's largest swing differs from that of small ones, which is the pole's;
-    None where one frequency fits the record.  `frequency_of` says whether the frequency is that of "small swings", or
-    of the "large swings" of the record, whose change with amplitude exceeds its interval; None of what is no angle.
+    None if one frequency fits the record. `frequency_of` says whether the frequency is that of "small swings", or of
+    the "large swings" of the record, whose change with amplitude exceeds its interval; None of what is no angle.
     `amplitude_dependence` is the change with amplitude over that of one link, where it is one mode's alone, with its
     standard deviation; `harmonics` are the multiples of the frequency that the record has.
     """
@@ -254,11 +254,11 @@ def identify(
     excitation: Excitation = "free",
     order: int | None = None,
 ) -> Identified:
-    """The modes of segments of times (K,) in s and values (K, C), NaN where a sensor has none, of sensors `names`.
+    """The modes of segments of times (K,) in s and values (K, C), NaN if a sensor has none, of sensors `names`.
 
     `method` is "era" or "decrement", for a single mode; `excitation` is "free" or "random"; `order` is that of the
-    model (twice the number of modes, and one for offsets), by default found from the singular values.  Raises
-    SceneError for records that cannot be used, ComputationError where no mode stands out.
+    model (twice the number of modes, and one for offsets), by default found from the singular values. Raise SceneError
+    for records that cannot be used, ComputationError if no mode stands out.
     """
     if order is not None:
         checked_index("order", order, 1, ORDER_MAX)
@@ -331,7 +331,7 @@ def _fit_free(
 def _without_repetitions(modes: list[IdentifiedMode], swings: LargeSwings, notes: list[str]) -> list[IdentifiedMode]:
     """The modes without what large swings make of them: their poles at other amplitudes, and combination tones.
 
-    Intervals take in the poles at other amplitudes; what is left out is said in notes.
+    Intervals take in the poles at other amplitudes; what is omitted is said in notes.
     """
     listed_modes = [r for r in range(len(modes)) if r not in swings.repetitions and r not in swings.tones]
     numbers = {r: number for number, r in enumerate(listed_modes, 1)}
@@ -448,7 +448,7 @@ def _of_decays(decays: Decays, r: int, segments: Sequence[tuple[Floats, Floats]]
 
 
 def _largest_angle(segments: Sequence[tuple[Floats, Floats]], names: Sequence[str], rate: float) -> float:
-    """The largest swing (rad) of the angles and, at a `rate` (1/s), their rates among the sensors, 0 where none is."""
+    """The largest swing (rad) of the angles and, at a `rate` (1/s), their rates among the sensors, 0 if none is."""
     sizes = {name: 1.0 if _is_angle(name) else rate for name in names if name.startswith("theta")}
     swings = [
         float(np.nanmax(values[:, k]) - np.nanmin(values[:, k])) / (2 * sizes[name])

@@ -1,4 +1,4 @@
-"""Standard deviations of modes, responses and shaped commands from the covariance of a scene's fitted numbers.
+"""Standard deviations of modes, responses and shaped commands from the covariance of fitted parameters.
 
 To first order, with exact derivatives, for a result r(p)
 
@@ -32,7 +32,7 @@ NODES = 21
 
 @dataclass(frozen=True)
 class ModeStds:
-    """Standard deviations of a mode's ω (rad/s) and ζ; NaN where fitted numbers split a shared frequency."""
+    """Standard deviations of a mode's ω (rad/s) and ζ; NaN if fitted parameters split a repeated frequency."""
 
     omega: float
     zeta: float
@@ -57,7 +57,7 @@ def mode_slopes(modes: Modes, estimate: Estimate, rows: Sequence[int]) -> tuple[
 def mode_stds(modes: Modes, estimate: Estimate, rows: Sequence[int]) -> list[ModeStds]:
     """Standard deviations of the modes with these indices, from 0; `modes` are those of the estimate's scene.
 
-    Raises ComputationError for scenes too large for dense matrices.
+    Raise ComputationError for scenes too large for dense matrices.
     """
     if not rows:
         return []
@@ -109,7 +109,7 @@ def magnitude_std(model: StateSpace, estimate: Estimate, omega: Floats) -> Float
 
 @dataclass(frozen=True)
 class ShapedMode:
-    """A mode that a shaped command leaves swinging where the scene's numbers are off.
+    """Residual vibration of a mode after a shaped command with uncertain parameters.
 
     `omega` and `zeta` with their standard deviations; `rms` is the root mean square of the residual vibration over the
     normal distribution of ω and ζ, `worst` its largest within ±2 standard deviations of ω and ζ; both as
@@ -124,7 +124,7 @@ class ShapedMode:
     worst: float
 
     def words(self, number: int) -> str:
-        """What mode `number` retains, from 1 among those that the drive excites."""
+        """Return the residual of mode `number`, from 1 among those that the drive excites."""
         if np.isnan(self.rms):
             return f"shaped mode {number}: the fitted numbers split it, so it has no standard deviation of its own"
         return (
@@ -135,7 +135,7 @@ class ShapedMode:
 
 
 def shaped_modes(shaper: Shaper, estimate: Estimate, drive: Drive, count: int) -> list[ShapedMode]:
-    """What the `count` slowest modes retain of a shaped command over the band of the fitted numbers."""
+    """Return the residuals of the `count` slowest modes over the band of the fitted parameters."""
     modes, rows = swing_rows(estimate.scene, drive)
     omega_p, zeta_p = mode_slopes(modes, estimate, rows[:count])
     modes_of_shaper = []

@@ -1,4 +1,4 @@
-"""Frequency loci: how every natural frequency of a scene depends on a parameter, and how loci meet.
+"""Frequency loci: natural frequencies of a scene as functions of a parameter, and where loci meet.
 
 Modes are followed by shape (`modal.loci.tracking`).  An interval over which a shape changes too much is halved.  Where
 two loci exchange their order, the interval is refined until the gap is below the error bounds, or until the shapes are
@@ -35,7 +35,7 @@ def state_columns(
 ) -> dict[str, Any]:
     """The varied number under its place and unit, then frequency, stability (1 or 0), largest angle and growth rate.
 
-    Without a variation there is no number; without a growth rate (1/s) no column for it.
+    Without a variation there is no such column; nor is there one without a growth rate (1/s).
 
     >>> from modal.scene.parameters import parse_variations
     >>> (axis,) = parse_variations(["support.mass=1:2:2"])
@@ -97,7 +97,7 @@ def follow_loci(scene: Scene, variation: Variation, report: Report = silent) -> 
     >>> [(e.kind, round(e.value, 3), round(e.gap, 4)) for e in found.encounters]
     [('veering', 10.083, 0.0944)]
 
-    Raises SceneError for a variation of fewer than two values or of a count, ComputationError where modes are damped,
+    Raise SceneError for a variation of fewer than two values or of a count, ComputationError if modes are damped,
     uncertain, too many, change their number or cannot be followed.
     """
     validate_variations(scene, [variation])

@@ -63,7 +63,7 @@ class LociPoint:
 def solve_at(scene: Scene, path: str, value: float) -> LociPoint:
     """The modes of the scene with this value at a path, in ascending order.
 
-    Raises ComputationError for damped or growing modes, uncertain ones and more than MOST_MODES.
+    Raise ComputationError for damped or growing modes, uncertain ones and more than MOST_MODES.
     """
     scene_there = vary(scene, {path: value})
     size = scene_there.n_links * (2 if scene_there.space == "space" else 1) + 1
@@ -108,7 +108,7 @@ def overlaps(start: LociPoint, end: LociPoint) -> Floats:
 def follow(start: LociPoint, end: LociPoint) -> tuple[LociPoint, bool]:
     """The modes of `end` in the order of `start`, with signs and bases aligned to it; and whether this is certain.
 
-    Raises ComputationError where the number of modes has changed.
+    Raise ComputationError if the number of modes has changed.
     """
     if start.omega.size != end.omega.size:
         raise ComputationError(f"the number of modes changes between {start.value:.6g} and {end.value:.6g}")

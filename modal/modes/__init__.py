@@ -5,8 +5,8 @@ effective mass, the amplitude at which the small-angle frequency is off by 1 %, 
 
     q(t) = Re Σ_r c_r φ_r e^{λ_r t}
 
-Start with `modes`.  `numbering` gives a mode the same number everywhere, `tables` prints, `rope` is what long chains
-approach.  The names below are loaded on first use: who finds modes needs no tables.
+Start with `modes`. `numbering` gives a mode the same number everywhere, `tables` prints, `rope` is the limit of long
+chains. The names below are loaded on first use.
 """
 
 from typing import TYPE_CHECKING

@@ -1,9 +1,9 @@
-"""The modes of a scene whose loops of feedback are closed: poles and shapes of dense matrices that are not symmetric.
+"""The modes of a scene with closed feedback loops: poles and shapes of dense matrices that are not symmetric.
 
     z' = A z,    A = [[0, 1], [−M⁻¹K, −M⁻¹D]],
 
-in natural units.  A coordinate whose place nothing feels, a column of zeros in K, has the pole 0 exactly, and its rate
-has another where nothing feels that; both are left out of the matrix.
+in natural units. A coordinate with a column of zeros in K has the pole 0 exactly, and its rate has another if its
+column in D is zero; both are omitted from the matrix.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ class ClosedLoops:
 
     @cached_property
     def feels(self) -> Booleans:
-        """Which states (2 q,) anything depends on."""
+        """The states (2 q,) on which anything depends."""
         place = self.K.any(axis=0)
         return np.concatenate((place, place | self.D.any(axis=0)))
 
@@ -175,7 +175,7 @@ class ClosedModes(Modes):
 
 
 def closed_modes(scene: Scene, modes: slice | None) -> Modes:
-    """The modes of a scene with feedback; SceneError or ComputationError where they cannot be computed."""
+    """Return the modes of a scene with feedback; raise SceneError or ComputationError if they cannot be computed."""
     require(scene, "the table of modes")
     refuse_beyond(LARGEST_DAMPED, scene.n_links, "loops of feedback")
     closed = ClosedModes(scene, which=modes)

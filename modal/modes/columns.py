@@ -27,8 +27,8 @@ EVERY = "all"
 class Column(NamedTuple):
     """A key with its unit, its value and, if it is printed, a heading, plain and in LaTeX, and a format.
 
-    `only_if` tells of which scenes it says something.  Where a value takes more than its own row, `of_rows` computes
-    those of these modes.  A column that is not `usual` is there for those who choose it.
+    `only_if` says for which scenes it is informative. If a value needs more than its own row, `of_rows` computes the
+    values of these modes. A column that is not `usual` is shown on request.
     """
 
     key: str
@@ -47,7 +47,7 @@ class Column(NamedTuple):
         return self.latex or self.heading
 
     def with_values(self, modes: Modes, rows: Sequence[Mode]) -> Column:
-        """The same with the values of these rows, computed when the first of them is asked for."""
+        """Return the same with the values of these rows, computed on first use."""
         if self.of_rows is None:
             return self
         of_rows = self.of_rows
@@ -236,7 +236,7 @@ def columns_of(
 ) -> list[Column]:
     """All columns of a table with these rows: the usual ones, those of the options, and those that are `chosen`.
 
-    SceneError for a name in `chosen` that no column has.
+    Raise SceneError for an unknown name in `chosen`.
     """
     columns = list(COLUMNS) if stds is None else _with_stds(stds)
     if amplitude_deg is not None:
@@ -253,10 +253,10 @@ def columns_of(
 
 
 def coordinate_columns(modes: Modes, rows: Sequence[Mode]) -> list[Column]:
-    """A column for each coordinate of a structure, of what moves most in each mode: its displacement in the shape.
+    """Return a column for each coordinate of a structure: its displacement in the shape of each mode.
 
-    The largest angle of the shape is 1 rad.  Columns to be chosen have the share of each coordinate's velocity just
-    after a sudden push on it.
+    The largest angle of the shape is 1 rad. Further columns on request have the share of each coordinate's velocity
+    just after a sudden push on it.
     """
 
     @cache
@@ -284,7 +284,7 @@ def added_by(modes: Modes, chosen: str, columns: Sequence[Column]) -> frozenset[
 
 
 def printed_columns(modes: Modes, rows: Sequence[Mode], columns: Sequence[Column], chosen: str = "") -> list[Column]:
-    """The columns that are printed: those that say something about the scene, or those that are `chosen`."""
+    """Return the columns that are printed: the informative ones, or those that are `chosen`."""
     with_heading = [column for column in columns if column.cell]
     if chosen == EVERY:
         return with_heading
@@ -329,13 +329,13 @@ def _chosen_keys(modes: Modes, chosen: str, columns: Sequence[Column]) -> set[st
 
 
 def spare_headings(columns: Sequence[Column], exceptions: frozenset[str] = frozenset()) -> list[str]:
-    """Headings of columns for which a narrow terminal has no room, in the order of DROPPED, but for `exceptions`."""
+    """Return the headings that a narrow terminal omits, in the order of DROPPED, except `exceptions`."""
     order = [c.heading for start in DROPPED for c in columns if c.key.startswith(start) and c.key not in exceptions]
     return list(dict.fromkeys(order))
 
 
 def proof_columns(proofs: Mapping[int, str] | None) -> list[Column]:
-    """What of each row is proved, by the number of its mode."""
+    """Return the columns on what is proved of each row, by the number of its mode."""
 
     def word(mode: Mode) -> str:
         return (proofs or {})[mode.number]
@@ -344,7 +344,7 @@ def proof_columns(proofs: Mapping[int, str] | None) -> list[Column]:
 
 
 def _with_stds(stds: Stds) -> list[Column]:
-    """All columns, with those of standard deviations beside what they are of."""
+    """All columns, with those of standard deviations next to what they are of."""
     std_columns = {
         "omega_rad_per_s": ("omega_std_rad_per_s", 0, 1.0, "± (rad/s)", r"$\pm$ (rad/s)"),
         "frequency_hz": ("frequency_std_hz", 0, 1 / (2 * pi), "± (Hz)", r"$\pm$ (Hz)"),

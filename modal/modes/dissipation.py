@@ -1,13 +1,13 @@
-"""What loss angles, dry friction and quadratic drag take from every mode.
+"""Dissipation of every mode by loss angles, dry friction and quadratic drag.
 
-Of loss angles Q is 2π times the energy stored over that lost per cycle: with the elongation r_j q of every stiffness
+For loss angles Q is 2π times the energy stored over that lost per cycle: with the elongation r_j q of every stiffness
 k_j with a loss angle φ_j in the mode shape q,
 
     1/Q = 2ζ + Σ_j k_j φ_j(ω) |r_j q|² / (ω² qᴴ M q),
 
 the modal strain energy [Johnson1982]: to first order in φ the ratio of the imaginary to
-the real part of the eigenvalue ω² (1 + i/Q) of K (1 + iφ).  What gravity holds straight stores energy without loss, so
-that a stiff pendulum wire dilutes the loss of its bending by itself.
+the real part of the eigenvalue ω² (1 + i/Q) of K (1 + iφ). Gravity stores energy without loss, so it dilutes the
+bending loss of a pendulum wire.
 
 In a mode of the conservative scene with the largest angle a, Y_j a being the amplitudes of the sliding contacts and
 V_k a those of the centres of mass, a cycle costs the energies 4 M_j Y_j a and (8/3) c_k ω² V_k³ a³.  Over 4π times the
@@ -15,10 +15,9 @@ modal energy E = ½ ω² a² φᵀMφ these are damping ratios, as describing fu
 
     ζ(a) = ζ + Σ_j M_j Y_j / (½ π ω² φᵀMφ a) + Σ_k 4 c_k V_k³ a / (3π φᵀMφ)
 
-[Jacobsen1930], [DenHartog1956, §8.9].  Friction alone takes 2 a_s from
-the amplitude in every half swing, a_s = Σ M_j Y_j / (ω² φᵀMφ) being the largest amplitude at which it holds the mode at
-rest: the swing of a single joint is exactly a harmonic one about ±a_s in turn [Lorenz1902].  For several contacts,
-which do not turn together, this is an estimate.
+[Jacobsen1930], [DenHartog1956, §8.9]. Friction alone reduces the amplitude by 2 a_s in every half swing, a_s = Σ M_j
+Y_j / (ω² φᵀMφ) being the largest amplitude at which it holds the mode at rest: the swing of a single joint is exactly a
+harmonic one about ±a_s in turn [Lorenz1902]. For several contacts, which do not stop together, this is an estimate.
 """
 
 from __future__ import annotations
@@ -45,8 +44,8 @@ MOST_SHAPES = 60
 def mode_losses(modes: Modes, indices: Sequence[int] | None = None) -> Floats:
     """The loss angle Σ k φ |r q|²/(ω² qᴴ M q) of the modes with these indices (by default all), from their shapes.
 
-    Of several modes of one frequency it is that of the combination that loses most.  NaN where a mode has no frequency,
-    and for more than MOST_SHAPES of one frequency that lose differently.
+    For a repeated frequency it is that of the combination with the largest losses. NaN if a mode has no frequency, and
+    for more than MOST_SHAPES of one frequency with different losses.
 
     >>> from modal import Bob, Pendulum, Scene, natural_modes
     >>> scene = Scene(gravity=9.0, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0, stiffness=1.0, loss=0.01)])])
@@ -65,7 +64,7 @@ def mode_losses(modes: Modes, indices: Sequence[int] | None = None) -> Floats:
 
 @checked
 def quality_factors(modes: Modes, indices: Sequence[int] | None = None) -> Floats:
-    """Q of the modes with these indices, by default all: infinite without losses, NaN where one grows or is not known.
+    """Q of the modes with these indices, by default all: infinite without losses, NaN for growing or uncertain modes.
 
     >>> from modal import load, natural_modes
     >>> quality_factors(natural_modes(load("chain-2")))
@@ -79,9 +78,9 @@ def quality_factors(modes: Modes, indices: Sequence[int] | None = None) -> Float
 
 
 def sharing(modes: Modes) -> list[int]:
-    """The numbers of modes that another is closer to, relative to ω², than three times the larger of both losses.
+    """Return the numbers of modes to which another is closer, relative to ω², than three times the larger loss.
 
-    Their shapes mix, so that the first order of each alone is a guide.
+    Their shapes mix, so the first order of each alone is approximate.
     """
     if not modes.scene.has_losses or len(modes) < 2:
         return []
@@ -120,7 +119,7 @@ def elongations(losses: Sequence[Dissipator], columns: Floats) -> Floats:
 
 
 class Sliding(NamedTuple):
-    """Of one mode: its number in the table, ω (rad/s), its linear ζ, a_s (rad), and ζ/a of quadratic drag (1/rad)."""
+    """A mode with friction and drag: its number, ω (rad/s), linear ζ, a_s (rad), and ζ/a of quadratic drag (1/rad)."""
 
     mode: int
     omega: float
@@ -134,7 +133,7 @@ class Sliding(NamedTuple):
 
 
 class Stop(NamedTuple):
-    """When friction stops a mode: half swings, the time (s), and the largest angle (rad) at which it may rest."""
+    """The stop of a mode by friction: half swings, the time (s), and the largest angle (rad) at which it may rest."""
 
     half_swings: float
     time: float
@@ -142,9 +141,9 @@ class Stop(NamedTuple):
 
 
 def sliding_modes(scene: Scene) -> tuple[Sliding, ...]:
-    """Of every mode that oscillates along the rail with its cart and links, in the order of the table.
+    """Return these of every mode that oscillates along the rail, in the order of the table.
 
-    Of modes of one frequency only the first shape counts.  ComputationError where the modes cannot be had.
+    For a repeated frequency only the first shape counts. Raise ComputationError if the modes cannot be computed.
     """
     validate_scene(scene)
     undamped_modes, table = natural_modes(scene.conservative), natural_modes(scene)
@@ -172,9 +171,9 @@ def sliding_modes(scene: Scene) -> tuple[Sliding, ...]:
 
 
 def stop_of(sliding: Sliding, amplitude: float) -> Stop:
-    """When a mode let go at rest at a largest angle (rad) comes to rest for good; infinite without friction.
+    """Return when a mode released at rest at a largest angle (rad) finally stops; infinite without friction.
 
-    With dampers each half swing multiplies the distance from ±a_s by exp(−πζ/√(1 − ζ²)).  Quadratic drag is left out.
+    With dampers each half swing multiplies the distance from ±a_s by exp(−πζ/√(1 − ζ²)). Quadratic drag is ignored.
     """
     ratio, stuck = sliding.linear, sliding.stuck
     if stuck <= 0 or ratio >= 1:
@@ -189,9 +188,9 @@ def stop_of(sliding: Sliding, amplitude: float) -> Stop:
 
 
 def stop_words(scene: Scene, amplitude_deg: float) -> list[str]:
-    """A sentence for every mode that friction stops, let go at a largest angle (deg).
+    """Return a sentence for every mode stopped by friction after release at a largest angle (deg).
 
-    Friction on the rail alone stops the cart: its work ends there.
+    Friction on the rail alone stops only the cart.
     """
     what, consequence = ("the cart", "; the swing continues as on a fixed support") if scene.is_gripped else ("it", "")
     words = []

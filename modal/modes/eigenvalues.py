@@ -1,4 +1,4 @@
-"""What is known of all modes of a scene from their eigenvalues alone, without any shape, as columns."""
+"""Columns of the modes of a scene that follow from the eigenvalues alone, without any shape."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ A = TypeVar("A", bound=NDArray[Any])
 
 
 class ShortChain(NamedTuple):
-    """All that a short chain is asked for at first: its ω² (R,) in natural units, found before its rig is made.
+    """A short chain: its ω² (R,) in natural units, computed before its rig.
 
     A free cart's rigid translation is not among the squares.
     """
@@ -69,8 +69,8 @@ class ShortChain(NamedTuple):
 class Eigenvalues:
     """The eigenvalues of a scene in ascending order of natural frequency, and the columns that follow from them.
 
-    Those `which` are chosen, or all.  `rig` is the scene as arrays, `spectrum` the source of each mode in natural
-    `units`: for a `short_chain` both wait until a shape is asked for.
+    These are those in `which`, or all. `rig` is the scene as arrays, `spectrum` the source of each mode in natural
+    `units`: for a `short_chain` both are made when a shape is needed.
     """
 
     scene: Scene
@@ -119,12 +119,12 @@ class Eigenvalues:
 
     @property
     def is_expanded(self) -> bool:
-        """Whether amplitudes are found by expansion: on structures, about moved equilibria, and with laws of joints."""
+        """Whether 1 % angles need the expansion: on structures, about displaced equilibria, and with joint laws."""
         return self.scene.is_structured or self.rig.leans or "law" in self.scene.features
 
     @cached_property
     def not_expanded(self) -> str:
-        """Where not, in words; "" where they are."""
+        """Why the expansion is not available, in words; "" if it is."""
         if self.rig.spatial:
             return "on structures in space"
         if self.rig.has_loops:
@@ -135,25 +135,25 @@ class Eigenvalues:
 
     @cached_property
     def finite_motion(self) -> FiniteMotion:
-        """The nonlinear equations by which they are, in the plane."""
+        """The nonlinear equations of the expansion, in the plane."""
         motion: FiniteMotion = deferred("modal.modes.expansion:FiniteMotion")(self.scene, self.rig)
         return motion
 
     @cached_property
     def hanging(self) -> Hanging:
-        """The pendula, one of each kind on a cart or a fixed support, and what carries them as a structure, natural."""
+        """The pendula, one of each kind on a cart or a fixed support, and their supports as a structure, natural."""
         natural = self.natural
         members = natural.members if natural.structure else tuple((*kind, 1) for kind in natural.names)
         return Hanging(replace(natural, members=members))
 
     @cached_property
     def inertia(self) -> Floats:
-        """Of each coordinate of what carries the pendula, these as if they were stiff, (d,); 1 of a single one."""
+        """The inertia of each support coordinate with locked pendula, (d,); 1 for a single one."""
         d = self.rig.leading
         return self.hanging.inertia.diagonal() if d > 1 else np.ones(d)
 
     def resonance_near(self, mode: Mode, harmonic: int) -> str:
-        """The other mode of the scene nearest to so many times the frequency of a mode, if those are known."""
+        """Return the mode of the scene nearest to a multiple of the frequency of another, if they are known."""
         sizes = np.abs(self._full_spectrum.eigenvalue) * self.units.rate
         sizes[mode.number - 1] = np.inf
         nearest = f"mode {int(np.abs(sizes - harmonic * mode.omega).argmin()) + 1}"
@@ -161,7 +161,7 @@ class Eigenvalues:
 
     @property
     def is_partial(self) -> bool:
-        """Whether only some of the modes were asked for."""
+        """Whether only some of the modes were requested."""
         return self.which is not None
 
     @property
@@ -178,7 +178,7 @@ class Eigenvalues:
 
     @property
     def is_classical(self) -> bool:
-        """Whether all dampers are those of a `damping_ratio`, which leave the undamped shapes as they are."""
+        """Whether all dampers are those of a `damping_ratio`, which do not change the undamped shapes."""
         return self.scene.has_modal_damping and not self.scene.has_dampers
 
     @property
@@ -199,7 +199,7 @@ class Eigenvalues:
 
     @cached_property
     def omega(self) -> Floats:
-        """Natural frequencies |λ| (R,) in rad/s; NaN where no digit is certain."""
+        """Natural frequencies |λ| (R,) in rad/s; NaN if no digit is certain."""
         if self.short_chain:
             return read_only(self.short_chain.omega)
         return read_only(np.where(self.error < UNCERTAIN, np.abs(self.eigenvalue), np.nan))
@@ -221,7 +221,7 @@ class Eigenvalues:
 
     @cached_property
     def damping_ratio(self) -> Floats:
-        """−Re λ/|λ| (R,); NaN where no digit is certain."""
+        """−Re λ/|λ| (R,); NaN if no digit is certain."""
         ratio = np.zeros(len(self))
         np.divide(-self.eigenvalue.real, self.omega, out=ratio, where=self.omega > 0)
         certain = self.error < UNCERTAIN

@@ -1,15 +1,15 @@
-"""Where the energy of a mode is: kinetic by link and carrier, potential by weight and spring, dissipated by damper.
+"""Energy distribution of a mode: kinetic by link and support, potential by weight and spring, dissipated by damper.
 
 In q(t) = Re φ e^{λt} every square of M, K and D (`modal.assembly.squares`), of size s along a row r, has
 
     T = ½ m |λ|² |r·φ|² / 2,      V = ½ k |r·φ|² / 2,      W = d |λ|² |r·φ|² / 2
 
-on the average over a cycle, its growth or decay taken out.  φᴴ(λ²M + λD + K)φ = 0 is a quadratic equation in λ with
+on average over a cycle, without growth or decay.  φᴴ(λ²M + λD + K)φ = 0 is a quadratic equation in λ with
 real coefficients, so that for any dampers ΣT = ΣV, and ζ = Σ W / (4 |λ| ΣT): a damper has the same share of ζ as of W.
-Of a real λ the three have these ratios at any time.  A loss angle φ_j dissipates as a damper of k φ_j/ω does.
+For a real λ the three have these ratios at any time. A loss angle φ_j dissipates like a damper k φ_j/ω.
 
 The weight of link i has the energy m_i g times the rise of its centre, Σ_k ½ r_ik |φ_k|², r_ik its displacement along
-the rail by every angle of its chain: negative of links that stand.  Adams and MotionSolve print the same tables.
+the rail by every angle of its chain: negative for inverted links. Adams and MotionSolve print the same tables.
 """
 
 from __future__ import annotations
@@ -53,9 +53,9 @@ SHARED = "Of modes that share their frequency, the mean of all."
 
 
 class EnergyShare(NamedTuple):
-    """What a `part` of a scene has of an `energy` of each mode, in per cent (R,).
+    """The share of a `part` of a scene in an `energy` of each mode, in per cent (R,).
 
-    It is of this sort, and belongs to a `link` of the scene, counting copies from 0, or to none, −1.
+    The part has a sort, and belongs to a `link` of the scene, counting copies from 0, or to none, −1.
     """
 
     energy: str
@@ -71,7 +71,7 @@ class EnergyShare(NamedTuple):
 
     @property
     def pendulum(self) -> str:
-        """The number of the pendulum that it belongs to."""
+        """The number of its pendulum."""
         return self.label.partition("_")[0] if self.link >= 0 else ""
 
     @property
@@ -82,7 +82,7 @@ class EnergyShare(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ModeEnergies(Result):
-    """Where the energy of some modes, numbered as in the table, is: a row for each part of the scene."""
+    """The energy distribution of some modes, numbered as in the table: a row for each part of the scene."""
 
     scene: Scene
     modes: tuple[int, ...]
@@ -100,7 +100,7 @@ class ModeEnergies(Result):
         return (ReportColumn("energy", "energy", "of"), ReportColumn("part", "part", "part"), *shares)
 
     def footnotes(self) -> Iterable[str]:
-        """What the shares mean."""
+        """Notes on the meaning of the shares."""
         if any(row.energy == DISSIPATED for row in self.rows):
             yield DAMPED
         if any((row.percent < 0).any() for row in self.rows):
@@ -109,7 +109,7 @@ class ModeEnergies(Result):
             yield SHARED
 
     def parts(self, form: str = "text") -> tuple[str, ReportTable, str]:
-        """A table of what a text has room for, of long scenes sums by pendulum and the largest of these; in words."""
+        """A table for text output: for long scenes sums by pendulum and the largest of these."""
         rows = [row for energy in ENERGIES for row in self._head(energy)]
         return MEANING, ReportTable.of(self.columns(), rows), "\n".join(self.footnotes())
 
@@ -151,10 +151,10 @@ def _by_pendulum(rows: Sequence[EnergyShare]) -> list[EnergyShare]:
 
 @checked
 def mode_energies(modes: Modes, indices: Sequence[int] | None = None) -> ModeEnergies:
-    """Where the energy of the modes with these indices (from 0, by default all) is.
+    """Return the energy distribution of the modes with these indices (from 0, by default all).
 
-    NaN where a mode has none of an energy, as the translation of a free cart has no potential energy, and where no
-    digit of a frequency is certain.  ComputationError for too many links.
+    NaN if a mode has no energy of a kind, as the translation of a free cart has no potential energy, and if no digit of
+    a frequency is certain. Raise ComputationError for too many links.
 
     >>> from modal import load, natural_modes
     >>> energies = mode_energies(natural_modes(load("chain-2")))
@@ -294,7 +294,7 @@ class _Parts:
         return energies
 
     def _energies(self, index: int, copy: int) -> Floats:
-        """Of one shape, as φᴴMφ = 1; NaN where rounding keeps them from their balance."""
+        """Of one shape, as φᴴMφ = 1; NaN if rounding keeps them from their balance."""
         value = complex(self.modes.eigenvalue[index])
         phi = self.modes.column(self.modes.shape(index, copy))
         energies = np.zeros(len(self.names))

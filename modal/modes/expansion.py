@@ -5,10 +5,10 @@ method of Lindstedt and Poincaré [Nayfeh1979, §2.3], at the frequency Ω of th
 
     K q_m + Ω D q_m' + Ω² M q_m'' = −N_m,      (Ω² − ω²) φᵀMφ = a² φᵀN₃ + a⁴ φᵀN₅ + …   in the first harmonic, cos τ,
 
-N_m being the nonlinear terms of order m in what is known by then: the mean over aᵐ of the forces themselves at complex
-amplitudes on a circle.  Carriers that turn or move down, springs between points, constant forces and laws of joints
-enter by their geometry.  At Ω = ω the first term is 2κω² a² φᵀMφ; at Ω = ω (1 ± 0.01) both give the amplitude there.  A
-mode near 1, 2 or 3 times the frequency makes a response, and the second term, large.
+N_m being the nonlinear terms of order m in the lower orders: the mean over aᵐ of the forces at complex amplitudes on a
+circle. Supports that turn or move down, springs between points, constant forces and joint laws enter exactly. At Ω = ω
+the first term is 2κω² a² φᵀMφ; at Ω = ω (1 ± 0.01) both give the amplitude there. A mode near 1, 2 or 3 times the
+frequency makes the response and the second term large.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ SAMPLES = 12
 class Expansion(NamedTuple):
     """κ (1/rad², of the largest angle of the linear shape), and the largest angle (deg) at which ω is 1 % off.
 
-    That is of the motion itself; `last` is the share that the fifth order has in it, and `harmonic` that in which the
-    other modes respond most, 1, 2 or 3.  NaN where there is no such angle.
+    This is the angle of the actual motion; `last` is the contribution of the fifth order, and `harmonic` the one in
+    which the other modes respond most, 1, 2 or 3. NaN if there is no such angle.
     """
 
     kappa: float
@@ -48,7 +48,7 @@ class Expansion(NamedTuple):
 
     @property
     def converges(self) -> bool:
-        """Whether the orders beyond, some square of the last one, leave the angle within PROMISED_ERROR."""
+        """Whether higher orders, about the square of the last one, change the angle by less than PROMISED_ERROR."""
         return self.last**2 <= PROMISED_ERROR * (1 - radians(self.one_percent_deg) ** 2)
 
 
@@ -70,12 +70,12 @@ class FiniteMotion:
 
     @cached_property
     def hanging(self) -> Hanging:
-        """The pendula, each copy by itself, and what carries them."""
+        """The pendula, each copy by itself, and their supports."""
         return Hanging(self.rig.on_structure)
 
     @cached_property
     def matrices(self) -> tuple[Floats, Floats, Floats]:
-        """M, K and D over the coordinates of what carries the pendula and all links."""
+        """M, K and D over the coordinates of the supports of the pendula and all links."""
         M, K, D = scene_squares(self.hanging.rig).matrices
         return M, K, D
 
@@ -134,7 +134,7 @@ class FiniteMotion:
 
     @cached_property
     def joint_laws(self) -> list[tuple[int, int | None, Any]]:
-        """Laws of joints with a potential, with the coordinates of the link and of what it hangs from (None: still)."""
+        """Joint laws with a potential, with the coordinates of the link and of the link above (None: fixed)."""
         structure, laws, number = self.hanging.structure, list[tuple[int, int | None, Any]](), 0
         for pendulum, pivot in zip(self._pendula, structure.pivots, strict=True):
             upper = structure.angle_of(pivot.carrier)
@@ -146,7 +146,7 @@ class FiniteMotion:
 
     @property
     def is_known(self) -> bool:
-        """Whether laws of joints without a potential do no more than damp or drive."""
+        """Whether joint laws without a potential only damp or drive."""
         laws = [part.law for pendulum in self.scene.pendulum for link in pendulum.links for part in link.laws]
         return all(law.has_potential or law.is_dissipative or law.is_drive for law in laws)
 
@@ -156,7 +156,7 @@ class FiniteMotion:
         return [list(pendulum.chain) for pendulum in self.scene.hanging]
 
     def reach(self, phi: Floats) -> float:
-        """By how much of a radian, or of a spring's length, a shape moves at most."""
+        """Return the largest motion of a shape, in radians or relative to a spring's length."""
         moved = _Balance(self, (self.rest + IMAGINARY_STEP * 1j * phi)[:, None, None])
         shares = [float(np.abs(phi[self.hanging.structure.size :]).max())]
         for first, second, _, length in self.springs:
@@ -168,7 +168,7 @@ class FiniteMotion:
     def expand(self, phi: Floats, omega: float, *, is_single: bool = True) -> Expansion:
         """The expansion of the motion in a shape φ (n,) with a largest angle of 1 and its ω (rad/s).
 
-        Of shapes that share a frequency only κ is found, and whether they share what carries them.
+        For shapes that share a frequency only κ is computed, and whether they share a support.
         """
         try:
             shifts, _, pushes = self._orders(phi, omega, omega, 3)
@@ -315,7 +315,7 @@ class _Balance:
             self.moment[:, end.link] += self._below(end) * force
 
     def _handed_up(self) -> Any:
-        """Those on all coordinates: every link hands on to the one above what it feels from below."""
+        """Return the forces on all coordinates: every link passes the force from below on to the one above."""
         length, normal = self.motion.links[1], np.stack([self.u[1], -self.u[0]])
         for pivot, links in self.motion.chains:
             force = self.force[:, links]

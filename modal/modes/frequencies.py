@@ -1,4 +1,4 @@
-"""Natural frequencies of many scenes at once: together where they have one form, else one by one."""
+"""Natural frequencies of many scenes at once: together if they have one form, else one by one."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ MOST_MEMBERS = 100_000_000
 def natural_frequencies(
     scenes: Scene | Sequence[Scene], accuracy: float | None = None, *, vary: Vary | None = None
 ) -> Floats:
-    """Natural frequencies ω = |λ| of one scene or of many, ascending, each repeated by its multiplicity.
+    """Return natural frequencies ω = |λ| of one scene or many, ascending, each repeated by its multiplicity.
 
     Scenes of one form, the same kinds of links in the same pendula on the same kind of support without dampers and
-    joint springs, are solved together, many times faster than one by one.  The others go through `natural_modes`, also
-    where a varied number changes the form.
+    joint springs, are solved together, many times faster than one by one. The others use `natural_modes`, also if a
+    varied number changes the form.
 
     Parameters
     ----------
@@ -47,8 +47,8 @@ def natural_frequencies(
     Returns
     -------
     numpy.ndarray
-        Frequencies in rad/s: (R,) of a scene, (S, R) of S scenes, (…, R) with `vary`.  A free cart's rigid translation
-        is 0, a mode of which no digit is certain NaN.
+        Frequencies in rad/s: (R,) of a scene, (S, R) of S scenes, (…, R) with `vary`. The rigid translation of a free
+        cart is 0; a mode without a certain digit is NaN.
 
     Raises
     ------
@@ -161,7 +161,7 @@ def _fill_missing(omegas: Floats, scenes_of: Callable[[Sequence[int]], list[Scen
 
 
 def _concatenate(pieces: Sequence[Floats]) -> Floats:
-    """All rows; ValueError where they are of different lengths."""
+    """All rows; raise ValueError if they are of different lengths."""
     if len(sizes := {piece.shape[1] for piece in pieces}) > 1:
         raise ValueError(f"scenes have from {min(sizes)} to {max(sizes)} modes: of one form all have as many")
     return np.concatenate(pieces) if pieces else np.zeros((0, 0))
@@ -212,7 +212,7 @@ def _squares(stack: Stack, accuracy: float) -> Iterator[Floats]:
 
 
 def _squares_of(suspension: Suspension, modes: int, accuracy: float) -> Floats:
-    """All ω² (R, S), rounded as those of many supports also where there is one: no member depends on the others."""
+    """All ω² (R, S), rounded as those of many supports also if there is one: no member depends on the others."""
     is_single = suspension.supports == 1
     several = suspension.take(np.zeros(2, dtype=np.int64)) if is_single else suspension
     squares = squares_of(several, np.arange(modes), modes, accuracy).x

@@ -2,17 +2,17 @@
 
 A small nonlinearity can move energy between modes whose frequencies are near 1:1 or 1:3.  Modes within WIDTH of the
 ratio are near, whatever the amplitude; others if their responses at the angle of 1 % together change this angle by more
-than 3 %, less a margin for what the estimate leaves out (`modal.eigen.amplitude.distortion`, which follows the drift of
-both frequencies).  A mode that shakes its structure at twice its frequency is near 1:2 if the response
-of the structure changes this angle by more than 3 % from |κ|a² = 1 %.
+than 3 %, less a margin for terms that the estimate omits (`modal.eigen.amplitude.distortion`, which follows the drift
+of both frequencies). A mode that shakes its structure at twice its frequency is near 1:2 if the response of the
+structure changes this angle by more than 3 % from |κ|a² = 1 %.
 
-Such modes leave the structure still to first order.  A pivot that a coordinate η moves down by Ψ η gives the Lagrangian
-−η' Ψᵀ σb θθ', so that q = a φ cos ωt pushes η with a² f cos 2ωt, f = −ω² Σ Ψ σ b φ².  With D(2ω) = K + 2iωD − 4ω²M of
-the whole scene the averaged Lagrangian changes by a⁴ fᵀ D(2ω)⁻¹ f/4, and κ by
+Such modes leave the structure at rest to first order. A pivot that a coordinate η moves down by Ψ η gives the
+Lagrangian −η' Ψᵀ σb θθ', so that q = a φ cos ωt pushes η with a² f cos 2ωt, f = −ω² Σ Ψ σ b φ². With D(2ω) = K + 2iωD −
+4ω²M of the whole scene the averaged Lagrangian changes by a⁴ fᵀ D(2ω)⁻¹ f/4, and κ by
 
     κ₂(ω) = −fᵀ D(2ω)⁻¹ f/(φᵀMφ ω²).
 
-Near 2:1 this depends on the frequency itself, ω(a)²/ω² − 1 = 2a² (κ₀ + κ₂(ω(a))), κ₀ that of a support held still.
+Near 2:1 this depends on the frequency itself, ω(a)²/ω² − 1 = 2a² (κ₀ + κ₂(ω(a))), κ₀ that of a fixed support.
 """
 
 from __future__ import annotations
@@ -69,9 +69,9 @@ class Mode(Displayed):
     relative_error_bound  bound on the relative error of omega
     indistinct          whether a neighbour is closer than the sum of both bounds
 
-    NaN where a quantity is undefined: effective mass of a mode whose shape dampers change (with light ones it is that
-    of the mode without, see `modal.modes.numbering`), κ above a damping ratio of 0.1 or where the parts of a shape are
-    far out of phase, everything but `residual` in a row that is uncertain.
+    NaN if a quantity is undefined: effective mass of a mode whose shape dampers change (with light ones it is that of
+    the mode without, see `modal.modes.numbering`), κ above a damping ratio of 0.1 or where the parts of a shape are far
+    out of phase, everything but `residual` in a row that is uncertain.
 
     >>> from modal import load, natural_modes
     >>> mode = natural_modes(load("paper-cart-2"))[2]
@@ -97,7 +97,7 @@ class Mode(Displayed):
 
     @property
     def is_uncertain(self) -> bool:
-        """Whether no digit of `omega` is certain: the scene is beyond double precision on its route."""
+        """Whether no digit of `omega` is certain: double precision does not suffice with the method used."""
         return not self.relative_error_bound < UNCERTAIN
 
     @property
@@ -127,13 +127,13 @@ class Mode(Displayed):
 
     @property
     def description(self) -> str:
-        """What moves and how, in words: the `family`."""
+        """The description of the motion in words: the `family`."""
         return self.family
 
     def to_dict(self) -> dict[str, Any]:
-        """The row by the keys of CSV and JSON, with their units; None where there is no value.
+        """The row by the keys of CSV and JSON, with their units; None if there is no value.
 
-        Only `fixed_base_effective_mass_kg` is missing, which takes the other modes too: `Modes.to_dict` has it.
+        Only `fixed_base_effective_mass_kg` is missing, which needs the other modes too: `Modes.to_dict` has it.
 
         >>> from modal import load, natural_modes
         >>> natural_modes(load("paper-cart-2"))[2].to_dict()["omega_rad_per_s"]
@@ -148,12 +148,12 @@ class Mode(Displayed):
 
 
 def oscillating(omega: Any, ratio: Any) -> Any:
-    """Whether modes of these frequencies and damping ratios oscillate; not where the ratio is NaN."""
+    """Whether modes of these frequencies and damping ratios oscillate; false if the ratio is NaN."""
     return (omega > 0) & (abs(ratio) < 1)
 
 
 def hertz(omega: Any) -> Any:
-    """A frequency in Hz of one in rad/s."""
+    """Convert a frequency from rad/s to Hz."""
     return omega / (2 * pi)
 
 
@@ -184,9 +184,9 @@ def resonances(omega: Floats, number: int, partners: Ints, first: int = 0) -> tu
 
 
 def is_guide(angle: float, error: float, doubt: float) -> bool:
-    """Whether an angle of 1 % (rad) is a guide by the estimate of its relative error, uncertain by a doubt.
+    """Whether a 1 % angle (rad) is only approximate by the uncertain estimate of its relative error.
 
-    The estimate leaves out terms of the next order, which make the angle larger, by up to 3 % of a² in 400 modes of
+    The estimate omits terms of the next order, which make the angle larger, by up to 3 % of a² in 400 modes of
     random scenes.
     """
     return not ERROR_UNSEEN - PROMISED_ERROR + doubt <= error <= PROMISED_ERROR * (1 - angle**2) - doubt

@@ -42,7 +42,7 @@ MOST_LISTED = 8
 class Modes(TextResult, Eigenvalues, Sequence[Mode]):
     """All modes of a scene in ascending order of natural frequency, one entry for each distinct one.
 
-    Columns are read-only arrays (R,).  Those that need no shape cost nothing more: `number`, `eigenvalue`, `omega`,
+    Columns are read-only arrays (R,).  Those that need no shape take no extra time: `number`, `eigenvalue`, `omega`,
     `frequency`, `period`, `damping_ratio`, `growth_rate`, `multiplicity`, `error` and `indistinct`.  The others, from
     `description` to `residual`, compute the row of every mode at their first use; indexing computes a `Mode`.
 
@@ -71,7 +71,7 @@ class Modes(TextResult, Eigenvalues, Sequence[Mode]):
         return next(self.rows([index]))
 
     def place(self, index: int) -> int:
-        """An index from 0, negative ones from the end on; IndexError where there is no such mode."""
+        """Return an index from 0, also for negative ones; raise IndexError if there is no such mode."""
         try:
             return range(len(self))[index]
         except IndexError:
@@ -132,12 +132,12 @@ class Modes(TextResult, Eigenvalues, Sequence[Mode]):
 
     @cached_property
     def family(self) -> NDArray[np.str_]:
-        """What moves and how, in words, (R,)."""
+        """The description of the motion in words, (R,)."""
         return self._column("family")
 
     @property
     def description(self) -> NDArray[np.str_]:
-        """What moves and how, in words, (R,): the `family`, under the heading of the table."""
+        """The description of the motion in words, (R,): the `family`, under the heading of the table."""
         return self.family
 
     @cached_property
@@ -147,7 +147,7 @@ class Modes(TextResult, Eigenvalues, Sequence[Mode]):
 
     @cached_property
     def effective_mass(self) -> Floats:
-        """Modal effective masses (R,) in kg along the rail; those without dampers where these are light, else NaN."""
+        """Modal effective masses (R,) in kg along the rail; those without dampers if these are light, else NaN."""
         return self._column("effective_mass")
 
     @cached_property
@@ -162,7 +162,7 @@ class Modes(TextResult, Eigenvalues, Sequence[Mode]):
 
     @cached_property
     def kappa(self) -> Floats:
-        """κ (R,) in 1/rad² in ω(a) = ω(1 + κa²), a the largest angle; NaN where it is undefined."""
+        """κ (R,) in 1/rad² in ω(a) = ω(1 + κa²), a the largest angle; NaN if it is undefined."""
         return self._column("kappa")
 
     @cached_property
@@ -172,7 +172,7 @@ class Modes(TextResult, Eigenvalues, Sequence[Mode]):
 
     @cached_property
     def resonances(self) -> NDArray[np.str_]:
-        """The modes near 1:1, 1:2 or 1:3 that make this angle a guide, in words, (R,); "" where there are none."""
+        """The modes near 1:1, 1:2 or 1:3 that make this angle a guide, in words, (R,); "" if there are none."""
         return read_only(np.array(["; ".join(mode.resonances) for mode in self.every]))
 
     @cached_property
@@ -184,7 +184,7 @@ class Modes(TextResult, Eigenvalues, Sequence[Mode]):
 
     @cached_property
     def matrices(self) -> Matrices:
-        """M, K and D of the scene along the rail; ComputationError where it is too large for dense matrices."""
+        """M, K and D of the scene along the rail; raises ComputationError if it is too large for dense matrices."""
         matrices: Matrices = deferred("modal.assembly:matrices_of")(self.rig)
         return matrices
 
@@ -210,8 +210,8 @@ class Modes(TextResult, Eigenvalues, Sequence[Mode]):
         (φᵀMφ = 1).  The vectors of one row are orthogonal in M: equal pendula in antiphase are spanned by
         (1, −1, 0, …), (1, 1, −2, 0, …), … along the rail, then one pendulum at a time across it; different pendula
         of equal frequency as in `modal.eigen.coupled`.  The sign makes the first of the largest angles positive.
-        Where no digit of the frequency is certain, `Shape.uncertain` is set. Raises IndexError for a mode or
-        copy that does not exist, ValueError for another normalisation.
+        If no digit of the frequency is certain, `Shape.uncertain` is set. Raise IndexError for a mode or copy that does
+        not exist, ValueError for another normalisation.
         """
         how, index, number = validate_normalisation(normalise), copy, self.place(number)
         for part in self.spectrum.groups[number]:
@@ -233,7 +233,7 @@ class Modes(TextResult, Eigenvalues, Sequence[Mode]):
 
     @cached_property
     def route(self) -> str:
-        """The routes taken, in words."""
+        """The methods used, in words."""
         used = {part.source for parts in self.spectrum.groups for part in parts}
         return ", ".join(dict.fromkeys(self.spectrum.sources[source].route for source in sorted(used)))
 
@@ -253,7 +253,7 @@ class Modes(TextResult, Eigenvalues, Sequence[Mode]):
         return text
 
     def to_dict(self) -> dict[str, NDArray[Any]]:
-        """Every column of the table (R,) by its key in CSV and JSON, with its unit; NaN where there is no value.
+        """Every column of the table (R,) by its key in CSV and JSON, with its unit; NaN if there is no value.
 
         `pandas.DataFrame(modes.to_dict())` is the table.
 
@@ -297,7 +297,7 @@ class Modes(TextResult, Eigenvalues, Sequence[Mode]):
 
 
 def _indices(numbers: Sequence[int] | None) -> Sequence[int] | None:
-    """The same; SceneError for what is no list of indices, or an empty one."""
+    """The same; raise SceneError for what is no list of indices, or an empty one."""
     if numbers is not None and (np.ndim(numbers) != 1 or not np.size(numbers)):
         raise SceneError([f"{numbers!r:.40}: must be indices of modes from 0, such as [0, 1]"])
     return numbers
@@ -305,16 +305,16 @@ def _indices(numbers: Sequence[int] | None) -> Sequence[int] | None:
 
 @checked
 def natural_modes(scene: Scene, *, accuracy: float | None = None, modes: slice | None = None) -> Modes:
-    """All modes of a scene about its equilibrium: hanging, or as `equilibrium` specifies, moved by constant forces.
+    """All modes of a scene about its equilibrium: hanging, inverted by `equilibrium`, or displaced by constant forces.
 
     Parameters
     ----------
     scene
-        Any scene.  What small angles leave out, such as dry friction, is named in the notes of the table.
+        Any scene. The notes of the table name features that small angles ignore, such as dry friction.
     accuracy
-        The largest relative error of ω that is allowed.  Eigenvalues of a dense matrix are used where they are known to
-        be within it, at less cost for chains of more than twenty links; shorter ones get every digit, which costs
-        less.  None computes every digit that the data fix.
+        The largest relative error of ω that is allowed. Dense eigenvalues are used if they are known to be within it,
+        which is faster for chains of more than twenty links; for shorter ones computing every digit is faster. None
+        computes every digit that the data determine.
     modes
         The modes to compute, counted from 0: `slice(0, 3)` of a long chain costs little.  None computes all.
 
@@ -356,7 +356,7 @@ def natural_modes(scene: Scene, *, accuracy: float | None = None, modes: slice |
 
 
 def equilibrium_words(rig: Rig) -> tuple[str, ...]:
-    """The angles of an equilibrium that constant forces have moved, in one sentence; none of any other.
+    """Return the angles of an equilibrium displaced by constant forces in one sentence; none for any other.
 
     >>> from modal import load, natural_modes
     >>> from modal.scene import ConstantForce
@@ -381,7 +381,7 @@ def equilibrium_words(rig: Rig) -> tuple[str, ...]:
 
 
 def validate_accuracy(accuracy: float | None) -> float:
-    """The accuracy, 0 for every digit; ValueError for an invalid one."""
+    """Return the accuracy, 0 for every digit; raise ValueError for an invalid one."""
     if accuracy is not None and not 0 < accuracy < 1:
         raise ValueError(f"accuracy = {accuracy}: must be above 0 and below 1, or None for every digit")
     return accuracy or 0.0
@@ -405,7 +405,7 @@ class ModalMatrix(Displayed):
     """Φ (n, C): every shape as a column with φᵀMφ = 1, the cart (if there is one) first, then all links.
 
     `row` and `copy` (C,), both from 0, give the position of a shape in the table, `across` (C,) whether it moves across
-    the rail, where M is different.
+    the rail, where M differs.
     """
 
     shapes: NDArray[Any]

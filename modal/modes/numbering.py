@@ -1,4 +1,4 @@
-"""The modes of another scene that belong to those of a scene: without its dampers, with its cart held.
+"""Correspondence between the modes of a scene and those without its dampers or with its cart held.
 
 Each mode has one number, that in the table of the scene with dampers.  A scene without them, or with its cart fixed,
 has different modes, and each of these gets the number of the most similar one.  The similarity of rows r and s, of
@@ -10,18 +10,18 @@ the modal assurance criterion with M as weight [Allemang2003]; rows are paired o
 one, the most similar first.
 
 A damped mode has no real shape, of which its modal effective mass (φᵀMe)²/(φᵀMφ) would be.  Where the damping ratio is
-below LIGHT and w at least SHAPE_MAC_MIN for each shape, the mode without dampers stands for it: 1 − w is of second
-order in what dampers change, so that the masses are right to some √(1 − SHAPE_MAC_MIN).
+below LIGHT and w at least SHAPE_MAC_MIN for each shape, the undamped mode represents it: 1 − w is of second order in
+the effect of dampers, so that the masses are right to some √(1 − SHAPE_MAC_MIN).
 
-About a free cart a rigid translation has all of the effective mass, and every other mode none: it leaves the centre of
-mass where it is.  Held, the same pendula swing in their fixed-base modes ψ, K ψ = ω² A ψ, of effective mass
+On a free cart the rigid translation has all of the effective mass, and every other mode none: it leaves the centre of
+mass at rest. With the cart held, the same pendula swing in their fixed-base modes ψ, K ψ = ω² A ψ, of effective mass
 
-    μ = (ψᵀb)²/(ψᵀAψ),        Σ μ = mass of the pendula − what their pivots feel from inertia alone.
+    μ = (ψᵀb)²/(ψᵀAψ), Σ μ = mass of the pendula − their residual mass.
 
-The squares of the n frequencies of the cart beside 0 and those of the n fixed-base modes interlace (Cauchy; Golub &
+The squares of the n nonzero frequencies on the cart and those of the n fixed-base modes interlace (Cauchy; Golub &
 Van Loan, Matrix Computations, theorem 8.1.7, for the constraint x = 0), and every mode goes down to the fixed-base mode
-below it as the mass of the cart grows.  In ascending order they therefore belong together, one to one.  Of N fixed-base
-modes of one frequency N − 1 stay there without pushing the cart, and the last one, which moves it, has their mass.
+below it as the mass of the cart grows. In ascending order they therefore belong together, one to one. Of N fixed-base
+modes of one frequency N − 1 keep it without pushing the cart, and the last one, which moves it, has their mass.
 """
 
 from __future__ import annotations
@@ -80,8 +80,8 @@ def counterparts(modes: Modes, others: Modes, among: Sequence[int] | None = None
 def pair_rows(alike: Floats, room: Ints) -> Ints:
     """A column for every row, the largest entries first, each column for at most `room` rows; −1 without one.
 
-    Rows ask for columns in the order of their entries, and a column leaves the row with the smallest one where more ask
-    than it has room for: the same pairs as by sorting all entries [Gale1962].
+    Rows propose to columns in the order of their entries, and a full column rejects the row with the smallest entry:
+    the same pairs as by sorting all entries [Gale1962].
     """
     open_to, partners = np.nan_to_num(alike, nan=-1.0), np.full(len(alike), -1)
     rows_of: dict[int, list[int]] = {}
@@ -123,7 +123,7 @@ def letters(index: int) -> str:
 
 
 def likeness(modes: Modes, others: Modes) -> Floats:
-    """The similarity w (R, S) of rows, over all coordinates where both have them, else over the links."""
+    """The similarity w (R, S) of rows, over all coordinates if both have them, else over the links."""
     left_out = max(modes.rig.leading - others.rig.leading, 0)
     M = modes.matrices.M[left_out:, left_out:]
     phi, owners = _unit_shapes(modes, M)
@@ -142,19 +142,19 @@ def _unit_shapes(modes: Modes, M: Floats) -> tuple[Complexes, Ints]:
 
 
 def on_free_cart(rig: Rig) -> bool:
-    """Whether the support is a cart that no spring holds."""
+    """Whether the support is a cart without a spring."""
     return rig.cart is not None and not rig.cart.stiffness
 
 
 def fixed_base_masses(
     modes: Modes, numbers: Sequence[int] | None = None, effective: Sequence[float] | None = None
 ) -> Floats:
-    """Modal effective mass in kg of the fixed-base mode that each mode belongs to, along the rail.
+    """Return the modal effective mass (kg) along the rail of the fixed-base mode to which each mode belongs.
 
-    Of the modes with these indices (from 0), by default all (R,).  On a fixed support that is the mode's own; NaN where
+    Of the modes with these indices (from 0), by default all (R,). On a fixed support that is the mode's own; NaN if
     modes do not belong to fixed-base modes one to one: on a cart with a spring, on a structure, about an inverted
-    equilibrium, and with dampers that are not light; 0 for the rigid translation.  `effective` (R,)
-    are the modes' own masses (kg), if known.
+    equilibrium, and with dampers that are not light; 0 for the rigid translation. `effective` (R,) are the modes' own
+    masses (kg), if known.
 
     >>> from modal import load, natural_modes
     >>> fixed_base_masses(natural_modes(load("paper-cart-2"))).round(6).tolist()
@@ -221,7 +221,7 @@ def _masses(spectrum: ModalSpectrum, groups: Sequence[Sequence[SpectrumPart]]) -
 
 
 class UndampedMasses(NamedTuple):
-    """Effective masses (R,) in kg along the rail, across it, and of the fixed-base mode; NaN where no mode is light."""
+    """Effective masses (R,) in kg along the rail, across it, and of the fixed-base mode; NaN if no mode is light."""
 
     along: Floats
     across: Floats
@@ -230,7 +230,7 @@ class UndampedMasses(NamedTuple):
 
 @lru_cache(maxsize=2)
 def undamped_masses(modes: Modes) -> UndampedMasses:
-    """The masses of the modes without dampers that stand for these; none for more than MOST_COMPARED links."""
+    """Return the masses of the undamped modes that represent these; none for more than MOST_COMPARED links."""
     masses = UndampedMasses(*np.full((3, len(modes)), np.nan))
     if modes.scene.n_links > MOST_COMPARED:
         return masses

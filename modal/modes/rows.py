@@ -1,7 +1,6 @@
 """The rows of the table of modes: sums over the parts of each mode, its description and its resonances.
 
-The description says in words what carries the pendula and whether it moves, the phases of the pendula, and the order
-within the chain.
+The description says in words whether the support moves, the phases of the pendula, and the order within the chain.
 """
 
 from __future__ import annotations
@@ -53,9 +52,9 @@ FIXED, CART_STILL = "fixed support", "cart still"
 
 
 def family(*, where: str, folds: dict[str, int], motion: str, ratio: float) -> str:
-    """The description of one distinct frequency.
+    """Return the description of one distinct frequency.
 
-    `where` describes the motion of the support; `folds` counts the shapes of each sort ("" needs no word), `motion`
+    `where` describes the motion of the support; `folds` counts the shapes of each kind ("" needs no word), `motion`
     comes from `motion_words`, `ratio` is −Re λ/|λ|.
     """
     total = sum(folds.values())
@@ -99,8 +98,8 @@ def agreement(
 ) -> str:
     """The phase agreement of the top links of all pendula with a fair share of the energy in mode `at`.
 
-    `names` are those of all P kinds; `several` tells that one column represents several pendula moving alike,
-    `is_still` that the cart does not move.
+    `names` are those of all P kinds; `several` says that one column represents several pendula moving alike, `is_still`
+    that the cart does not move.
     """
     top, energy = np.concatenate([angle[0, :, at] for angle in angles]), energies(shares, at)
     if len(top) == 1:
@@ -135,7 +134,7 @@ def _in_phase_with_largest(values: NDArray[np.inexact]) -> NDArray[np.float64]:
 
 
 def moving_words(structure: Structure, eta: NDArray[np.inexact], inertia: NDArray[np.float64]) -> str:
-    """What moves of a structure, by its coordinates (d,): two carts in antiphase, board tilts."""
+    """Return the moving parts of a structure, by its coordinates (d,): two carts in antiphase, board tilts."""
     weight = np.abs(eta) * np.sqrt(inertia)
     moving_coordinates = np.flatnonzero(weight >= SHARE_OF_MOTION_MIN * weight.max()).tolist()
     owners = [int(np.searchsorted(structure.offsets, k, side="right")) - 1 for k in moving_coordinates]
@@ -174,7 +173,7 @@ def following(
 ) -> str:
     """Whether all pendula with a fair share of the energy swing with their pivots (P,) or against; "" for neither.
 
-    `several` tells that one column represents several pendula moving alike.
+    `several` says that one column represents several pendula moving alike.
     """
     energy = energies(shares, at)
     top = np.concatenate([angle[0, :, at] for angle in angles])
@@ -288,7 +287,7 @@ def _pieces(modes: Eigenvalues, numbers: Sequence[int]) -> dict[int, list[_RowPa
 
 
 def _details(modes: Eigenvalues, source: int, rows: list[int]) -> list[tuple[Details, int] | None]:
-    """The details of each row of a source and its place in them; None where double precision does not suffice."""
+    """The details of each row of a source and its place in them; None if double precision does not suffice."""
     try:
         details = modes.spectrum.details(source, rows)
     except ComputationError:
@@ -383,7 +382,7 @@ def _family(modes: Eigenvalues, number: int, head: _RowPart, ratio: float) -> st
 
 
 def _motion(modes: Eigenvalues, number: int, head: _RowPart, eta: NDArray[np.inexact]) -> str:
-    """How the pendula move in a mode, where what carries them moves by η."""
+    """How the pendula move in a mode, if their supports move by η."""
     details, at = head.details, head.at
     if head.part.is_still:
         return motion_words(details.angles, details.shares, at, _whose(modes, number, head.part))
@@ -399,11 +398,11 @@ def _motion(modes: Eigenvalues, number: int, head: _RowPart, eta: NDArray[np.ine
 
 
 def structure_motion(modes: Eigenvalues, number: int) -> tuple[Floats, Floats]:
-    """How a mode moves the coordinates (d,) of a structure where its largest angle is 1 rad, and its share of a push.
+    """The motion of a structure's coordinates (d,) in a mode with a largest angle of 1 rad, and their shares of a push.
 
-    Where no link moves the largest displacement is 1 of its unit; of equal frequencies one shape is taken that moves
-    the structure.  The shares are those of the velocity of each coordinate just after a sudden push on it; they are NaN
-    with dampers.
+    If no link moves, the largest displacement is 1 of its unit; for equal frequencies a shape that moves the structure
+    is used. The shares are those of the velocity of each coordinate just after a sudden push on it; they are NaN with
+    dampers.
     """
     structure = modes.rig.support
     motion, share, is_found = np.zeros(structure.size), np.zeros(structure.size), False

@@ -14,8 +14,8 @@ link i and h_i/2 its rise: running sums along each chain, O(n) for all parameter
 with φᵀMφ = 1 this is 2ω ∂ω/∂p = φᵀ(∂K/∂p − ω² ∂M/∂p)φ.  ([Fox1968]; with dampers [Andrew1993].)
 
 A number of the scene's file may belong to many links: copies of a pendulum, and a run of equal links.  All of them
-change with it, so their derivatives add up (`of_mode`).  On a structure they come from the squares of which M, K and D
-are sums, and what every number changes of them (`modal.modes.squares`).
+change with it, so their derivatives add up (`of_mode`). On a structure they come from the squares of which M, K and D
+are sums, and their dependence on every number (`modal.modes.squares`).
 """
 
 from __future__ import annotations
@@ -101,15 +101,15 @@ class Sensitivities(Displayed):
 
 @checked
 def sensitivities(modes: Modes, number: int) -> Sensitivities:
-    """The derivatives of the natural frequency ω = |λ| of the mode with index `number`, from 0.
+    """Return the derivatives of the natural frequency ω = |λ| of the mode with index `number`, from 0.
 
-    All are 0 where ω = 0.  Raises ComputationError for a mode that grows, for one that a `damping_ratio` of the scene
-    damps, for one beyond double precision and for a frequency that several modes share: it splits into branches, along
-    shapes that depend on the parameter changed; SceneError under constant forces.  Close to another frequency, or to
-    critical damping, the derivative holds for changes much smaller than the gap.  Raises IndexError for a mode that
-    does not exist.
+    All are 0 if ω = 0. Raise ComputationError for a mode that grows, for one that a `damping_ratio` of the scene damps,
+    for one beyond double precision and for a frequency that several modes share: it splits into branches, along shapes
+    that depend on the parameter changed; SceneError under constant forces. Close to another frequency, or to critical
+    damping, the derivative holds for changes much smaller than the gap. Raise IndexError for a mode that does not
+    exist.
 
-    12 digits of the largest p ∂ω/∂p are right: z_i is a running sum, and comes from `centre_displacements` where that
+    12 digits of the largest p ∂ω/∂p are correct: z_i is a running sum, and comes from `centre_displacements` where that
     sum cancels.
     """
     if not -len(modes) <= number < len(modes):
@@ -159,7 +159,7 @@ def sensitivities(modes: Modes, number: int) -> Sensitivities:
 
 
 def refuse(modes: Modes, number: int) -> None:
-    """ComputationError or SceneError where a mode has no derivatives."""
+    """Raise ComputationError or SceneError if a mode has no derivatives."""
     if modes.rig.leans or modes.rig.has_loops:
         raise SceneError(refusals(modes.scene, "a derivative of modes"))
     value, fold = modes.eigenvalue[number], modes.multiplicity[number]
@@ -269,7 +269,7 @@ def centre_displacements(rig: Rig, value: complex, shape: Shape) -> list[Complex
 
     The frequency is refined in many digits, as the zero of 1/G for the turn G of one joint by its own torque, and the
     shape is what that torque excites there (`modal.eigen.elimination`): a centre that hardly moves keeps its digits.
-    `value` is its eigenvalue in 1/s and `shape` its shape, in the scale of which z is.
+    `value` is its eigenvalue in 1/s and `shape` its shape, which sets the scale of z.
     """
     angles = np.split(shape.angles, np.cumsum([copies * rig.blocks[block].n for block, _, copies in rig.members])[:-1])
     chain_angles = [
@@ -351,7 +351,7 @@ def _load_link(
 
 
 class Sensitivity(NamedTuple):
-    """A number p of the scene, ∂ω/∂p in rad/s per unit of p, and (p/ω) ∂ω/∂p; None where it is undefined."""
+    """A number p of the scene, ∂ω/∂p in rad/s per unit of p, and (p/ω) ∂ω/∂p; None if it is undefined."""
 
     number: float
     derivative: float
@@ -363,10 +363,10 @@ class Sensitivity(NamedTuple):
 
 
 def of_mode(modes: Modes, row: Mode) -> dict[str, Sensitivity]:
-    """The derivatives of one mode's frequency to a cart's mass and every number above 0, by place.
+    """Return the derivatives of one mode's frequency by a cart's mass and every positive number, by place.
 
-    Empty where it has none: for frequencies that several modes share, modes that grow or that a `damping_ratio` damps,
-    and those beyond double precision.
+    Empty if it has none: for frequencies that several modes share, modes that grow or that a `damping_ratio` damps, and
+    those beyond double precision.
 
     >>> from modal import load, natural_modes
     >>> modes = natural_modes(load("chain-1"))
@@ -434,7 +434,7 @@ def _sensitivity(number: float, derivative: float, omega: float) -> Sensitivity:
 def sensitivities_of(modes: Modes, rows: Sequence[Mode]) -> tuple[str, ReportTable, str]:
     """The relative sensitivities, a row for each number of the scene and a column for each mode, between two sentences.
 
-    ComputationError for too many.
+    Raise ComputationError for too many.
     """
     size = len(rows) * 5 * sum(len(pendulum.links) for pendulum in modes.scene.pendulum)
     size *= modes.rig.leading if modes.rig.structure else 1

@@ -28,10 +28,10 @@ class Shape(Displayed):
     `cart` is the cart's displacement (m) and `angles` (n_links,) every link's angle from the vertical (rad), or both
     per √kg m where φᵀMφ = 1; complex for damped modes.  `kinetic_energy_share` (n_links,) is each link's part of the
     kinetic energy, `modal_mass` φᵀMφ (kg m²), `participation_factor` φᵀMe/φᵀMφ (1/m) for the unit translation e of
-    everything along the rail, or across it where `across` says that the shape moves that way (scenes in space); their
-    product Γ²φᵀMφ is the modal effective mass (Clough & Penzien, Dynamics of Structures, §26-4).  NaN for damped modes.
-    `supports` (d,) are the displacements of a structure's coordinates, with a unit each, as named by `Matrices.labels`.
-    `uncertain` tells that no digit of the mode's frequency is certain; the shape may then contain any other mode.
+    everything along the rail, or across it if `across` says so (scenes in space); their product Γ²φᵀMφ is the modal
+    effective mass (Clough & Penzien, Dynamics of Structures, §26-4). NaN for damped modes. `supports` (d,) are the
+    displacements of a structure's coordinates, with a unit each, as named by `Matrices.labels`. `uncertain` says that
+    no digit of the mode's frequency is certain; the shape may then contain any other mode.
 
     >>> from modal import Bob, Pendulum, Scene, natural_modes
     >>> scene = Scene(gravity=9.0, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0, count=2)])])
@@ -51,16 +51,16 @@ class Shape(Displayed):
 
     @property
     def direction(self) -> str:
-        """Which way it moves."""
+        """The direction of the motion."""
         return "across the rail" if self.across else "along the rail"
 
     @property
     def leading(self) -> NDArray[np.inexact]:
-        """The displacements of what the links hang from: a structure's coordinates, or a cart's alone."""
+        """The displacements of the support: a structure's coordinates, or those of a cart."""
         return self.supports if self.supports.size else np.array([self.cart])
 
     def at(self, turn: complex = 1.0) -> Shape:
-        """The real part of this shape times a factor: where a motion of it is at one instant."""
+        """Return the real part of this shape times a factor: the motion at one instant."""
         cart = complex(self.cart * turn).real
         return replace(self, cart=cart, angles=(self.angles * turn).real, supports=(self.supports * turn).real)
 
@@ -94,7 +94,7 @@ class Shape(Displayed):
 
 
 def validate_normalisation(name: str) -> Normalisation:
-    """The name itself; ValueError for any other."""
+    """Return the name itself; raise ValueError for any other."""
     if name not in get_args(Normalisation):
         raise ValueError(f'normalise = {name!r}: must be "angle" or "mass"')
     return name  # type: ignore[return-value]
@@ -112,8 +112,8 @@ def expand(
 ) -> Shape:
     """The copy-th vector of a part, with `details` of its one row.
 
-    The first of the largest angles becomes real and positive.  A rigid translation has no angles: there the coordinate
-    that moves most, as that of a cart, moves by 1 of its unit instead of the largest angle's 1 rad.
+    The first of the largest angles becomes real and positive. A rigid translation has no angles: there the largest
+    coordinate, such as that of a cart, is 1 in its unit.
     """
     is_single = copy >= part.along_count or not is_balanced(rig, part)
     if part.kind:
@@ -146,7 +146,7 @@ def expand(
 
 
 def displacements(rig: Rig, details: Details) -> tuple[NDArray[np.inexact], ...]:
-    """How all rows move each coordinate of what carries the pendula, d arrays (R,); 0 in modes of single pendula."""
+    """Return the motion of each support coordinate in all rows, d arrays (R,); 0 in modes of single pendula."""
     eta = details.eta if rig.structure else (details.cart,)
     return (eta or (np.zeros(len(details.modal_mass)),) * rig.leading)[: rig.leading]
 
@@ -160,7 +160,7 @@ def by_kind(hanging: Hanging, values: NDArray[A]) -> tuple[NDArray[A], ...]:
 
 
 def is_balanced(rig: Rig, part: SpectrumPart) -> bool:
-    """Whether a part is of equal pendula that together hold still what they hang from."""
+    """Whether a part consists of equal pendula that together leave their support at rest."""
     if part.kind is None:
         return part.is_still
     block, column = part.kind
@@ -208,6 +208,6 @@ def _weights(rig: Rig, part: SpectrumPart, kind: tuple[int, int], copy: int) -> 
 
 
 def first_of_largest(angles: NDArray[np.inexact]) -> Any:
-    """The first of the largest angles, those that agree to 1e-9."""
+    """Return the first of the largest angles, which agree to 1e-9."""
     size = np.abs(angles)
     return angles[np.argmax(size >= size.max() * (1 - 1e-9))]

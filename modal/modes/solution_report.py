@@ -1,7 +1,7 @@
 """A record of how the modes of a scene were computed: problem sizes, what was avoided, and packages loaded.
 
-The sizes are reported by the sources of the modes, the packages are those that the process has loaded; nothing here is
-a forecast.  The report is a snapshot: packages loaded for other purposes count as well.
+The sizes are reported by the sources of the modes, the packages are those that the process has loaded; nothing is
+predicted. The report is a snapshot: packages loaded for other purposes count as well.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""How far a mode of a structure moves what its energies are squares of, and how these squares depend on numbers.
+"""The displacements in a mode of a structure whose squares are its energies, and their dependence on parameters.
 
 M, K and D are sums of sizes s times the squares of rows r over the coordinates (`modal.assembly.squares`), so that
 
@@ -62,7 +62,7 @@ class _Change(NamedTuple):
 class Rows(NamedTuple):
     """Squares of K, D and M, one after another: `size` (N,) times that of `rows` (N, n), with λ to the `power` (N,).
 
-    `keys` tell the squares of two scenes of one form apart.
+    `keys` distinguish the squares of two scenes of one form.
     """
 
     size: Any
@@ -71,7 +71,7 @@ class Rows(NamedTuple):
     keys: Keys
 
     def in_order(self, keys: Keys) -> tuple[Any, Any]:
-        """Size and rows in the order of other keys; of what rests there size and rows are 0."""
+        """Return size and rows in the order of other keys; missing ones are 0."""
         if keys == self.keys:
             return self.size, self.rows
         places = {key: place for place, key in enumerate(self.keys)}
@@ -83,7 +83,7 @@ class Rows(NamedTuple):
 
 
 def rows_of(squares: SceneSquares) -> Rows:
-    """The squares of a scene with their rows; what modal supports bring has none."""
+    """Return the squares of a scene with their rows; modal supports have none."""
     parts = [
         (part, power)
         for power, group in enumerate((squares.stiffness, squares.damping, squares.inertia))
@@ -125,10 +125,10 @@ class Refined(NamedTuple):
 
 
 def refine(scene: Scene, value: complex, phi: Complexes, within: float) -> Refined:
-    """A simple mode in digits.
+    """Refine a simple mode in decimals.
 
-    `value` is its eigenvalue, right `within` this relative error, and `phi` its shape, in the scale of which both are.
-    ComputationError where no mode is found there.
+    `value` is its eigenvalue, correct `within` this relative error, and `phi` its shape, in the scale of which both
+    are. Raise ComputationError if there is no mode there.
     """
     if len(phi) > MOST_REFINED:
         raise ComputationError(f"more than {MOST_REFINED} coordinates: its digits are not refined")
@@ -205,9 +205,9 @@ def _solve(P: Any, right: Any, numbers: Digits) -> Any:
 
 
 def slopes_by_squares(modes: Eigenvalues, number: int, phi: Complexes) -> dict[Place, float]:
-    """∂ω/∂p of a simple mode of shape φ (n,) on a structure by every number but 0 that may change alone.
+    """∂ω/∂p of a simple mode of shape φ (n,) on a structure by every nonzero number that may change alone.
 
-    ComputationError where a derivative keeps few digits of a number that its terms cancel to.
+    Raise ComputationError if cancellation leaves few digits of a derivative.
     """
     if len(phi) > DENSE_COORDINATES_MAX:
         raise ComputationError(
@@ -261,7 +261,7 @@ def _slopes(
 
 @lru_cache(maxsize=2)
 def square_changes(scene: Scene) -> tuple[Rows, dict[Place, _Change]]:
-    """The squares of a scene on a structure, and what every number but 0 changes of them, by its place."""
+    """Return the squares of a scene on a structure, and their changes with every nonzero number, by its place."""
     by_place, base = {}, rows_of(scene_squares(rig_of(scene)))
 
     def of(variation: Scene) -> Arrays:
@@ -300,7 +300,7 @@ def _momentum(scene: Scene) -> Floats:
 
 
 def momentum_left(modes: Eigenvalues, number: int, phi: Complexes) -> float | None:
-    """φᵀMe of a simple mode without dampers on a structure where its terms cancel; None where floats have its digits.
+    """Return φᵀMe of a simple undamped mode on a structure if its terms cancel; None if floats suffice.
 
     e moves everything along the rail by 1; `phi` is the shape (n,).
     """

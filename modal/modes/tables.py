@@ -72,19 +72,18 @@ def table(
     left: int = 0,
     proofs: Mapping[int, str] | None = None,
 ) -> str:
-    """These rows of `modes` as text, markdown, latex, csv, html or json, as `form` says.
+    """Return these rows of `modes` as text, markdown, latex, csv, html or json, as `form` says.
 
-    `shapes` adds mode shapes and energy shares to JSON; ComputationError if they are too many.  `starred` says what the
-    1 % angle of a starred mode is.  With `amplitude_deg` a column has the damping ratio at that largest angle, with
-    dry friction and quadratic drag; NaN for modes across the rail.  With `stds` columns have the standard deviations of
-    ω, of the frequency and of the damping ratio.
+    `shapes` adds mode shapes and energy shares to JSON; ComputationError if they are too many. `starred` explains the 1
+    % angle of a starred mode. With `amplitude_deg` a column has the damping ratio at that largest angle, with dry
+    friction and quadratic drag; NaN for modes across the rail. With `stds` columns have the standard deviations of ω,
+    of the frequency and of the damping ratio.
 
-    Columns that say nothing about the scene are left out, but in csv and json.  Text that does not fit the width in
-    force (`modal.report.fitted`) leaves out more and names them, with the sentence `elsewhere` on where they are.
-    `chosen` are names of columns to print instead, `all`, or after a + to add; a table of chosen columns leaves out
-    none, it is stacked.  `sensitive` adds the sensitivities of the frequencies to the numbers of the scene, `energies`
-    where the energy of each mode is.  Text says how many rows are `left` out.  The last column says which rows are
-    proved where `proofs` tell it by their numbers.
+    Uninformative columns are omitted, except in csv and json. Text that does not fit the current width
+    (`modal.report.fitted`) omits more and names them, with the sentence `elsewhere` on where to find them. `chosen` are
+    names of columns to print instead, `all`, or after a + to add; a table of chosen columns omits none and is stacked.
+    `sensitive` adds the sensitivities of the frequencies to the numbers of the scene, `energies` the energy
+    distribution. Text says how many rows are `left` out. The last column shows the `proofs` of rows, by their numbers.
     """
     if form not in (forms := ("text", "csv", "json", *_WRITERS)):
         raise SceneError([f"form {form}: must be one of {', '.join(forms)}{spelling_hint(form, forms)}"])
@@ -287,12 +286,12 @@ OMEGA = "omega_rad_per_s"
 
 
 def record_of(mode: Mode) -> dict[str, Any]:
-    """The row of a mode by the keys of the table, but for columns that take more than the row; None for no value."""
+    """The row of a mode by the keys of the table, except columns that need more than the row; None for no value."""
     return {column.key: finite(column.value(mode)) for column in COLUMNS if column.of_rows is None}
 
 
 def table_of(modes: Modes) -> dict[str, NDArray[Any]]:
-    """The columns (R,) of the table by their keys; NaN where there is no value."""
+    """The columns (R,) of the table by their keys; NaN if there is no value."""
     rows = modes.every
     return {column.key: _array([column.value(row) for row in rows]) for column in columns_of(modes, rows)}
 
@@ -302,7 +301,7 @@ def _array(values: list[Any]) -> NDArray[Any]:
 
 
 def summarize_mode(mode: Mode) -> Summary:
-    """The number of a mode and its description, and what its row of the table says."""
+    """Return the number of a mode, its description and its row of the table."""
     columns = {column.key: column for column in COLUMNS if column.cell and column.of_rows is None}
     cells = {key: column.cell(mode) for key, column in columns.items() if column.cell}
     title = f"Mode {cells.pop('mode')}: {cells.pop('family')}"

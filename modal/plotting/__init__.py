@@ -1,9 +1,9 @@
 """Figures of linear results.  matplotlib is imported here and in `nonlinear.plotting`, nowhere else.
 
-In: the results of other rooms.  Out: a `Figure` from a `…_figure` function, or an image written to a stream.  Every
-figure has a light and a dark version, axes with units, and colours that colour-blind readers can distinguish.  Its
-names are those figures; what draws them is in `style`, `layout` and `curves`, from which other modules, each of one
-kind of figure, and `nonlinear.plotting` import it.
+In: the results of other subpackages. Out: a `Figure` from a `…_figure` function, or an image written to a stream. Every
+figure has a light and a dark version, axes with units, and colours that colour-blind readers can distinguish. Only the
+figures are exported; `style`, `layout` and `curves` draw them, from which the other modules, each of one kind of
+figure, and `nonlinear.plotting` import.
 
 Sizes and colours come from `light.mplstyle` and `dark.mplstyle` alone.  Curves of one panel go through `draw_curves`,
 legends through `legend` and `key`, so that every curve is seen and no legend leaves its place.  A line style has one

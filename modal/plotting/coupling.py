@@ -103,7 +103,7 @@ def _finish(figure: Figure, coupling: Coupling) -> None:
 
 
 def pole() -> str:
-    """The colour of a mode in which the cart is still."""
+    """The colour of a mode in which the cart is at rest."""
     return colour(0)
 
 
@@ -142,12 +142,12 @@ def _marks(coupling: Coupling, s: int) -> Floats:
 
 
 def _poles(coupling: Coupling) -> Floats:
-    """The frequencies at which pendula hold still what carries them."""
+    """The antiresonance frequencies of the supports."""
     return np.array([family.omega for family in coupling.families])
 
 
 def _zeros(coupling: Coupling, s: int) -> Floats:
-    """The frequencies of modes that move own mode s of what carries pendula, of several by a visible share."""
+    """The frequencies of modes that move own mode s of the supports of the pendula, of several by a visible share."""
     branches = [(branch.omega, branch.motion) for family in coupling.families for branch in family.branches]
     moving_modes = [(w, motion) for w, motion in (*branches, *coupling.structure_modes) if 0 < w < inf]
     if len(coupling.modes) > 1:
@@ -274,7 +274,7 @@ def _window(family: Family) -> tuple[float, float]:
 
 
 def _is_close(coupling: Coupling, family: Family) -> bool:
-    """Whether the zero is so close to the pole that both are seen better enlarged, and no other pole lies beside."""
+    """Whether the zero is so close to the pole that both are seen better enlarged, and no other pole lies next to."""
     if not family.splitting or abs(family.strength) > 0.5:  # of a stronger one the zero is seen without enlargement
         return False
     distances = coupling.dynamic.omega - family.omega
@@ -457,7 +457,7 @@ def _structure_matches(coupling: Coupling) -> list[int]:
 
 
 def _words(axis: Axes, labels: list[tuple[float, str]], x: float, ha: str) -> None:
-    """Words beside levels, pushed apart where they would touch; a drift stands at the lower end."""
+    """Words next to levels, pushed apart where they would touch; a drift stands at the lower end."""
     axis.set_ylim(axis.get_ylim())
     transform, linear = axis.transScale + axis.transLimits, axis.get_yscale() == "linear"
     labels = sorted(labels)

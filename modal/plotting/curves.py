@@ -1,4 +1,4 @@
-"""Curves of one panel, so that each is seen.
+"""Curves of one panel, drawn so that each is visible.
 
 Those that coincide are named together or are stripes of both colours; one that swings faster than a line can show is
 the band between its least and its largest values.
@@ -273,7 +273,7 @@ def _upon(place: Floats, others: Sequence[Ints], size: tuple[int, int]) -> Boole
 
 
 def _widen(where: Booleans) -> Booleans:
-    """The same and the points beside, so that pieces of a curve meet."""
+    """The same and the points next to, so that pieces of a curve meet."""
     wider = where.copy()
     wider[1:] |= where[:-1]
     wider[:-1] |= where[1:]

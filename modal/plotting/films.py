@@ -3,7 +3,7 @@
 A film is a figure of which most stands still: what moves is drawn anew over the pixels of the rest.
 
 A film of modes has all of them side by side, each swinging once a loop, so that it goes round without a seam: a mode
-moves by q(s) = a Re(φ e^{−2πis}), s from 0 to 1 over the loop, its damping or growth left out.  One that does not
+moves by q(s) = a Re(φ e^{−2πis}), s from 0 to 1 over the loop, its damping or growth omitted. One that does not
 oscillate decays from its shape, or grows to it, and is brought back in the last part of the loop.
 """
 
@@ -77,14 +77,14 @@ class MovingFigure(ABC):
     @property
     @abstractmethod
     def moving(self) -> Sequence[Artist]:
-        """What a frame draws anew, in this order."""
+        """The artists redrawn in each frame, in this order."""
 
     @abstractmethod
     def show(self, frame: int) -> None:
         """Update everything to a frame."""
 
     def view(self, frame: int) -> Hashable:
-        """Equal for frames over which all else stands still."""
+        """A key equal for frames with the same static content."""
         return None
 
     def image(self, frame: int) -> Image.Image:
@@ -117,7 +117,7 @@ def frame_rate(form: str, fps: float | None) -> float:
 
 
 def form_problems(form: str, fps: float | None = None) -> list[str]:
-    """What is wrong with a form and a frame rate."""
+    """Return what is wrong with a form and a frame rate."""
     problems = [] if form in FORMS else [f"{form!r}: a film is one of {', '.join(FORMS)}"]
     if fps is not None and not 1 <= fps <= 60:
         problems.append(f"fps {fps!r}: must be from 1 to 60")
@@ -125,7 +125,7 @@ def form_problems(form: str, fps: float | None = None) -> list[str]:
 
 
 def require_writer(form: str, frames: int) -> None:
-    """SceneError for too many frames, ComputationError for an MP4 without ffmpeg, before anything is drawn."""
+    """Raise SceneError for too many frames, ComputationError for an MP4 without ffmpeg, before anything is drawn."""
     if frames > FRAMES_MAX:
         raise SceneError([f"{frames} frames: must be at most {FRAMES_MAX}; use fewer seconds or fps"])
     if form == "mp4":
@@ -420,7 +420,7 @@ def film_modes(
     """Write a film of the modes with these indices (from 0), by default the first ones, as "gif", "mp4" or "html".
 
     `amplitude_deg` is the largest angle of each, `fps` the frame rate (25 in a GIF, else 30); `report` is called with
-    the seconds of film done.  Raises SceneError for invalid arguments, ComputationError for more modes than one film
+    the seconds of film done. Raise SceneError for invalid arguments, ComputationError for more modes than one film
     holds and for an MP4 without ffmpeg.
     """
     if problems := form_problems(form, fps):
@@ -439,7 +439,7 @@ def film_modes(
 
 
 def save_film(modes: Modes, path: str | PathLike[str], numbers: Sequence[int] | None = None, **options: Any) -> None:
-    """Write the film of `film_modes` to a file, as its name says; the file is whole or not there."""
+    """Write the film of `film_modes` to a file, as its name says; the file is complete or absent."""
     form = kind_of(path, FORMS)
     with whole_file(path) as stream:
         film_modes(modes, stream, form, numbers, **options)

@@ -45,7 +45,7 @@ def plot_free_body(scene: Scene, *, letters: str = "own", parts: str = "") -> Fi
     """The free-body diagrams of a scene's parts, the support first, then link by link.
 
     `letters` are the toolkit's "own", or those of paper 000, "paper"; `parts` "1:8" chooses, counted from 1, else at
-    most MOST_PARTS are drawn.  Raises SceneError for scenes that are not taken apart, and for a wrong choice.
+    most MOST_PARTS are drawn. Raise SceneError for scenes that are not taken apart, and for a wrong choice.
 
     >>> from modal import load
     >>> from modal.plotting import plot_free_body

@@ -1,4 +1,4 @@
-"""Free-body diagrams as lists of strokes and letters: every part with all that acts on it, and what that causes.
+"""Free-body diagrams as lists of strokes and letters: every part with its forces, moments and inertia terms.
 
 A diagram of a part says "these forces = mass times acceleration": on the left the part with all that acts on it, each
 arrow in the direction in which its letter is positive, and on the right what they cause.  What a joint exerts on one
@@ -83,9 +83,9 @@ class Diagram:
 
 
 def diagrams(bodies: FreeBodies, parts: str = "") -> tuple[list[Diagram], str]:
-    """The diagrams that are drawn, and what to say of those that are not.
+    """Return the diagrams that are drawn, and notes on those that are not.
 
-    SceneError where `parts` is none of "3" and "1:8" within the parts of the scene.
+    Raise SceneError if `parts` is none of "3" and "1:8" within the parts of the scene.
     """
     total = len(bodies.parts)
     numbers = _chosen(parts, total) if parts else range(min(total, MOST_PARTS))

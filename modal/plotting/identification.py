@@ -70,7 +70,7 @@ def poles_figure(identification: Identified, title: str = "") -> Figure:
 
 
 def assurance_figure(assurance: Assurance) -> Figure:
-    """The MAC matrix in shades, where there are shapes, beside measured over computed frequencies."""
+    """The MAC matrix in shades, where there are shapes, next to measured over computed frequencies."""
     has_shapes = bool(np.isfinite(assurance.mac).any())
     figure = sheet_of_rows(1, WIDE if has_shapes else WIDTH)
     panels = figure.subplots(1, 1 + has_shapes, squeeze=False)[0]

@@ -147,7 +147,7 @@ def _fit_legend(labels: list[str], columns: int, room: float, make: Callable[[li
 
 
 def shorten(name: str, letters: int = NAME_LETTERS) -> str:
-    """A name of at most this many letters, its middle left out where it has more."""
+    """A name of at most this many letters, its middle omitted where it has more."""
     readable_name = visible(name)
     if len(readable_name) <= letters:
         return readable_name
@@ -156,7 +156,7 @@ def shorten(name: str, letters: int = NAME_LETTERS) -> str:
 
 
 def angle_symbol(*place: int | str, between: str = "") -> str:
-    """The angle of a link as pictures have it, by its pendulum and its number there; a comma parts longer ones.
+    """Return the symbol of a link's angle in figures, by its pendulum and number; a comma separates longer ones.
 
     >>> angle_symbol(1, 2), angle_symbol(12, 1)
     ('θ₁₂', 'θ₁₂,₁')
@@ -187,7 +187,7 @@ def link_names(labels: Sequence[str]) -> list[str]:
 
 
 def signal_words(name: str) -> str:
-    """A signal of a linear model as pictures have it.
+    """Return a signal of a linear model as written in figures.
 
     >>> signal_words("theta_1_2"), signal_words("tip_1"), signal_words("floor2_m"), signal_words("support_acceleration")
     ('θ₁₂', 'tip of pendulum 1', 'floor2', 'support acceleration')
@@ -204,7 +204,7 @@ def signal_words(name: str) -> str:
 
 
 def unit_words(unit: str) -> str:
-    """A unit as pictures have it, m/s² for m/s^2."""
+    """Return a unit as written in figures, m/s² for m/s^2."""
     return unit.replace("^2", "²")
 
 

@@ -24,7 +24,7 @@ MARKS = {"crossing": "X", "veering": "o"}
 def loci_figure(loci: Loci) -> Figure:
     """ω (rad/s) of every locus against the parameter, one colour each, crosses at crossings, gaps ringed at veerings.
 
-    A rigid translation, ω = 0 throughout, is omitted.  Raises ComputationError for more loci than one picture holds and
+    A rigid translation, ω = 0 throughout, is omitted. Raise ComputationError for more loci than one picture holds and
     where none oscillates.
     """
     columns = np.flatnonzero(loci.omega.any(axis=0)).tolist()

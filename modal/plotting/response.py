@@ -61,11 +61,11 @@ def bode_figure(
 
     `band` is in rad/s, by default from below the lowest mode to above the highest.
 
-    Dotted lines with numbers mark the modes, the fixed-base ones where the cart's motion is prescribed.  Every peak and
+    Dotted lines with numbers mark the modes, the fixed-base ones where the cart's motion is prescribed. Every peak and
     trough of a damped mode has its own height, found between the points of the grid; peaks of undamped modes are
-    infinite, and are cut, as zeros are, at levels given below the picture.  `std` gives the standard deviations
-    (p, m, W) of |G| at ω (W,): two of them to either side are shaded.  Raises ComputationError for more curves than a
-    picture holds.
+    infinite, and are cut, as zeros are, at levels given below the picture. `std` gives the standard deviations (p, m,
+    W) of |G| at ω (W,): two of them to either side are shaded. Raise ComputationError for more curves than a picture
+    holds.
     """
     numbers = _choose_outputs(form, outputs)
     low, high = band or _band(form)
@@ -114,7 +114,7 @@ def impulse_figure(
 ) -> Figure:
     """h(t) from input `source` to these outputs (indices; by default all), one panel for each unit.
 
-    `duration` in s; by default four periods of the slowest oscillating mode.  Raises ComputationError for more curves
+    `duration` in s; by default four periods of the slowest oscillating mode. Raise ComputationError for more curves
     than one picture holds.
     """
     numbers = _choose_outputs(form, outputs)
@@ -216,7 +216,7 @@ def _decibel(size: Floats) -> Floats:
 
 
 def _whole_curve(omega: Floats, G: Complexes, floor: float, ceiling: float) -> tuple[Floats, Floats]:
-    """ω and decibels of one curve from `floor` to `ceiling`, which peaks and zeros may reach; NaN where all are 0."""
+    """ω and decibels of one curve from `floor` to `ceiling`, which peaks and zeros may reach; NaN if all are 0."""
     if not G.any():
         return omega, np.full(len(omega), np.nan)
     size = np.abs(G)
@@ -274,7 +274,7 @@ TUNED_DB = 40.0
 def tuning_figure(tuning: Tuned) -> Figure:
     """|H| of every tuned peak before and after, with the equal peaks marked.
 
-    Raises ComputationError where no peak is tuned, or more than a picture holds.
+    Raise ComputationError if no peak is tuned, or more than a picture holds.
     """
     curves = tuning.curves()
     if not curves:

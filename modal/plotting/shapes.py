@@ -1,4 +1,4 @@
-"""Pictures of mode shapes: pendula and what they hang from, in grey at rest, and at both extremes of the oscillation.
+"""Pictures of mode shapes: pendula and supports, grey at rest, and at both extremes of the oscillation.
 
 Of many pendula the angles of their links are drawn over the number of the pendulum.
 """
@@ -219,7 +219,7 @@ class ShapeLayout:
         ]
 
     def pieces(self, eta: Floats, chains: Sequence[Floats]) -> list[Piece]:
-        """What the pendula hang from, and their springs, at η (1, d)."""
+        """Return the supports and their springs at η (1, d)."""
         joints = (chain[None] for chain in chains)
         return self.scaffold.pieces(eta, dict(zip(self.scaffold.pendula.tolist(), joints, strict=True)))
 
@@ -235,7 +235,7 @@ def shapes_figure(
     Up to PENDULA_MAX pendula are drawn as they hang; of more, the angles over the number of the pendulum.  An
     overdamped mode is drawn where it begins and after one and two time constants.
 
-    Raises ComputationError for more modes than one picture holds.
+    Raise ComputationError for more modes than one picture holds.
     """
     require_type("modes", modes, "Modes")
     first = some_words(modes, numbers)
@@ -258,7 +258,7 @@ def shapes_figure(
 
 
 def some_words(modes: Modes, numbers: Sequence[int] | None) -> str:
-    """What is left out where no modes are asked for, "" where none is."""
+    """What is omitted where no modes are requested, "" where none is."""
     return f"the first {USUAL_PANELS} of {len(modes)} modes; " if numbers is None and len(modes) > USUAL_PANELS else ""
 
 
@@ -292,7 +292,7 @@ def panels_of(modes: Modes, rows: Sequence[Mode], ratio: float, what: str) -> tu
 
 
 def layout_of(modes: Modes, rows: Sequence[Mode] = (), amplitude: float = 0.0) -> ShapeLayout:
-    """What is drawn of the pendula, and where, with room for all that these modes move at their amplitude (rad)."""
+    """Return the layout of the drawn pendula, with room for the motion of these modes at their amplitude (rad)."""
     scene, structure = modes.scene, modes.rig.on_structure.structure
     assert structure is not None
     copies = scene.hanging
@@ -471,7 +471,7 @@ def _caption(modes: Modes, rows: Sequence[Mode], layout: ShapeLayout, amplitude_
 
 
 def set_apart(scaffold: Scaffold, count: int) -> list[str]:
-    """What is not drawn of `count` pendula on a structure, and what is not in its place."""
+    """Return which of `count` pendula on a structure are not drawn, or not in their places."""
     n_drawn = len(scaffold.pendula)
     words = [f"{n_drawn} of {count} pendula drawn"] if n_drawn < count else []
     return [*words, *scaffold.notes]

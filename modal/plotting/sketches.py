@@ -69,9 +69,9 @@ class Label(NamedTuple):
 def sketch_figure(scene: Scene, angles_deg: Sequence[float] | None = None, *, push: str = "") -> Figure:
     r"""The scene at these angles (degrees, one for each link of each pendulum), with every symbol.
 
-    `push` is the symbol of a horizontal force on the cart, such as "F".  Where the angles are left out they are chosen
-    so that every symbol has its place.  Raises ComputationError for more than 3 pendula or 4 links below each other,
-    in space for more than one link, for links that stand upright and for a push without a cart.  Of equal pendula on a
+    `push` is the symbol of a horizontal force on the cart, such as "F". Where the angles are omitted they are chosen so
+    that every symbol has its place. Raise ComputationError for more than 3 pendula or 4 links below each other, in
+    space for more than one link, for links that stand upright and for a push without a cart. Of equal pendula on a
     structure one is drawn.
 
     >>> from modal import load

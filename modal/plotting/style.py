@@ -1,4 +1,4 @@
-"""Figures that keep the style in which they were made, output of figures, and colours by their meaning.
+"""Figures that keep the style in which they were created, output of figures, and colours by their meaning.
 
 Colours come from the matplotlib style in force: its cycle, and mixtures of its ink and paper.
 """
@@ -178,7 +178,7 @@ def thickness(k: int, first: float = 2.3) -> float:
 
 
 def narrowing(k: int) -> float:
-    """The width of curve k in points where dashes have a meaning: a wider one shows beside those upon it."""
+    """The width of curve k in points where dashes have a meaning: a wider one shows next to those upon it."""
     return 4.2 * 0.7 ** min(k, HUES - 1)
 
 

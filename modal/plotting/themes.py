@@ -315,7 +315,7 @@ def slide(draw: Callable[[float], Figure], values: Sequence[float], label: str, 
     """Draw a figure for each value and put them behind a slider.
 
     `label` names the quantity with its unit, such as "cart (kg)"; `at` is the index of the value shown first, by
-    default the middle one.  Raises ValueError where there are no values.
+    default the middle one. Raise ValueError if there are no values.
     """
     if len(values) == 0:
         raise ValueError("a slider needs at least one value")

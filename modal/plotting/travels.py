@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 def hoist_figure(hoisting: Along) -> Figure:
     """The changing lengths (m), the angular frequencies (rad/s) and the adiabatic swing of every mode against time (s).
 
-    Only lengths where no mode oscillates.  Raises ComputationError for more modes or lengths than one picture holds.
+    Only lengths where no mode oscillates.  Raise ComputationError for more modes or lengths than one picture holds.
     """
     n_curves = max(hoisting.omega.shape[1], hoisting.lengths.shape[1])
     if n_curves > MOST_CURVES:

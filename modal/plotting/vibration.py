@@ -51,7 +51,7 @@ QUANTITIES = {
 def random_figure(response: RandomResponse) -> Figure:
     """The PSD of the support's acceleration or of a force, and below it those of the outputs, one panel for each unit.
 
-    Raises ComputationError for more outputs than a picture holds.
+    Raise ComputationError for more outputs than a picture holds.
     """
     from modal.vibration.report import named_modes, response_frequencies
 
@@ -103,7 +103,7 @@ def _limit(axis: Axes, f: Floats, psd: Floats, sharp: Floats) -> bool:
 def thermal_figure(noise: ThermalNoise, beside: RandomResponse | None = None, at: Sequence[float] = ()) -> Figure:
     """The amplitude spectral density of every output's thermal noise, one panel for each, with its budget by place.
 
-    What a PSD does stands `beside` it.  Raises ComputationError for more outputs than a picture holds.
+    What a PSD does stands `beside` it.  Raise ComputationError for more outputs than a picture holds.
     """
     from modal.vibration import thermal_frequencies
     from modal.vibration.report import named_modes
@@ -164,7 +164,7 @@ def _positive_values(values: Floats) -> Floats:
 def shock_figure(response: ShockResponse) -> Figure:
     """The support's acceleration, the histories of the outputs by unit, and SRSS and CQC over the exact peaks.
 
-    Raises ComputationError for more outputs than a picture holds.
+    Raise ComputationError for more outputs than a picture holds.
     """
     units = _units(response.outputs)
     combined_outputs = np.flatnonzero(~response.follows_support & (response.peaks[:, 0] > 0)).tolist()

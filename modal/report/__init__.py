@@ -1,7 +1,7 @@
 """Output: tables, CSV and JSON, numbers in running text, escaped text.
 
-In: titles, columns and rows.  Out: text, Markdown, LaTeX, CSV, HTML or JSON in which no text of a scene can act as
-markup or code; text fits the columns of a terminal where `fitted` sets them.  This room is independent of pendula.
+In: titles, columns and rows. Out: text, Markdown, LaTeX, CSV, HTML or JSON in which no text of a scene can act as
+markup or code; text fits the columns of a terminal where `fitted` sets them. This subpackage is independent of pendula.
 Start with `escaping`; by `display` results show themselves.
 """
 

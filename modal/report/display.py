@@ -1,4 +1,4 @@
-"""How a result shows itself: some lines at the prompt, a table in a notebook, both of bounded size.
+"""Display of results: some lines at the prompt, a table in a notebook, both of bounded size.
 
     class Modes(Displayed): ...
 
@@ -43,7 +43,7 @@ Facts = Sequence[tuple[str, str]]
 
 @dataclass(frozen=True)
 class Summary:
-    """What a result shows: a line that says what it is and how large, facts by name, and the first rows of a table.
+    """The display of a result: a line on its kind and size, facts by name, and the first rows of a table.
 
     No more than HTML_ROWS of the `rows` are taken, `total` is their number.  The columns in `words` (by index) are
     text, the others numbers.
@@ -82,7 +82,7 @@ class Summary:
         return scrolled(*parts, self.table())
 
     def _cells(self, count: int) -> tuple[list[str], list[list[str]], int]:
-        """Headings, the first rows and how many more there are; columns beyond TABLE_COLUMNS are left out."""
+        """Headings, the first rows and how many more there are; columns beyond TABLE_COLUMNS are omitted."""
         rows = [list(map(visible, row)) for row in islice(self.rows, count)]
         headings = list(map(visible, self.headings))
         if len(headings) > TABLE_COLUMNS:
@@ -124,7 +124,7 @@ class Summary:
 
 
 def _fitting(widths: Sequence[int]) -> int:
-    """The number of columns for which there is room, with a last one that says that others are left out."""
+    """The number of columns for which there is room, with a last one that says that others are omitted."""
     ends = list(accumulate(width + 2 for width in widths))
     room = WIDTH if ends[-1] <= WIDTH else WIDTH - 3
     return max(1, sum(end <= room for end in ends))
@@ -145,7 +145,7 @@ class _ResultSignature:
 
 
 class Displayed:
-    """A result that shows itself at the prompt and in notebooks; by default by its fields.
+    """A result with a display at the prompt and in notebooks; by default of its fields.
 
     `dir` and completion show what is public: no name that begins with an underscore, and none of `internal`.
     """
@@ -195,7 +195,7 @@ def tabulated(title: str, facts: Facts, columns: Mapping[str, Any], words: Itera
 
 
 def by_column(records: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Records as arrays, one for each key of the first; NaN where there is no value.
+    """Records as arrays, one for each key of the first; NaN if there is no value.
 
     >>> by_column([{"x": 1.0}, {"x": 2.0}])
     {'x': array([1., 2.])}
@@ -259,7 +259,7 @@ def scrolled(*parts: str) -> str:
 
 
 def more(count: int) -> str:
-    """How many rows are left out, as HTML; nothing where none are."""
+    """Return how many rows are omitted, as HTML; nothing if none are."""
     return f"<p>… {count} more</p>" if count > 0 else ""
 
 

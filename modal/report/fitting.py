@@ -15,7 +15,7 @@ from unicodedata import category, east_asian_width
 
 
 class TableLimit(NamedTuple):
-    """How much of a table is shown: so many rows, and of columns those that fit; `elsewhere` says where the rest is."""
+    """A limit on a table: its rows, and the columns that fit; `elsewhere` says where the rest is."""
 
     rows: int
     elsewhere: str = ""

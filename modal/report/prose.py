@@ -1,4 +1,4 @@
-"""Numbers and lists in running text; what a long computation says on its way, if anything."""
+"""Numbers and lists in running text; progress reports of long computations."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def capital(words: str) -> str:
 
 
 class Silence:
-    """Called with how far a computation has come; says nothing.  Signatures show it by its name, `silent`."""
+    """A progress callback that does nothing. Signatures show it by its name, `silent`."""
 
     def __call__(self, *progress: object) -> None:
         """Say nothing."""

@@ -3,7 +3,7 @@
     class Check(Result): ...
 
 A class says `what` it is, which `columns` its rows have, which `footnotes` stand below them, and the `facts` that JSON
-has beside them.  One that prints more than a table says which `parts` it has, and one with other records which.  Every
+has next to them. One that prints more than a table says which `parts` it has, and one with other records which. Every
 form is written from these, and what shows at the prompt is how the text begins.
 """
 
@@ -84,7 +84,7 @@ def evened(numbers: Sequence[str], significant: int) -> list[str]:
 
 
 class ReportTable(NamedTuple):
-    """Cells of text under headings; columns of the `spare` ones are left out first where there is no room for all."""
+    """Cells of text under headings; columns of the `spare` ones are omitted first where there is no room for all."""
 
     headings: Sequence[str]
     cells: Sequence[Sequence[str]]
@@ -110,13 +110,13 @@ class ReportTable(NamedTuple):
 
 
 def records_of(columns: Iterable[ReportColumn], rows: Iterable[Any]) -> list[dict[str, Any]]:
-    """A mapping for each row, of the columns that have a key; None where a value is not finite."""
+    """A mapping for each row, of the columns that have a key; None if a value is not finite."""
     kept = [column for column in columns if column.key]
     return [{str(column.key): finite(column.of(row)) for column in kept} for row in rows]
 
 
 class TextResult(Displayed):
-    """A result that shows how the `text` begins which its command prints, as wide as a terminal of WIDTH columns.
+    """A result whose display is the beginning of its command's `text`, for a terminal of WIDTH columns.
 
     The `writer`, a `module:function`, writes it.
     """
@@ -149,7 +149,7 @@ class TextResult(Displayed):
 
 
 class Result(TextResult):
-    """An answer about a `scene` in all its forms; its parts are made one after the other, as far as they are shown."""
+    """A result about a `scene` in all output forms; its parts are computed only as far as they are shown."""
 
     __slots__ = ()
     what: ClassVar[str] = ""
@@ -159,11 +159,11 @@ class Result(TextResult):
     rows: Any
 
     def titles(self) -> tuple[str, str]:
-        """The title of the scene, and what is reported of it."""
+        """The title of the scene, and that of the report."""
         return deferred("modal.scene:title_of")(self.scene), self.what
 
     def entries(self) -> Iterable[Any]:
-        """What has a row each."""
+        """The objects with a row each."""
         return tuple(self.rows)
 
     def columns(self) -> Sequence[ReportColumn]:
@@ -175,16 +175,16 @@ class Result(TextResult):
         return ()
 
     def facts(self) -> dict[str, Any]:
-        """What JSON has before the records."""
+        """The JSON keys before the records."""
         return {}
 
     def parts(self, form: Form = "text") -> Iterable[ReportTable | str]:
-        """What is printed below the title."""
+        """The parts printed below the title."""
         yield ReportTable.of(self.columns(), self.entries())
         yield "\n".join(self.footnotes())
 
     def records(self) -> Iterable[dict[str, Any]]:
-        """The rows of CSV; None where a value has no meaning."""
+        """The rows of CSV; None if a value has no meaning."""
         return records_of(self.columns(), self.entries())
 
     def whole(self) -> dict[str, Any]:
@@ -216,7 +216,7 @@ class Result(TextResult):
         return self.report()
 
     def _lines(self) -> Iterator[str]:
-        """How the text begins: to the end of the first table of which rows are left out."""
+        """How the text begins: to the end of the first table of which rows are omitted."""
         scene, what = self.titles()
         yield from headed(f"{scene}: {what}").split("\n")
         for part in self.parts():

@@ -2,9 +2,9 @@
 
     text.encode("cp1252", SPELLED)
 
-`SPELLINGS` is the one table of signs.  Greek letters are spelled by their names, raised and lowered letters after ^ and
-_, accents are left out, and what remains is written as JSON escapes it.  No spelling has a quotation mark or a
-backslash, so that JSON and CSV stay what they are.
+`SPELLINGS` is the one table of signs. Greek letters are spelled by their names, raised and lowered letters after ^ and
+_, accents are omitted, and what remains is written as JSON escapes it. No spelling has a quotation mark or a backslash,
+so that JSON and CSV stay what they are.
 """
 
 from __future__ import annotations

@@ -62,7 +62,7 @@ def grid(cells: Sequence[Sequence[str]], headings: Sequence[str], form: str = "t
 def aligned(
     cells: Sequence[Sequence[str]], headings: Sequence[str], align: Sequence[str], spare: Sequence[str] = ()
 ) -> str:
-    """Cells under headings as text, with what is left out of it in lines below (`layout`)."""
+    """Cells under headings as text, with what is omitted of it in lines below (`layout`)."""
     body, notes = layout(cells, headings, align, spare)
     return "\n".join([body, *map(folded, notes)])
 
@@ -76,14 +76,14 @@ def layout(
     *,
     whole: bool = False,
 ) -> tuple[str, list[str]]:
-    """A table as text, and notes on what is left out of it.  Imports nothing: commands start quickly.
+    """A table as text, and notes on what is omitted of it.  Imports nothing: commands start quickly.
 
     The headings of a table that is too wide for the columns in force (`fitted`) are broken between words, then the
-    columns of the `spare` headings are left out, one after the other, as far as it takes; then columns of words are
-    made narrower.  One that is still too wide is stacked: its columns follow in several parts below each other, each of
-    which begins with the columns that name a row.  Where there is a limit, its first part is all, and rows beyond the
-    limit are left out.  `elsewhere`, or the limit, says where columns are that are left out.  The headings stay
-    `whole` as long as there are spare ones.
+    columns of the `spare` headings are omitted, one after the other, as far as it takes; then columns of words are made
+    narrower. One that is still too wide is stacked: its columns follow in several parts below each other, each of which
+    begins with the columns that name a row. Where there is a limit, its first part is all, and rows beyond the limit
+    are omitted. `elsewhere`, or the limit, says where columns are that are omitted. The headings stay `whole` as long
+    as there are spare ones.
     """
     most, rest = columns(), limit()
     total, shown, dropped = len(cells), list(range(len(headings))), list[int]()
@@ -122,7 +122,7 @@ def _of(
 def _room(
     cells: Sequence[Sequence[str]], headings: Sequence[str], shown: Sequence[int], most: int | None, means: int
 ) -> dict[int, int] | None:
-    """The columns that each column of a table takes, by its place, where all fit; None where they do not.
+    """The columns that each column of a table takes, by its place, where all fit; None if they do not.
 
     The `means` are none (0), headings broken between words (1), columns of words made narrower too (2 and more).
     """
@@ -136,7 +136,7 @@ def _room(
 
 
 def _shrunk(cells: Sequence[Sequence[str]], widths: list[int], most: int) -> list[int] | None:
-    """The widths, columns of words narrower where that makes them fit, the widest first; None where it does not."""
+    """The widths, columns of words narrower where that makes them fit, the widest first; None if it does not."""
     narrow = list(widths)
     words = [k for k in range(len(widths)) if any(" " in row[k] for row in cells)]
     for k in sorted(words, key=lambda k: -widths[k]):
@@ -156,7 +156,7 @@ def full(widths: Iterable[int]) -> int:
 
 
 def _keys(cells: Sequence[Sequence[str]], widths: Sequence[int], most: int) -> int:
-    """How many columns, up to three, it takes to name every row: 1 where none do, or no room is left beside them."""
+    """How many columns, up to three, it takes to name every row: 1 where none do, or no room is left next to them."""
     for count in range(1, min(3, len(widths) - 1) + 1):
         if full(widths[:count]) > most // 2:
             break
@@ -206,7 +206,7 @@ def as_json(whole: dict[str, Any]) -> str:
 
 
 def digits(value: float, relative_error: float, most: int) -> str:
-    """The value to at most `most` significant digits, and only those that the error leaves certain."""
+    """Return the value to at most `most` significant digits, and only those that are certain within the error."""
     if not isfinite(value) or not relative_error < 1:
         return NOTHING
     return f"{value:#.{min(most, max(1, int(-log10(max(relative_error, 1e-17)))))}g}".rstrip(".") if value else "0"

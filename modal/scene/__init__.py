@@ -1,16 +1,16 @@
-"""Scenes: the description of a system of pendula, its file, and its numbers by their paths.
+"""Scenes: the description of a system of pendula, its file, and its parameters by their paths.
 
-In: TOML, or the same objects from Python.  Out: an immutable `Scene`, checked completely when it is made.
+In: TOML, or the same objects from Python.  Out: an immutable `Scene`, checked completely on construction.
 
     pendulum[2].links[0].mass = -1.0: must be positive
 
 Start with `model`, whose pendula are chains of `links`, with their loss angles, and hang from `supports`, which springs
-join; `structures` tells what is wrong with both; `motion` moves a support and acts on `points`, `feedback` acts by what
-it measures, `periods` tells when that repeats, `records` reads its records, `hoist` changes a length by one of
-`length_laws`; `files` reads and writes scenes, `sealed` detects damaged files, `contents` reads any and tells what it
-is; `validation` checks every part, `mistakes` words the messages, `parameters` finds and varies numbers by path,
-`number_names` calls them in words, `doors` checks arguments, `titles` says what hangs in a scene, `free_body` takes it
-apart.
+join; `structures` checks both; `motion` prescribes support motions and forces on `points`, `feedback` defines feedback
+loops, `periods` finds common periods, `records` reads records, `hoist` changes a length by one of `length_laws`;
+`files` reads and writes scenes, `sealed` detects damaged files, `contents` reads files and recognizes their kinds;
+`validation` checks every part, `mistakes` words the messages, `parameters` finds and varies numbers by path,
+`number_names` names them in words, `doors` checks arguments, `titles` describes scenes in words, `free_body` draws
+free-body diagrams.
 """
 
 from typing import TYPE_CHECKING

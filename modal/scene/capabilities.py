@@ -1,6 +1,6 @@
-"""What takes what: every capability with an entry for every feature, stated once and asked at the door.
+"""Supported combinations: every capability with an entry for every feature, defined once and checked on input.
 
-An entry is of one of these kinds; no feature is without one, which a test reads:
+An entry is of one of these kinds; a test checks that no feature is without one:
 
     takes      it is in the result
     leaves     it is left out, and the sentence is told beside the result
@@ -9,9 +9,9 @@ An entry is of one of these kinds; no feature is without one, which a test reads
     unless     it is taken, except where this message says why not
     beside     it cannot meet this capability
 
-`conflicts` are pairs of features that are taken alone and refused together; of each set in `needs` a scene has one.
-`instead` is another capability, whose words are added to a refusal of what it takes.
-The manual prints the table (docs/reference/combinations.md).
+`conflicts` are pairs of features that are supported alone but not together; a scene needs one feature of each set in
+`needs`. `instead` is an alternative capability, which a refusal mentions if it supports the feature. The manual prints
+the table (docs/reference/combinations.md).
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ KINDS = ("leaves", "refuses", "singly", "unless", "beside")
 
 
 class Capability(NamedTuple):
-    """What a capability does with every feature; its `name` begins the sentences of what it refuses."""
+    """The entries of a capability for all features; its `name` begins the sentences of its refusals."""
 
     name: str
     takes: Names
@@ -46,7 +46,7 @@ class Capability(NamedTuple):
     instead: tuple[str, str] = ("", "")
 
     def entries(self, feature: str) -> list[tuple[str, str]]:
-        """The kind of every entry for a feature, with its sentence: exactly one."""
+        """Return the kind of every entry for a feature, with its sentence: exactly one."""
         sentences = [(kind, getattr(self, kind)[feature]) for kind in KINDS if feature in getattr(self, kind)]
         return [("takes", "")] * (feature in self.takes) + sentences
 
@@ -267,9 +267,9 @@ SPATIAL_ROTORS = {("space", "rotor"): "a joint in space bends about two axes, an
 
 
 def _with_laws(capability: Capability) -> Capability:
-    """A capability with entries for laws of joints by their nature.
+    """A capability with entries for joint laws by their nature.
 
-    What is left out because it vanishes at small angles, or sustains small swings, is no reason: laws have derivatives.
+    What is omitted because it vanishes at small angles, or sustains small swings, is no reason: laws have derivatives.
     """
     taken = set(capability.takes)
     sentences: dict[str, Any] = {kind: dict(getattr(capability, kind)) for kind in KINDS}
@@ -298,7 +298,7 @@ def _complete(capability: Capability) -> Capability:
 
 
 def _of_loops(capability: Capability) -> Sentences:
-    """What is said of kinds of loops where feedback itself is refused or left out."""
+    """What is said of kinds of loops where feedback itself is refused or omitted."""
     silent = [name for name in sorted(LOOPS - {"feedback"}) if not capability.entries(name)]
     why = "has no part in what is refused or left out as feedback"
     return {} if "feedback" in capability.takes else dict.fromkeys(silent, why)
@@ -612,7 +612,7 @@ CAPABILITIES: dict[str, Capability] = {
 
 
 def refusals(scene: Scene, capability: str, *further_features: str) -> list[str]:
-    """A sentence for everything that a scene, with the `further_features` of a call, has and the capability refuses."""
+    """Return a sentence for every feature of a scene, with the `further_features` of a call, that is refused."""
     require_type("scene", scene, "Scene")
     rules, has = CAPABILITIES[capability], scene.features | set(further_features)
     reasons = [f"{_place(scene, name)}: {rules.name} {_why(rules, name)}" for name in rules.refuses if name in has]
@@ -625,7 +625,7 @@ def _matches(sentences: Sentences, has: Names) -> Iterator[tuple[str, str]]:
 
 
 def _why(capability: Capability, name: str) -> str:
-    """Why a capability refuses a feature, and the way out."""
+    """Return why a capability refuses a feature, and the remedy."""
     why, (substitute, words) = capability.refuses[name], capability.instead
     advice = f"; {words}" if substitute and name in CAPABILITIES[substitute].takes else ""
     return why if ": " in why else f"{why}: {FEATURES[name].mend}{advice}"
@@ -636,7 +636,7 @@ def _place(scene: Scene, name: str) -> str:
 
 
 def require(scene: Scene, capability: str, *further_features: str) -> None:
-    """SceneError with every reason unless the capability takes the scene, with the `further_features` of the call.
+    """Raise SceneError with every reason unless the scene, with the `further_features` of the call, is supported.
 
     >>> from modal import load
     >>> require(load("huygens"), "a Poincaré section")
@@ -648,7 +648,7 @@ def require(scene: Scene, capability: str, *further_features: str) -> None:
 
 
 def left_out(scene: Scene, capability: str = "the table of modes") -> tuple[str, ...]:
-    """What a capability omits of a scene, a sentence each."""
+    """Return a sentence for each feature of a scene that a capability ignores."""
     require_type("scene", scene, "Scene")
     idle = [f"spring[{k}] does nothing: its stiffness and damping are 0." for k in scene.idle_springs]
     return tuple(
@@ -657,7 +657,7 @@ def left_out(scene: Scene, capability: str = "the table of modes") -> tuple[str,
 
 
 def one_by_one(scene: Scene, *further_features: str) -> str:
-    """Why members of a scene, with `further_features` that some of them have, go one by one; "" for side by side."""
+    """Return why members of a scene, some with `further_features`, are simulated one at a time; "" if at once."""
     require_type("scene", scene, "Scene")
     matches = _matches(CAPABILITIES["an ensemble"].singly, scene.features | set(further_features))
     return next((f"no engine takes {FEATURES[name].words} side by side" for name, _ in matches), "")

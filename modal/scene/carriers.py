@@ -1,4 +1,4 @@
-"""The supports that come with the toolkit, written as any other is (`modal.extend.Support`).
+"""The built-in kinds of supports, defined in the same way as extensions (`modal.extend.Support`).
 
 cart (η, 0);  swing (L sin η/L, L cos η/L − L);  tilt (0, 0);  heave (0, −η);  platform (sway, −heave)
 """
@@ -12,13 +12,13 @@ from modal.extend import Parameter, Support, SupportCoordinate, cos, register, s
 
 
 def swing_path(S: Any, C: Any, length: Any, rate: Any) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
-    """Slope and bias of a swing whose rods stand at an angle of this sine and cosine."""
+    """Return slope and bias of a swing whose rods have an angle with this sine and cosine."""
     ww = rate * rate / length
     return (C, -S), (-S * ww, -C * ww)
 
 
 def along_arc(length: Any, sine: Any, versine: Any) -> tuple[Any, Any]:
-    """How far (m) the end of a rod of this length is from where it hangs still."""
+    """Return the displacement (m) of the end of a rod of this length from its hanging position."""
     return length * sine, -(length * versine)
 
 
@@ -34,13 +34,13 @@ class CartMotion(Support):
     bends, keeps_speeds = False, True
 
     def place(self, eta: Sequence[Any], parameters: Mapping[str, Any]) -> tuple[Any, Any]:
-        """As its coordinate says."""
+        """Return the position given by its coordinate."""
         return eta[0], 0.0
 
 
 @register
 class SwingMotion(Support):
-    """On an arc, by parallel rods; its coordinate is the length of that arc."""
+    """Motion on an arc, on parallel rods; its coordinate is the arc length."""
 
     name = "swing"
     coordinates = (
@@ -55,13 +55,13 @@ class SwingMotion(Support):
     keeps_speeds = True
 
     def place(self, eta: Sequence[Any], parameters: Mapping[str, Any]) -> tuple[Any, Any]:
-        """By the angle η/L of its rods; 1 − cos with all digits."""
+        """Return the position from the angle η/L of its rods; 1 − cos with full precision."""
         angle = eta[0] / parameters["length"]
         half = sin(angle / 2)
         return along_arc(parameters["length"], sin(angle), 2 * (half * half))
 
     def motion(self, eta: Sequence[Any], rates: Sequence[Any], parameters: Mapping[str, Any]) -> Any:
-        """As jets would give it, in fewer operations."""
+        """Return the result of jets in fewer operations."""
         angle = eta[0] / parameters["length"]
         slope, bias = swing_path(sin(angle), cos(angle), parameters["length"], rates[0])
         return self.place(eta, parameters), (slope,), bias

@@ -1,13 +1,13 @@
-"""The content of files that are read whole: regular files of limited size, and nothing that never ends.
+"""Reading of complete files: regular files of limited size only.
 
-A device may have no end, and a pipe may have no writer.  So a file is looked at before it is opened, is opened without
-waiting, and is looked at again while it is held open; no more is read of it than the limit.
+A device may have no end, and a pipe may have no writer. So a file is checked before it is opened, is opened without
+blocking, and is checked again while it is open; no more than the limit is read.
 
-A file that was given in place of another, a run for a scene or a picture for measurements, is told what it is:
+If a file of another kind is given, such as a run for a scene, the message says what it is:
 
     run.npz: is a run, not a scene: plot and animate take it; a scene is the TOML file that was simulated
 
-This is read from how it begins, of an archive from the names of what it holds; nothing is unpacked but its header.
+The kind is recognized from the first bytes, for an archive from the names of its members; only its header is unpacked.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ TEXTS = (
 
 
 class Expected(NamedTuple):
-    """What is asked for, in words, and the kinds of files that may be it."""
+    """The expected content in words, and the kinds of files that may hold it."""
 
     words: str
     kinds: frozenset[str]
@@ -96,21 +96,21 @@ INSTEAD = {
 
 
 class FileKind(NamedTuple):
-    """A kind of file, what one is in words, and whether it is text."""
+    """A kind of file, its description in words, and whether it is text."""
 
     kind: str
     words: str
     is_text: bool = False
 
     def problem(self, purpose: str) -> str:
-        """Why it is not what was expected, a key of `EXPECTED` or words, and what to give instead."""
+        """Return why it is not what was expected, a key of `EXPECTED` or words, and what to give instead."""
         instead = INSTEAD.get((purpose, self.kind), "")
         wanted_kind = EXPECTED[purpose].words if purpose in EXPECTED else purpose
         return f"is {self.words}, not {wanted_kind}{': ' if instead else ''}{instead}"
 
 
 def recognize(content: bytes) -> FileKind | None:
-    r"""The kind of a file with this content, None where it cannot be recognized.
+    r"""Return the kind of a file with this content, None if it cannot be recognized.
 
     >>> recognize(b"\x89PNG...").problem("scene")
     'is a PNG picture, not a scene: give the TOML file of the scene that it shows'
@@ -128,9 +128,9 @@ def recognize(content: bytes) -> FileKind | None:
 
 
 def as_text(content: bytes, errors: str = "strict") -> str:
-    """Text in UTF-8, or in UTF-16 or UTF-32 with a mark at its beginning, as Windows PowerShell writes it.
+    """Decode UTF-8, or UTF-16 or UTF-32 with a byte-order mark, as Windows PowerShell writes it.
 
-    Raises UnicodeDecodeError.
+    Raise UnicodeDecodeError.
     """
     encoding = next((name for mark, name in MARKS.items() if content.startswith(mark)), "utf-8-sig")
     return content.decode(encoding, errors)
@@ -175,17 +175,17 @@ NAMES = {"table": "CSV text", "report": "JSON text", "": "text"}
 
 
 def content_of(path: str | PathLike[str], largest: int = FILE_BYTES_MAX) -> bytes:
-    """The bytes of a regular file of at most `largest`; SceneError, without its name, for any other."""
+    """Return the bytes of a regular file of at most `largest`; raise SceneError, without its name, for any other."""
     return _beginning(path, largest, is_complete=True)
 
 
 def text_of(path: str | PathLike[str], purpose: str = "") -> str:
-    """The text of a file; SceneError as of `content_of` and `decode_text`."""
+    """Return the text of a file; raise SceneError as `content_of` and `decode_text` do."""
     return decode_text(content_of(path), purpose)
 
 
 def decode_text(content: bytes, purpose: str = "") -> str:
-    """The text in bytes (`as_text`); SceneError where they are none, or a file of another kind than `purpose`."""
+    """Return the text in bytes (`as_text`); raise SceneError if it is not text, or not of the kind `purpose`."""
     kind = recognize(content)
     if kind and (kind.kind not in EXPECTED[purpose].kinds if purpose else not kind.is_text):
         raise SceneError([kind.problem(purpose)])
@@ -198,7 +198,7 @@ def decode_text(content: bytes, purpose: str = "") -> str:
 
 
 def first_line(path: str | PathLike[str]) -> str:
-    """The first line of a file of data that is no comment, "" where the file cannot be read or has none so early."""
+    """Return the first line of a data file that is not a comment, "" if it cannot be read or has none."""
     try:
         text = as_text(_beginning(path, PIECE_BYTES, is_complete=False), errors="replace")
     except SceneError:
@@ -207,7 +207,7 @@ def first_line(path: str | PathLike[str]) -> str:
 
 
 def read_within_limit(stream: IO[bytes], largest: int = FILE_BYTES_MAX) -> bytes:
-    """What a stream holds; SceneError where that is more than `largest` bytes."""
+    """Return the content of a stream; raise SceneError if it is more than `largest` bytes."""
     pieces, room = [], largest + 1
     while piece := stream.read(min(PIECE_BYTES, room)):
         pieces.append(piece)
@@ -247,7 +247,7 @@ def _shipped(name: str) -> str | None:
 
 
 def private(path: str, flags: int) -> int:
-    """An opener of new files that their owner alone reads and writes, whatever the umask."""
+    """Open a new file that only its owner can read and write, whatever the umask."""
     return os.open(path, flags, 0o600)
 
 
@@ -263,7 +263,7 @@ except ImportError:  # Windows, browsers
 
 
 def lock(stream: IO[bytes]) -> None:
-    """Lock an open file for this process until it is closed, as far as the system has locks; OSError where it cannot.
+    """Lock an open file for this process until it is closed, if the system supports locks; raise OSError on failure.
 
     >>> from tempfile import TemporaryFile
     >>> with TemporaryFile() as stream:

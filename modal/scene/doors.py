@@ -1,4 +1,4 @@
-"""The doors of the packages: arguments of public functions that are none of what their annotations say.
+"""Checks of the arguments of public functions against their annotations.
 
     @checked
     def mode_orbit(scene: Scene, number: int, amplitude: float) -> Orbit: …
@@ -9,7 +9,7 @@
     number 1.5: must be a whole number
     amplitude nan: must be a finite number
 
-One home for it, so that no function spends lines on what its signature has said already; ranges stay with the function.
+The checks are made here once, so that functions need not repeat their signatures; ranges are checked by the functions.
 """
 
 from __future__ import annotations
@@ -44,10 +44,10 @@ WAYS = {
 
 
 def checked(function: Function) -> Function:
-    """The function with one SceneError for all arguments that are of other types than their annotations.
+    """Decorate a function to raise one SceneError for all arguments of wrong types.
 
-    Numbers have to be finite, unless the default is infinite.  Annotations that say more than a type, a number, words
-    or a list of them are not looked at.
+    Numbers must be finite, unless the default is infinite. Annotations other than a type, a number, words or a list of
+    them are not checked.
     """
     door = _Door(function)
 
@@ -61,7 +61,7 @@ def checked(function: Function) -> Function:
 
 
 def formerly(**names: str) -> Callable[[Function], Function]:
-    """A function whose arguments had these names before: one SceneError says what each is called now.
+    """Decorate a function whose arguments had these names before: one SceneError gives the present names.
 
     >>> @formerly(orbits="members")
     ... def draw(scene: str, *, members: int = 24) -> int:
@@ -85,7 +85,7 @@ def formerly(**names: str) -> Callable[[Function], Function]:
 
 
 def problem_of(kind: str, value: object) -> str:
-    """Why a value is none of a kind, a name of a class, "" where it is one.
+    """Return why a value is not of a kind, the name of a class; "" if it is.
 
     >>> problem_of("Modes", "chain-2")
     'a Modes is required, not str: natural_modes(scene) gives them'
@@ -99,7 +99,7 @@ def problem_of(kind: str, value: object) -> str:
 
 
 def require_type(name: str, value: object, *kinds: str) -> None:
-    """SceneError for an argument that is of none of these kinds, names of classes.
+    """Raise SceneError for an argument of none of these kinds, names of classes.
 
     >>> try:
     ...     require_type("trajectory", "run.npz", "Trajectory")
@@ -113,7 +113,7 @@ def require_type(name: str, value: object, *kinds: str) -> None:
 
 
 def checked_number(name: str, value: object, lowest: float = -float("inf"), highest: float = float("inf")) -> float:
-    """A finite number within bounds; SceneError that names any other value.
+    """Return a finite number within bounds; raise SceneError with any other value.
 
     >>> checked_number("energy", 2)
     2.0
@@ -126,7 +126,7 @@ def checked_number(name: str, value: object, lowest: float = -float("inf"), high
 
 
 def checked_index(name: str, value: object, lowest: int, highest: int) -> int:
-    """A whole number from `lowest` to `highest`; SceneError that names any other value.
+    """Return an integer from `lowest` to `highest`; raise SceneError with any other value.
 
     >>> checked_index("copy", 1, 0, 2)
     1
@@ -145,7 +145,7 @@ def _value_text(value: object) -> str:
 
 
 def shorten(text: str) -> str:
-    """A value in a message, of a long one its beginning."""
+    """Return a value for a message, shortened if it is long."""
     return text if len(text) <= VALUE_LETTERS else f"{text[: VALUE_LETTERS - 1]}…"
 
 
@@ -182,7 +182,7 @@ class _Door:
 
 
 def _check(annotation: str, names: Mapping[str, Any], has_no_bound: bool) -> Check | None:
-    """The check of an annotation, None where it says more than can be checked."""
+    """The check of an annotation, None if it says more than can be checked."""
     atoms = [atom.strip() for atom in annotation.split(" | ")]
     checks = [_of_atom(atom, names, has_no_bound) for atom in atoms if atom != "None"]
     known_checks = [check for check in checks if check is not None]

@@ -1,7 +1,7 @@
-"""What a scene has: every feature that some capability must know of, with its place, its name and the way out.
+"""Features of scenes that matter to some capability, each with its place, its name and a remedy.
 
-`Scene.features` holds the names of those that a scene has, found once.  What takes which is stated in `capabilities`;
-equations of motion read the numbers of a scene, not its features.
+`Scene.features` holds the names of those that a scene has. Their support is defined in `capabilities`; equations of
+motion read the numbers of a scene, not its features.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from modal.scene.validation import Part
 
 
 class Described(Protocol):
-    """What is read of a scene."""
+    """The attributes of a scene from which features are determined."""
 
     @property
     def support(self) -> Any:
@@ -62,10 +62,10 @@ class Described(Protocol):
 
 
 class Feature(NamedTuple):
-    """A trait of scenes: its name in a sentence, the way out of it, and the keys of a scene whose values tell it.
+    """A feature of scenes: its name in a sentence, a remedy, and the keys of a scene that determine it.
 
-    A scene has it where `has` is true of the value of that key in the scene, a support (one of several keys), a spring,
-    a pendulum or a link, and `condition` of the scene.
+    A scene has it if `has` is true of the value of that key in the scene, a support (one of several keys), a spring, a
+    pendulum or a link, and `condition` of the scene.
     """
 
     words: str
@@ -79,7 +79,7 @@ class Feature(NamedTuple):
     condition: Callable[[Described], bool] = lambda scene: True
 
     def places(self, scene: Described) -> Iterator[str]:
-        """Where a scene has it, as `pendulum[0].links[1].friction = 0.1`."""
+        """Return the places of a scene that have it, such as `pendulum[0].links[1].friction = 0.1`."""
         for where, part, key in self._parts(scene):
             value = getattr(part, key, None)
             if value is not None and self.has(value):
@@ -129,7 +129,7 @@ def _stays_behind(scene: Described) -> bool:
 
 
 def holds_still(links: Sequence[AnyLink]) -> bool:
-    """Whether all mass below a pivot, and every rotor, may rest while the pivot moves."""
+    """Whether all mass below a pivot, and every rotor, can stay at rest while the pivot moves."""
     last = next((i for i, link in enumerate(links) if link.inertia or link.centre == link.length), len(links) - 1)
     return not (links[last].inertia or any(link.rotor_inertia for link in links[: last + 2]))
 
@@ -147,7 +147,7 @@ def _is_structure(scene: Described) -> bool:
 
 
 def hangs_plainly(scene: Described) -> bool:
-    """Whether all hangs from one nameless fixed, moved or cart support, with no springs: no name can be wrong."""
+    """Whether all pendula hang from one unnamed fixed, moved or cart support without springs: no name can be wrong."""
     support = scene.support
     if isinstance(support, tuple) or support.kind not in {"fixed", "cart", "moved"} or scene.spring or scene.ground:
         return False
@@ -199,7 +199,7 @@ def _sustains(value: Any) -> bool:
 
 
 def _is_active(value: Any) -> bool:
-    """Whether a law may supply energy, without being left out as drives are."""
+    """Whether a law may supply energy, without being omitted as drives are."""
     laws = [part.law for part in _laws(value)]
     return any(not (law.is_conservative or law.is_dissipative or law.is_drive) for law in laws)
 
@@ -288,7 +288,7 @@ DRIVES = frozenset({"escapement", "van_der_pol"})
 
 
 def features(scene: Described) -> frozenset[str]:
-    """The names of all that a scene has.
+    """Return the names of all features of a scene.
 
     >>> from modal import load
     >>> sorted(features(load("huygens")))
@@ -306,7 +306,7 @@ def features(scene: Described) -> frozenset[str]:
 
 
 def varied_features(path: str) -> frozenset[str]:
-    """The names of those that a number at this path of a scene gives to some values of it.
+    """Return the names of the features that a scene has for some values of the number at this path.
 
     >>> sorted(varied_features("pendulum[0].links[*].quadratic_drag"))
     ['quadratic_drag']

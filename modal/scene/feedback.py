@@ -1,9 +1,9 @@
-"""Feedback: an input of a scene that depends on what is measured of it.
+"""Feedback: inputs of a scene that depend on measured outputs.
 
     u = −gain (output − reference),    or    u = −K z,    z = (q, q') from equilibrium,
 
-limited to ±`limit`; with a `sample_time` T it is computed at k T and held until the next sample, and acts a `delay`
-later.  A file of gains has a column for each state, with its name as heading, and a row for each input.
+limited to ±`limit`; with a `sample_time` T it is computed at k T, held until the next sample, and delayed by `delay`. A
+file of gains has a column for each state, with its name as heading, and a row for each input.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ NAME = text(200)
 
 
 class GainMatrix(Part):
-    """The rows of a K, one for each input, with the names of the states that its columns multiply.
+    """The rows of a gain matrix K, one for each input, with the names of the states that its columns multiply.
 
     >>> GainMatrix(states=["theta_1_1", "theta_dot_1_1"], rows=[[12.0, 3.0]]).rows
     ((12.0, 3.0),)
@@ -82,16 +82,16 @@ class Feedback(Part):
 
     @property
     def inputs(self) -> tuple[str, ...]:
-        """The names of its inputs, also where there is one."""
+        """The names of its inputs, as a tuple even for one."""
         return self.input if isinstance(self.input, tuple) else (self.input,)
 
     @property
     def delayed_samples(self) -> int:
-        """How many samples later it acts."""
+        """The delay in samples."""
         return round(self.delay / self.sample_time) if self.sample_time else 0
 
     def problems(self) -> Iterator[str]:
-        """What is measured in two ways or in none, and times that do not fit."""
+        """Outputs given twice or not at all, and inconsistent times."""
         has_output = self.output is not None or self.gain is not None
         if has_output == (self.gains is not None):
             yield ": needs either output and gain, or gains"
@@ -111,7 +111,7 @@ class Feedback(Part):
 
 
 def parts_of(values: Sequence[Any]) -> tuple[Feedback, ...]:
-    """The loops that a list describes; ValueError with every mistake and its place."""
+    """Return the loops that a list describes; raise ValueError with every mistake and its place."""
     loops, problems = [], list[str]()
     for k, value in enumerate(values):
         try:
@@ -124,5 +124,5 @@ def parts_of(values: Sequence[Any]) -> tuple[Feedback, ...]:
 
 
 def schema_of() -> Schema:
-    """The schema of one loop, for editors."""
+    """Return the schema of one loop, for editors."""
     return Feedback.schema()

@@ -37,24 +37,24 @@ _DEEP = re.compile(
 
 
 def load(source: str | os.PathLike[str] | Scene) -> Scene:
-    """The scene at a path, of a shipped name, or from standard input.
+    """Load the scene at a path, of a shipped name, or from standard input.
 
     Parameters
     ----------
     source
-        A path to a TOML file, the name of a shipped scene (one of `example_names`), or "-" for standard input.  A file
-        comes before a shipped scene of the same name.  A scene is its own.
+        A path to a TOML file, the name of a shipped scene (one of `example_names`), or "-" for standard input. A file
+        takes precedence over a shipped scene of the same name. A scene is returned as it is.
 
     Returns
     -------
     Scene
-        The scene, checked; records and matrices that the file names are read with it.
+        The checked scene, including the records and matrices that the file names.
 
     Raises
     ------
     SceneError
-        The source cannot be read, is no TOML, or describes no possible scene.  Every line of the message begins with
-        the name of the source, and every mistake has its place.
+        The source cannot be read, is not TOML, or does not describe a valid scene. Every line of the message begins
+        with the name of the source, and every mistake has its place.
 
     Examples
     --------
@@ -72,7 +72,7 @@ def load(source: str | os.PathLike[str] | Scene) -> Scene:
 
 
 def parse(text: bytes, folder: Path = Path()) -> Scene:
-    """The scene in a TOML document; files that it names are relative to `folder`."""
+    """Return the scene in a TOML document; files that it names are relative to `folder`."""
     try:
         document = decode_text(text, "scene").replace("\r\n", "\n")
         for key in _DEEP.finditer(document):
@@ -101,7 +101,7 @@ def _line(match: re.Match[str]) -> int:
 
 
 def dumps(scene: Scene) -> str:
-    """The TOML document that reads back as an equal scene, bit for bit.
+    """Return a TOML document that reads back as an equal scene, bit for bit.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def dumps(scene: Scene) -> str:
     Returns
     -------
     str
-        The document.  Numbers have as many digits as bring back the same floats.
+        The document. Numbers have enough digits to restore the same floats.
 
     Examples
     --------
@@ -129,10 +129,10 @@ def dumps(scene: Scene) -> str:
 
 
 def dumps_like(scene: Scene, source: str | os.PathLike[str] | Scene, folder: Path = Path()) -> str:
-    """`dumps`, with the comments and the layout of a source of which the scene differs in numbers alone.
+    """Return `dumps` with the comments and the layout of a source that differs only in numbers.
 
-    Without them where the source is no file or shipped scene, or where in `folder` the text would not read back as the
-    scene, as where that lacks the records that it names.
+    They are omitted if the source is neither a file nor a shipped scene, or if the text would not read back as the
+    scene in `folder`, for example because records that it names are missing there.
     """
     import tomlkit
 
@@ -166,14 +166,14 @@ def _edit(container: Any, before: Any, after: Any) -> None:
 
 @checked
 def dump(scene: Scene, path: str | os.PathLike[str]) -> None:
-    """Write a scene file, whole or not at all.
+    """Write a scene file, completely or not at all.
 
     Parameters
     ----------
     scene
         Any scene; the file holds what `dumps` returns.
     path
-        Where to write.  A file that is there is replaced.
+        Where to write.  An existing file is replaced.
 
     Raises
     ------
@@ -197,7 +197,7 @@ def dump(scene: Scene, path: str | os.PathLike[str]) -> None:
 
 
 def schema() -> dict[str, Any]:
-    """The JSON Schema of a scene file, for editors."""
+    """Return the JSON Schema of a scene file, for editors."""
     document = Scene.model_json_schema()
     for name in ("RandomMotion", "RandomForce"):
         random = document["$defs"][name]["properties"]
@@ -208,12 +208,12 @@ def schema() -> dict[str, Any]:
 
 
 def example_names() -> list[str]:
-    """Names of the scenes that come with the package.
+    """Return the names of the scenes that come with the package.
 
     Returns
     -------
     list of str
-        In alphabetical order.  `load` takes each of them, and so does every command.
+        In alphabetical order. `load` and every command accept each of them.
 
     Examples
     --------
@@ -225,7 +225,7 @@ def example_names() -> list[str]:
 
 
 def example_text(name: str) -> str:
-    """The file of a shipped scene; SceneError for an unknown name."""
+    """Return the file of a shipped scene; raise SceneError for an unknown name."""
     if name not in example_names():
         raise SceneError([f"{name}: no such shipped scene{_similar_examples(name)}"])
     return Path(SHIPPED, f"{name}.toml").read_text(encoding="utf-8")
@@ -236,9 +236,9 @@ def _similar_examples(name: str) -> str:
 
 
 def kind_of(path: str | os.PathLike[str], kinds: Sequence[str], prefix: str = "") -> str:
-    """The suffix of a file's name, one of `kinds`, the first of them for standard output.
+    """Return the suffix of a file name, one of `kinds`; the first of them for standard output.
 
-    Raises SceneError for any other, with the words `prefix` preceding the name.
+    Raise SceneError for any other, with the words `prefix` before the name.
     """
     name = os.fspath(path)
     kind = kinds[0] if name == STANDARD else os.path.splitext(name)[1].removeprefix(".").lower()
@@ -251,12 +251,12 @@ def kind_of(path: str | os.PathLike[str], kinds: Sequence[str], prefix: str = ""
 
 @contextmanager
 def whole_file(path: str | os.PathLike[str], *, opener: Callable[[str, int], int] | None = None) -> Iterator[IO[bytes]]:
-    """A binary stream that becomes `path` when the block succeeds and leaves nothing behind when it fails.
+    """Open a binary stream that becomes `path` if the block succeeds and leaves nothing behind if it fails.
 
     A link is followed; anything but a regular file (a pipe, a device) is written directly; "-" is standard output,
-    written at the end.  `opener` opens the file instead of the one that all may read, as `private` does.  Raises
-    OSError where it cannot be written, naming `path` or another file that the block writes, SceneError where binary
-    content would go to a terminal.
+    written at the end. `opener` opens the file with other permissions, as `private` does. Raise OSError if it cannot be
+    written, naming `path` or another file that the block writes, and SceneError if binary content would go to a
+    terminal.
     """
     if os.fspath(path) == STANDARD:
         buffer = BytesIO()

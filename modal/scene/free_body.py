@@ -1,11 +1,11 @@
-"""A scene taken apart: the cart or the fixed support, and every link with the forces and moments that act on it.
+"""Free-body diagrams of a scene: the support and every link with the forces and moments that act on them.
 
-Each joint holds two parts together: what it exerts on the one it exerts reversed on the other.  x is along the rail and
-z down (y in paper 000), θ from the vertical towards +x, and moments are positive the way θ grows.  Names of letters are
-those of `modal.symbolic`: `F_1_2` with an index of pendulum and link, `xddot_1_2` for its second derivative.
+A joint exerts opposite forces and moments on its two parts. x is along the rail and z down (y in paper 000), θ from the
+vertical towards +x, and moments are positive in the direction of increasing θ. Names of letters are those of
+`modal.symbolic`: `F_1_2` with an index of pendulum and link, `xddot_1_2` for its second derivative.
 
-This is the one home of what acts on which part: `modal.symbolic.newton_euler` writes the balances of Newton and Euler
-from it, `modal.plotting.plot_free_body` the diagrams.
+All efforts on parts are defined here: `modal.symbolic.newton_euler` writes the Newton–Euler equations from them,
+`modal.plotting.plot_free_body` draws the diagrams.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ Where = Literal["centre", "upper", "lower", "point", "support"]
 
 
 class Effort(NamedTuple):
-    """A force or a moment on a part, at a place of it: its components by the names of their letters, "" for none.
+    """A force or a moment on a part, at a point of it: its components by the names of their letters, "" for none.
 
-    They act as their letters say, along +x, down and the way θ grows, or reversed with `sign` −1.  `kind` is "weight",
-    "joint" (a joint's force or moment), "normal" (of the rail), "held" (of a spring, a damper and friction between cart
-    and rail), "drag" or "applied"; `pendulum` is the number, from 0, of that which acts on a support.  `below` is the
+    They act along +x, down and in the direction of increasing θ, or reversed with `sign` −1. `kind` is "weight",
+    "joint" (a joint's force or moment), "normal" (of the rail), "held" (spring, damper and friction between cart and
+    rail), "drag" or "applied"; `pendulum` is the number, from 0, of the pendulum that acts on a support. `below` is the
     distance (m) of a "point" from the upper joint, `reach` the name of its letter.
     """
 
@@ -50,10 +50,10 @@ class Effort(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FreeBody(Displayed):
-    """A part by its words, its kind ("cart", "fixed", "moved", "bob", "rod" or "body") and all that acts on it.
+    """A part by its words, its kind ("cart", "fixed", "moved", "bob", "rod" or "body") and all efforts on it.
 
-    `index` is what its letters end in, `place` the numbers of its pendulum and its link from 0.  `mass`, `length`,
-    `centre` and `inertia` are names of letters, "" where it has none of its own; `link` is the link of the scene.
+    `index` is the index of its letters, `place` the numbers of its pendulum and its link from 0. `mass`, `length`,
+    `centre` and `inertia` are names of letters, "" if it has none; `link` is the link of the scene.
     """
 
     words: str
@@ -83,7 +83,7 @@ class FreeBody(Displayed):
 class FreeBodies(Displayed):
     """All parts of a scene, the support first, then link by link from the top of each pendulum.
 
-    `letters` tells whose letters they have; `downward` is that of the second axis, z or y.
+    `letters` names their notation; `downward` is that of the second axis, z or y.
     """
 
     scene: Scene
@@ -97,7 +97,7 @@ class FreeBodies(Displayed):
 
     @property
     def support(self) -> FreeBody:
-        """The cart, or what stands still."""
+        """The cart or the fixed support."""
         return self.parts[0]
 
     @property
@@ -111,7 +111,7 @@ class FreeBodies(Displayed):
         return chains
 
     def of(self, part: FreeBody) -> FreeBody | None:
-        """The link below a link, None at the end."""
+        """Return the link below a link, None at the end."""
         chain = self.pendula[part.place[0]]
         return chain[part.place[1] + 1] if part.place[1] + 1 < len(chain) else None
 
@@ -127,9 +127,9 @@ def _effort_words(effort: Effort) -> str:
 
 @checked
 def free_bodies(scene: Scene, letters: str = "own") -> FreeBodies:
-    """The parts of a scene in the plane, with the letters of LETTERS.
+    """Return the parts of a scene in the plane, with the letters of LETTERS.
 
-    Raises SceneError for what has no parts of this kind (`CAPABILITIES["a free-body diagram"]`).
+    Raise SceneError for unsupported scenes (`CAPABILITIES["a free-body diagram"]`).
 
     >>> from modal import load
     >>> from modal.scene import free_bodies
@@ -284,7 +284,7 @@ class JointMoment(NamedTuple):
 
 
 def joint_law(bodies: FreeBodies, part: FreeBody) -> JointMoment | None:
-    """What makes the moment of the joint above a link; None where nothing does."""
+    """What makes the moment of the joint above a link; None if nothing does."""
     link: Any = part.link
     if link is None or not has_moment(link):
         return None

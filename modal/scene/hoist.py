@@ -1,4 +1,4 @@
-"""A rope that is hoisted or lowered: what a scene says of its length, which `modal.scene.length_laws` makes a law."""
+"""The description of a hoisted rope in a scene, which `modal.scene.length_laws` turns into a law of time."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Hoist(Part):
     """A new length `to` (m), from `begin` (s) over `duration` (s), or a record of lengths `length_m` at `time_s`.
 
     A record's `file` is read with the scene file that names it (`modal.scene.records`); the hoist holds its numbers.
-    `ramp` is the share of the duration for which a trapezoidal speed rises, and falls.
+    `ramp` is the fraction of the duration during which a trapezoidal speed rises, and during which it falls.
     """
 
     to: float | None = field(optional(POSITIVE), "length at the end, required without a file", "m", default=None)
@@ -57,7 +57,7 @@ class Hoist(Part):
 
     @property
     def is_recorded(self) -> bool:
-        """Whether its lengths are a record's."""
+        """Whether its lengths come from a record."""
         return any(getattr(self, name) is not None for name in ("file", *RECORD))
 
     def problems(self) -> Iterator[str]:
@@ -87,7 +87,7 @@ class Hoist(Part):
             yield ".time_s: must be strictly ascending"
 
     def problems_from(self, length: float) -> Iterator[str]:
-        """What is wrong with the way from `length` (m) on: another beginning, no positive or no finite lengths."""
+        """Return what is wrong with the law from `length` (m) on: another start, lengths not positive or not finite."""
         key, words = ("length_m", f"a record that begins at {self.length_m[0]:g} m") if self.length_m else ("to", "it")
         if self.length_m and not isclose(self.length_m[0], length):
             yield f".length_m: begins at {self.length_m[0]:g} m, and its link has length = {length:g}"

@@ -1,4 +1,4 @@
-"""Laws of joints as a scene has them: `law = { kind = "magnet", strength = 0.02 }`, a table or a list of tables.
+"""Joint laws in a scene: `law = { kind = "magnet", strength = 0.02 }`, a table or a list of tables.
 
 The kind is the name of a `JointLaw` (`modal.extend`), its numbers are the parameters of that.
 """
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class JointPart(Part):
-    """The numbers of a law of joints.
+    """The numbers of a joint law.
 
     >>> from modal.scene import VanDerPol
     >>> VanDerPol(strength=0.1, angle_deg=5.0).numbers
@@ -37,13 +37,13 @@ class JointPart(Part):
 
     @property
     def linear_coefficients(self) -> tuple[float, float]:
-        """Stiffness (N m/rad) and damping (N m s/rad) about equilibrium; 0 of a drive, which linear models have not."""
+        """Stiffness (N m/rad) and damping (N m s/rad) about equilibrium; 0 for a drive, which linear models ignore."""
         kind: Any = type(self.law)
         return (0.0, 0.0) if self.law.is_drive else _linear_coefficients(kind, tuple(self.numbers.values()))
 
     @property
     def coefficient_slopes(self) -> dict[str, tuple[float, float]]:
-        """How these change with every parameter."""
+        """Their derivatives with respect to every parameter."""
         return {} if self.law.is_drive else self.law.coefficient_slopes(self.numbers)
 
 
@@ -88,7 +88,7 @@ def _by_name(law: type[JointLaw], numbers: Sequence[float]) -> dict[str, float]:
 
 @cache
 def part_of(law: Any) -> type[JointPart]:
-    """The part of scenes with the parameters of a law.
+    """Return the class of scene parts with the parameters of a law.
 
     >>> from modal.extend.laws import SpringLaw
     >>> part_of(SpringLaw)(stiffness=2.0).linear_coefficients

@@ -1,16 +1,16 @@
-"""The prescribed length of a rope that is hoisted or lowered: a law of time, made of polynomials.
+"""The prescribed length of a hoisted rope: a law of time made of polynomials.
 
     smooth        l = l₀ + Δ (10 s³ − 15 s⁴ + 6 s⁵),  s = (t − begin)/duration: speed and acceleration end at 0
-    trapezoidal   the speed rises linearly for a share of the duration, is constant, and falls as long
+    trapezoidal   the speed rises linearly for a fraction of the duration, is constant, and falls equally long
     a record      the cubic spline through its points with speed 0 at both ends; where that would leave the range of
                   its samples, cubics that do not
 
-Before a law begins and after its end the length is constant.  A way is such a law, too: that of a travel within limits
-of its speed, its acceleration and its jerk, and the sum of several that begin one after the other.
+Before a law begins and after its end the length is constant. A travel is such a law too: within limits of speed,
+acceleration and jerk, or the sum of several delayed ones.
 
-A spline through a step, a corner or a hole overshoots without limit.  Where it leaves the range of the four samples
-around an interval, there a record is joined without it, the splines on either side are made anew, and so on until
-none leaves; fewer than six samples are too few for one.
+A spline through a step, a corner or a gap overshoots. An interval in which it leaves the range of the four samples
+around is joined without it, and the splines on either side are recomputed, until none overshoots; a spline needs at
+least six samples.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ class LengthLaw(Displayed):
 
     @property
     def greatest(self) -> float:
-        """A bound of all lengths, speeds and accelerations (SI); inf or NaN where double precision has none."""
+        """A bound of all lengths, speeds and accelerations (SI); inf or NaN if double precision has none."""
         sizes, bounds = np.abs(self.coefficients), []
         powers = np.diff(self.knots)[:, None] ** np.arange(sizes.shape[1])
         for _ in range(3):
@@ -93,7 +93,7 @@ class LengthLaw(Displayed):
 
 @lru_cache(maxsize=256)
 def profile_law(length: float, to: float, begin: float, span: float, share: float | None) -> LengthLaw:
-    """From a `length` (m) `to` another over `span` (s): smooth, or with a speed that rises for a share of it."""
+    """Return a law from a `length` (m) `to` another over `span` (s): smooth, or with a trapezoidal speed."""
     change = to - length
     if share is None:
         powers = span ** -np.arange(6.0) * np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0]) * change
@@ -111,11 +111,11 @@ def profile_law(length: float, to: float, begin: float, span: float, share: floa
 def limited_law(
     distance: float, begin: float, speed: float, acceleration: float, jerk: float = inf, step: float = 0.0
 ) -> LengthLaw:
-    """The shortest way of a `distance` (m), at rest before `begin` (s) and afterwards, within limits (SI).
+    """Return the fastest travel over a `distance` (m), at rest before `begin` (s) and afterwards, within limits (SI).
 
     The acceleration rises at the limit of the jerk, is constant, and falls, the speed is constant, and all of it is
-    mirrored; a phase for which the way is too short is left out.  Without a limit of the jerk that is a trapezoid of
-    the speed.  With a `step` (s) every phase lasts a multiple of it, so much longer, at lower peaks.
+    mirrored; phases for which the distance is too short are omitted. Without a limit of the jerk the speed is
+    trapezoidal. With a `step` (s) every phase lasts a multiple of it, a little longer and with lower peaks.
 
     >>> limited_law(6.0, 0.0, 2.0, 1.0).knots.tolist(), limited_law(1.0, 0.0, 2.0, 1.0).knots.tolist()
     ([0.0, 2.0, 3.0, 5.0], [0.0, 1.0, 2.0])
@@ -141,7 +141,7 @@ def limited_law(
 
 
 def integrated_law(knots: Floats, acceleration: Floats, jerk: Floats) -> LengthLaw:
-    """The way from rest of an `acceleration` (m/s²) at the begin of each of K pieces, with a constant `jerk` in each.
+    """Return the travel from rest with an `acceleration` (m/s²) at the start and a constant `jerk` in each of K pieces.
 
     >>> integrated_law(np.array([0.0, 2.0]), np.array([3.0]), np.array([0.0])).end
     6.0
@@ -178,12 +178,12 @@ def superposed(law: LengthLaw, delays: Floats, amplitudes: Floats) -> LengthLaw:
 
 @lru_cache(maxsize=64)
 def recorded_law(times: tuple[float, ...], lengths: tuple[float, ...], interpolation: str = "auto") -> LengthLaw:
-    """The law of a record."""
+    """Return the law of a record."""
     return spline(np.array(times), np.array(lengths), interpolation)
 
 
 def spline(times: Floats, lengths: Floats, interpolation: str = "auto") -> LengthLaw:
-    """The law through lengths (m) at ascending times (s), both (T,), with speed 0 at both ends."""
+    """Return the law through lengths (m) at ascending times (s), both (T,), with speed 0 at both ends."""
     resting = monotone_slopes(times, lengths)
     resting[[0, -1]] = 0.0
 
@@ -281,7 +281,7 @@ def splined_stretches(straight: Booleans) -> list[tuple[int, int]]:
 
 
 def unsplined_words(times: Floats, is_straight: Booleans, joined_by: str) -> str:
-    """One line of where a record is joined without a spline; "" for nowhere."""
+    """Return a line on where a record is joined without a spline; "" if nowhere."""
     at = np.flatnonzero(is_straight)
     if not at.size:
         return ""

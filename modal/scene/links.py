@@ -1,15 +1,15 @@
-"""A link of a pendulum: its mass and geometry, and what acts on it besides gravity.
+"""A link of a pendulum: its mass and geometry, and the forces on it in addition to gravity.
 
 Link i has mass m_i, length l_i (pivot to next joint), centre of mass at c_i along it and moment of inertia I_i
 about that centre, in SI units.
 A drive sustains the swing of a clock or a metronome: it acts on the angle γ between a link and the one above, measured
 from equilibrium (at a top joint: from the vertical), and with opposite sign on the link above.
-Dry friction at a joint opposes sliding with a constant torque, and holds what is at rest up to that limit.  Drag,
+Dry friction at a joint opposes sliding with a constant torque, and holds the joint at rest up to that limit.  Drag,
 −(drag + quadratic_drag |v|) v, acts at the centre of mass of a link against still air.
 
 A loss angle φ is that of the complex stiffness k (1 + iφ) of a spring or a joint, and of a wire that gravity holds
-straight: one number for all frequencies, or a table of them; between two of its frequencies it is a straight line over
-logarithmic axes (over linear ones where a number is 0), beyond them it is that of the nearest.
+straight: one number for all frequencies, or a table of them; between two of its frequencies it is linear on logarithmic
+axes (on linear ones where a number is 0), beyond them constant.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ LOSS_ANGLE: Schema = {
 
 
 def is_lossy(loss: Loss) -> bool:
-    """Whether a loss angle is not 0 at some frequency."""
+    """Whether a loss angle is nonzero at some frequency."""
     return any(loss.loss) if isinstance(loss, LossTable) else loss > 0
 
 
@@ -101,12 +101,12 @@ class VanDerPol(JointPart):
 
     @property
     def law(self) -> JointLaw:
-        """The torque of any angle and rate."""
+        """The torque at any angle and rate."""
         law: JointLaw = deferred("modal.extend.laws:VanDerPolLaw")()
         return law
 
     def stronger(self, factor: float) -> VanDerPol:
-        """So many times the torque."""
+        """Return the drive with the torque multiplied by a factor."""
         return self.replace(strength=self.strength * factor)
 
 
@@ -122,7 +122,7 @@ class Escapement(Part):
     angle_deg: float = field(number(ge=0, lt=180), "joint angle of the kick", "°", default=0.0)
 
     def stronger(self, factor: float) -> Escapement:
-        """So many times the kick."""
+        """Return the escapement with the kick multiplied by a factor."""
         return self.replace(impulse=self.impulse * factor)
 
 
@@ -130,7 +130,7 @@ Drive = VanDerPol | Escapement
 
 
 class Link(Part):
-    """Mass and length of a link, and what acts on it besides gravity.
+    """Mass and length of a link, and the forces on it in addition to gravity.
 
     `loss` is φ of stiffness (1 + iφ), `wire_loss` that of (weight below/length)(1 + iφ), already diluted.
     """
@@ -169,7 +169,7 @@ class Link(Part):
 
     @property
     def placed_laws(self) -> list[tuple[tuple[str | int, ...], JointPart]]:
-        """The same with the steps that lead to each."""
+        """Return the same with the path of each."""
         several = isinstance(self.law, tuple)
         laws = self.law if isinstance(self.law, tuple) else (self.law,) if self.law else ()
         placed: list[tuple[tuple[str | int, ...], JointPart]] = []
@@ -181,25 +181,25 @@ class Link(Part):
 
     @property
     def placed_forces(self) -> list[tuple[tuple[str | int, ...], Any]]:
-        """The forces on its centre of mass with the steps that lead to each."""
+        """Return the forces on its centre of mass with the path of each."""
         if not isinstance(self.point_force, tuple):
             return [(("point_force",), self.point_force)] if self.point_force else []
         return [(("point_force", k), part) for k, part in enumerate(self.point_force)]
 
     @property
     def linear_drag(self) -> float:
-        """The linear drag (N s/m), with that of these forces."""
+        """The linear drag (N s/m), including that of these forces."""
         of_forces: float = sum(part.linear_drag for _, part in self.placed_forces)
         return self.drag + of_forces
 
     def laws_that(self, stays: Callable[[JointLaw], bool]) -> tuple[JointPart, ...] | None:
-        """Those of `law` that stay."""
+        """Return the laws of `law` that are selected."""
         laws = self.law if isinstance(self.law, tuple) else (self.law,) if self.law else ()
         return tuple(part for part in laws if stays(part.law)) or None
 
     @property
     def reflected_inertia(self) -> float:
-        """The inertia J = rotor_inertia · gear_ratio² (kg m²) that the upper joint feels of its rotor."""
+        """The inertia J = rotor_inertia · gear_ratio² (kg m²) of its rotor at the upper joint."""
         return self.rotor_inertia * self.gear_ratio**2
 
     @property
@@ -211,12 +211,12 @@ class Link(Part):
         return self.stiffness + sum(stiffnesses), self.damping + sum(dampings)
 
     def heavier(self, factor: float) -> Self:
-        """That many copies as one, with so much stronger a drive; not of links with a law."""
+        """Return as many copies as one link, with a drive as many times stronger; not for links with a law."""
         drive = self.drive and self.drive.stronger(factor)
         return self.replace(drive=drive, **{name: getattr(self, name) * factor for name in self.extensive})
 
     def problems(self) -> Iterator[str]:
-        """A hoist or a wire's loss of anything but a bob, a hoist that cannot begin here, and the loss of no spring."""
+        """A hoist or wire loss of a link other than a bob, a hoist that cannot begin here, a loss without a spring."""
         if is_lossy(self.wire_loss) and getattr(self, "kind", "") != "bob":
             yield '.wire_loss: only a bob hangs on a wire: write kind = "bob", or give loss to a stiffness'
         if is_lossy(self.loss) and not self.stiffness:

@@ -1,4 +1,4 @@
-"""What is wrong with a part of a scene, in words: its place as in the file, what it must be, how it is written."""
+"""Messages about mistakes in a scene: the place as in the file, the rule, and how to write it."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ LISTS_OF_TABLES = {
 
 
 def problems_of(error: ValidationError) -> Iterator[str]:
-    """One line per mistake, in the order of the file, and the number omitted where there are many."""
+    """Return one line per mistake, in the order of the file, and the number omitted if there are many."""
     findings = [
         finding for finding in error.errors(include_url=False) if finding["type"] != "too_short" or not finding["input"]
     ]

@@ -1,9 +1,9 @@
-"""A scene: a support and its pendula, checked when made and immutable.
+"""A scene: a support and its pendula, immutable and checked on construction.
 
     gravity g;  a fixed support or a cart on a straight horizontal rail;  pendula, each a chain of links (`links`).
 
-All numbers are SI; angles in a scene file are degrees from the downward vertical.  Dry friction on the rail opposes
-sliding with a constant force, and holds what is at rest up to that limit.
+All numbers are SI; angles in a scene file are degrees from the downward vertical. Dry friction on the rail opposes
+sliding with a constant force, and holds the cart at rest up to that limit.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ class Pendulum(Part):
     """A chain of links, top to bottom, in `count` copies.
 
     `equilibrium` gives for each link whether it points down or up; the scene is linearized about that equilibrium.
-    `on` names the support that it hangs from, required where there are several; `position` is that of its first joint,
+    `on` names the support from which it hangs, required if there are several; `position` is that of its first joint,
     (along, below) the support's origin as drawn (m).
 
     >>> from modal import Bob, Pendulum, Rod
@@ -132,7 +132,7 @@ class Pendulum(Part):
         return self.equilibrium or hanging * self.n_links
 
     def problems(self) -> Iterator[str]:
-        """Lists that do not fit the links, a wire that stands, and a last link on which gravity does not act."""
+        """Lists that do not fit the links, an inverted wire, and a last link on which gravity does not act."""
         if self.n_links > CHAIN_LINKS_MAX:
             yield f".links: has {self.n_links} links, counting repeats: at most {CHAIN_LINKS_MAX}"
             return
@@ -173,7 +173,7 @@ def _unwrap_single(supports: Any) -> Any:
 class Scene(Displayed, Part):
     """Gravity (m/s²), one or several supports and at least one pendulum, in the vertical plane or in space.
 
-    `damping_ratio` ζ is that of all modes of the scene without dampers, or of each by its number in the table; it is
+    `damping_ratio` ζ applies to all modes of the scene without dampers, or to each by its number in the table; it is
     added to the dampers (`modal.assembly.modal_damping`).
 
     >>> from modal import Bob, Pendulum, Scene
@@ -207,7 +207,7 @@ class Scene(Displayed, Part):
 
     @property
     def supports(self) -> tuple[Support | Moved, ...]:
-        """All supports, also where there is one."""
+        """All supports, as a tuple even for one."""
         return self.support if isinstance(self.support, tuple) else (self.support,)
 
     @property
@@ -217,14 +217,14 @@ class Scene(Displayed, Part):
 
     @property
     def support_names(self) -> tuple[str, ...]:
-        """The name of every support, the kind of one that has none."""
+        """The name of every support, or its kind if it has no name."""
         return tuple(getattr(support, "name", "") or support.kind for support in self.supports)
 
     @property
     def is_structured(self) -> bool:
-        """Whether pendula hang from more than a fixed support, a moved one, or one cart, or springs join points.
+        """Whether the supports are more than a fixed, a moved or a cart support, or springs join points.
 
-        A cart is a structure where springs join points or the ground moves.
+        A cart is a structure if springs join points or the ground moves.
         """
         return not self.features.isdisjoint({"structure", "springs"})
 
@@ -235,19 +235,19 @@ class Scene(Displayed, Part):
 
     @property
     def cart(self) -> Cart | None:
-        """The cart of a scene that is not structured, None where there is none."""
+        """The cart of a scene that is not structured, None if there is none."""
         return self.support if isinstance(self.support, Cart) and not self.is_structured else None
 
     @property
     def motions(self) -> tuple[SupportMotion, ...]:
-        """How the support or the ground moves as prescribed; none where both are at rest."""
+        """The prescribed motions of the support or the ground; none if both are at rest."""
         return next(
             (moving_part.motions for moving_part in (self.ground, self.support) if isinstance(moving_part, Ground)), ()
         )
 
     @property
     def motion_places(self) -> tuple[tuple[str | int, ...], ...]:
-        """Where each of `motions` stands, as ("ground", "motion", 1)."""
+        """The place of each of `motions`, such as ("ground", "motion", 1)."""
         if not self.motions:
             return ()
         moving_part = self.ground or self.support
@@ -257,7 +257,7 @@ class Scene(Displayed, Part):
 
     @property
     def features(self) -> frozenset[str]:
-        """The names of what it has (`modal.scene.features`), found once."""
+        """The names of its features (`modal.scene.features`)."""
         stored_features: frozenset[str] | None = getattr(self, "_features", None)
         if stored_features is None:
             object.__setattr__(self, "_features", stored_features := features(self))
@@ -275,7 +275,7 @@ class Scene(Displayed, Part):
 
     @property
     def has_damping(self) -> bool:
-        """Whether anything in the linearized scene dissipates energy, or may as a loop does."""
+        """Whether the linearized scene dissipates energy, or may do so by feedback."""
         return not self.features.isdisjoint(LOSS | {"feedback"})
 
     @property
@@ -295,7 +295,7 @@ class Scene(Displayed, Part):
 
     @property
     def is_gripped(self) -> bool:
-        """Whether the rail alone has dry friction, which holds the cart in the end while the pendula swing on."""
+        """Whether only the rail has dry friction, which finally holds the cart while the pendula keep swinging."""
         return self.has_friction and "joint_friction" not in self.features
 
     @property
@@ -326,12 +326,12 @@ class Scene(Displayed, Part):
 
     @property
     def without_laws(self) -> Scene:
-        """The same scene without laws of joints and forces on centres that have a kind; drives stay."""
+        """The same scene without joint laws and point forces given by kind; drives are kept."""
         has_forces = self.has_drag and any(link.point_force for link in self.links())
         return self._with(law=None, point_force=None) if has_forces or "law" in self.features else self
 
     def _with_laws(self, stays: Callable[[JointLaw], bool]) -> Scene:
-        """The same scene with those laws of joints alone that stay."""
+        """The same scene with those joint laws alone that stay."""
         if "law" not in self.features:
             return self
         pendula = (
@@ -342,11 +342,11 @@ class Scene(Displayed, Part):
 
     @property
     def is_hoisted(self) -> bool:
-        """Whether the length of any link changes in time."""
+        """Whether the length of any link changes with time."""
         return "hoist" in self.features
 
     def at(self, time: float) -> Scene:
-        """The same scene with all lengths fixed at their values at a time (s)."""
+        """Return the same scene with all lengths fixed at their values at a time (s)."""
         pendula = tuple(
             pendulum.replace(
                 links=tuple(link.replace(length=link.length_at(time), hoist=None) for link in pendulum.links)
@@ -357,7 +357,7 @@ class Scene(Displayed, Part):
 
     @property
     def is_moved(self) -> bool:
-        """Whether the support or the ground moves as prescribed."""
+        """Whether the support or the ground has a prescribed motion."""
         return "moved_support" in self.features
 
     @property
@@ -369,18 +369,18 @@ class Scene(Displayed, Part):
 
     @property
     def is_forced(self) -> bool:
-        """Whether the support or the ground moves, or forces act that change in time."""
+        """Whether the support or the ground moves, or time-dependent forces act."""
         return not self.features.isdisjoint({"moved_support", "force"})
 
     @property
     def unforced(self) -> Scene:
-        """The same scene without forces that change in time."""
+        """The same scene without time-dependent forces."""
         constant = tuple(force for force in self.force if isinstance(force, ConstantForce))
         return self.replace(force=constant) if "force" in self.features else self
 
     @property
     def timeless(self) -> Scene:
-        """The same scene without what acts in time: motions of supports, forces that change, and hoists."""
+        """The same scene without time dependence: support motions, time-dependent forces and hoists."""
         scene = self.still.unforced
         return scene._with(hoist=None) if scene.is_hoisted else scene
 
@@ -404,12 +404,12 @@ class Scene(Displayed, Part):
 
     @property
     def conservative(self) -> Scene:
-        """The same scene without all that does work: drives, losses and what acts in time."""
+        """The same scene without anything that does work: drives, losses and time dependence."""
         return self.timeless.workless
 
     @property
     def workless(self) -> Scene:
-        """The same scene without drives and losses; what acts in time stays."""
+        """The same scene without drives and losses; time dependence is kept."""
         none = {"drive": None, "damping": 0.0, "friction": 0.0, "drag": 0.0, "quadratic_drag": 0.0, "point_force": None}
         loose = self.lossless._with_laws(lambda law: law.is_conservative)._with(**none)
         springs = tuple(spring.replace(damping=0.0) for spring in loose.spring)
@@ -441,7 +441,7 @@ class Scene(Displayed, Part):
         return "inverted" in self.features
 
     def links(self) -> Iterator[AnyLink]:
-        """Every link as specified: copies and runs of equal links once each."""
+        """Every link as specified: copies and runs of equal links are listed once."""
         return (link for pendulum in self.pendulum for link in pendulum.links)
 
     def _summary(self) -> Summary:
@@ -449,7 +449,7 @@ class Scene(Displayed, Part):
         return summary
 
     def problems(self) -> Iterator[str]:
-        """Too many links, what this space does not allow, supports and springs that do not fit; then what falls."""
+        """Too many links, features that this space does not allow, inconsistent supports and springs; imbalances."""
         problems = list(self._own_problems())
         yield from problems
         if self.is_structured and not problems:
@@ -509,7 +509,7 @@ def _without_damping(support: Support | Moved) -> Support | Moved:
 
 
 def validate_scene(scene: object) -> Scene:
-    """The scene itself; SceneError for anything else, with a hint."""
+    """Return the scene itself; raise SceneError, with a hint, for anything else."""
     if isinstance(scene, Scene):
         return scene
     advice = f': load("{fspath(scene)}") gives one' if isinstance(scene, str | PathLike) else ""
@@ -517,7 +517,7 @@ def validate_scene(scene: object) -> Scene:
 
 
 def validate_scenes(scenes: object) -> Sequence[Scene]:
-    """A list of scenes; SceneError for anything else, with the place of what is none."""
+    """Return a list of scenes; raise SceneError for anything else, with the place of the wrong entry."""
     if isinstance(scenes, str) or not isinstance(scenes, Sequence):
         raise SceneError([f"a list of Scenes is required, not {type(scenes).__name__}"])
     wrong = [k for k, scene in enumerate(scenes) if not isinstance(scene, Scene)]
@@ -527,12 +527,12 @@ def validate_scenes(scenes: object) -> Sequence[Scene]:
 
 
 def scene_from(data: object) -> Scene:
-    """The scene described by nested mappings, as in a scene file; SceneError lists every mistake."""
+    """Return the scene described by nested mappings, as in a scene file; raise SceneError with every mistake."""
     return Scene.model_validate(data)
 
 
 def describe(part: Part) -> dict[str, Any]:
-    """The mapping that `scene_from` reads back as an equal object: kinds first, without defaults."""
+    """Return the mapping that `scene_from` reads back as an equal object: kinds first, without defaults."""
     data: dict[str, Any] = {"kind": part.kind} if hasattr(part, "kind") else {}
     for name, entry in part.fields.items():
         value = getattr(part, name)
@@ -542,7 +542,7 @@ def describe(part: Part) -> dict[str, Any]:
 
 
 def plain_data(value: Any) -> Any:
-    """A value of a part as `describe` has it."""
+    """Return a value of a part in the form of `describe`."""
     if isinstance(value, Part):
         return describe(value)
     return [plain_data(item) for item in value] if isinstance(value, tuple) else value

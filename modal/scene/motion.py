@@ -1,4 +1,4 @@
-"""What is prescribed in time: how a support moves, and the forces that act on a scene.
+"""Prescribed time histories: motions of supports and forces on a scene.
 
 Both are a sine, a sweep, a record, or one realization of a random process; a force may also be constant.  Displacements
 are in metres, forces in newtons, positive along the rail (`direction = "horizontal"`) or upwards (`"vertical"`);
@@ -117,7 +117,7 @@ class RecordSignal(Part):
 class RandomSignal(Part):
     """One realization of a stationary random process with the one-sided power spectral density (PSD) `psd`.
 
-    The PSD is interpolated by straight lines over logarithmic axes and is zero outside `frequency_hz`.  The realization
+    The PSD is interpolated linearly on logarithmic axes and is zero outside `frequency_hz`.  The realization
     repeats after `duration` (s).
     """
 
@@ -134,7 +134,7 @@ class RandomSignal(Part):
     duration: float = field(POSITIVE, "after which it repeats", "s")
 
     def problems(self) -> Iterator[str]:
-        """Frequencies that do not fit or do not ascend, a duration too short or too long for them."""
+        """Frequencies that are inconsistent or not ascending, a duration too short or too long for them."""
         yield from super().problems()
         if self.frequency_hz is None:
             yield ".frequency_hz: is required with a list of psd"
@@ -173,8 +173,8 @@ class SweepMotion(SweepSignal, Movement):
 class RecordMotion(RecordSignal, Movement):
     """Samples at `time_s` of the displacement, of the velocity or of the acceleration, joined by a spline.
 
-    Before the first sample and after the last one the support moves on at a constant velocity.  `baseline` "velocity"
-    takes out the constant acceleration by which the velocity at the end differs from that at the beginning.
+    Before the first sample and after the last one the support moves on at a constant velocity. `baseline` "velocity"
+    subtracts a constant acceleration so that the final velocity equals the initial one.
     """
 
     displacement_m: SeveralOrNone[float] = field(REALS_OR_NONE, "samples of a record", "m", default=None)
@@ -186,7 +186,7 @@ class RecordMotion(RecordSignal, Movement):
 
     @property
     def samples(self) -> tuple[Quantity, tuple[float, ...]]:
-        """What is recorded, and its values in SI units."""
+        """The recorded quantity and its values in SI units."""
         return next((of, values) for name, of in RECORDED.items() if (values := getattr(self, name)) is not None)
 
     def problems(self) -> Iterator[str]:
@@ -199,8 +199,8 @@ class RecordMotion(RecordSignal, Movement):
 class RandomMotion(RandomSignal, Movement):
     """One realization of a stationary random process with the one-sided power spectral density (PSD) `psd`.
 
-    `psd` is that of the acceleration, in (m/s²)²/Hz, or of the quantity named by `of`; it is interpolated by straight
-    lines over logarithmic axes and is zero outside `frequency_hz`.  The realization repeats after `duration` (s).
+    `psd` is that of the acceleration, in (m/s²)²/Hz, or of the quantity named by `of`; it is interpolated linearly on
+    logarithmic axes and is zero outside `frequency_hz`. The realization repeats after `duration` (s).
     """
 
     of: Quantity = field(
@@ -209,7 +209,7 @@ class RandomMotion(RandomSignal, Movement):
 
 
 def spectrum_problems(frequencies: tuple[float, ...], psd: tuple[float, ...]) -> Iterator[str]:
-    """What is wrong with a PSD, each line beginning with its key."""
+    """Return what is wrong with a PSD, each line beginning with its key."""
     if len(frequencies) != len(psd):
         yield f".psd: has {len(psd)} values for {len(frequencies)} frequencies"
     elif len(psd) < 2:
@@ -223,7 +223,7 @@ MOTION = any_kind(SineMotion, SweepMotion, RecordMotion, RandomMotion)
 
 
 class Ground(Part):
-    """The ground under everything, which moves as prescribed, by one motion or a horizontal and a vertical one.
+    """The ground under all supports, with one prescribed motion or a horizontal and a vertical one.
 
     >>> from modal.scene import SineMotion
     >>> len(Ground(motion=SineMotion(amplitude=0.01, frequency_hz=1.0)).motions)
@@ -236,7 +236,7 @@ class Ground(Part):
 
     @property
     def motions(self) -> tuple[SupportMotion, ...]:
-        """Its motions, also where there is one."""
+        """Its motions, as a tuple even for one."""
         return self.motion if isinstance(self.motion, tuple) else (self.motion,)
 
     def problems(self) -> Iterator[str]:
@@ -248,7 +248,7 @@ class Ground(Part):
 
 
 class Moved(Ground):
-    """A support that moves as prescribed, by one motion or by a horizontal and a vertical one at once."""
+    """A support with a prescribed motion, or with a horizontal and a vertical one at once."""
 
     kind: Literal["moved"] = field(one_of("moved"), default="moved")
 
@@ -262,7 +262,7 @@ def _point(text: str) -> str:
 
 
 class AppliedForce(Part):
-    """What acts `on` a point of a scene (`modal.scene.points`): a force, or with `direction` "torque" a torque.
+    """A force `on` a point of a scene (`modal.scene.points`), or with `direction` "torque" a torque.
 
     A torque on a link acts on its upper joint: on the link and, reversed, on the one above; one on a point of it
     (`…@0.5`) acts on the link alone.

@@ -1,4 +1,4 @@
-"""What the numbers of a scene are called where people read: "length of link 1 of pendulum 1 (m)", not a path from 0.
+"""Names of a scene's parameters in words: "length of link 1 of pendulum 1 (m)", not a path from 0.
 
 Pendula and links are counted from 1 as they hang, with all copies, as the table and the films count them.
 """
@@ -73,7 +73,7 @@ COURSES = {"start", "hoist", "motion"}
 
 @checked
 def number_label(scene: Scene, path: str) -> str:
-    """The number at a path in words with its unit, a dash for one without dimension; SceneError where there is none.
+    """Return the name of the number at a path with its unit, a dash if dimensionless; raise SceneError if none.
 
     >>> from modal import load
     >>> number_label(load("crane-hook"), "pendulum[0].links[0].length")
@@ -86,7 +86,7 @@ def number_label(scene: Scene, path: str) -> str:
 
 @checked
 def number_words(scene: Scene, path: str) -> str:
-    """The same without its unit.
+    """Return the same without its unit.
 
     >>> from modal import load
     >>> number_words(load("two-swings"), "spring[0].stiffness")
@@ -102,7 +102,7 @@ def number_words(scene: Scene, path: str) -> str:
 
 @checked
 def number_unit(scene: Scene, path: str) -> str:
-    """Its unit, of a force N and of a torque N m; a dash for a number without dimension.
+    """Return its unit, N for a force and N m for a torque; a dash for a dimensionless number.
 
     >>> from modal import load
     >>> number_unit(load("crane-hook"), "gravity"), number_unit(load("crane-hook"), "damping_ratio")
@@ -121,7 +121,7 @@ def number_unit(scene: Scene, path: str) -> str:
 
 
 class NamedNumber(NamedTuple):
-    """A number of a scene: its place, its value with its unit, and what it is."""
+    """A number of a scene: its place, its value with its unit, and its meaning."""
 
     place: str
     value: float
@@ -133,7 +133,7 @@ class NamedNumber(NamedTuple):
 
 @checked
 def scene_numbers(scene: Scene) -> list[NamedNumber]:
-    """Every number of a scene, whether it is written in the file or left at its default.
+    """Return every number of a scene, whether it is written in the file or left at its default.
 
     >>> from modal import load
     >>> [number.place for number in scene_numbers(load("chain-1")) if number.is_physical]
@@ -150,7 +150,7 @@ def scene_numbers(scene: Scene) -> list[NamedNumber]:
 
 @checked
 def numbers_table(scene: Scene, form: str = "text") -> str:
-    """Every number of a scene as text, "markdown", "csv" or "json": place, value, unit and meaning."""
+    """Return every number of a scene as text, "markdown", "csv" or "json": place, value, unit and meaning."""
     numbers = scene_numbers(scene)
     records = [{"place": at.place, "value": at.value, "unit": at.unit, "number": at.words} for at in numbers]
     if form == "csv":

@@ -86,7 +86,7 @@ SPELT = {"m/s²": "m_per_s2", "kg m²": "kg_m2", "N s²/m²": "N_s2_per_m2"}
 
 
 def find_places(scene: Scene, path: str) -> list[Place]:
-    """Every number of a scene that a path denotes; SceneError where there is none or it is something else."""
+    """Return every number of a scene that a path denotes; raise SceneError if there is none or it is not a number."""
     if not WRITTEN.fullmatch(path):
         raise SceneError([f"{path}: is not a place such as support.mass or pendulum[0].links[1].length"])
     places: list[tuple[Place, Any]] = [((), scene)]
@@ -109,7 +109,7 @@ def _by_index(scene: Scene, words: list[str]) -> list[str]:
 
 
 def unit_at(scene: Scene, place: Place) -> str:
-    """The unit of the number at one of the scene's places, "" for a count and for the size of a force or torque.
+    """Return the unit of the number at one of the scene's places, "" for a count and for the size of a force or torque.
 
     >>> from modal import load
     >>> unit_at(load("beam"), ("support", "stiffness")), unit_at(load("two-swings"), ("spring", 0, "stiffness"))
@@ -140,12 +140,12 @@ def _units_of(part: Any) -> dict[str, str]:
 
 
 def number_at(scene: Scene, place: Place) -> float:
-    """The number at one of the scene's `places`."""
+    """Return the number at one of the scene's `places`."""
     return float(_at(scene, place))
 
 
 def law_parameter(scene: Scene, place: Place) -> Parameter | None:
-    """The parameter of a law of joints, or of a force on a centre of mass, that a number is, None of any other.
+    """Return the parameter of a joint law or point force to which a number belongs, None for any other.
 
     >>> from modal import load
     >>> law_parameter(load("chain-2"), ("gravity",))
@@ -162,14 +162,14 @@ def with_numbers(place: Place) -> str:
 
 
 def is_of_switch(scene: Scene, place: Place) -> bool:
-    """Whether a number is one of an escapement or of dry friction."""
+    """Whether a number belongs to an escapement or to dry friction."""
     if place[-1] in {"friction", "friction_coefficient"}:
         return True
     return place[-2:-1] == ("drive",) and isinstance(_at(scene, place[:-1]), Escapement)
 
 
 def vary(scene: Scene, values: Mapping[str, float]) -> Scene:
-    """The scene with other numbers at these paths, checked again; SceneError names every mistake.
+    """Return the scene with other numbers at these paths, checked again; raise SceneError with every mistake.
 
     >>> from modal import load
     >>> vary(load("paper-cart-2"), {"support.mass": 7.0, "pendulum[*].links[*].damping": 0.1}).support.mass
@@ -179,7 +179,7 @@ def vary(scene: Scene, values: Mapping[str, float]) -> Scene:
 
 
 class Variable:
-    """A scene whose numbers at these paths are varied repeatedly; SceneError for an invalid place."""
+    """A scene whose numbers at these paths are varied repeatedly; raises SceneError for an invalid place."""
 
     def __init__(self, scene: Scene, paths: Iterable[str]) -> None:
         self.scene = scene
@@ -190,7 +190,7 @@ class Variable:
         return describe(self.scene)
 
     def at(self, values: Mapping[str, float]) -> Scene:
-        """The scene with these numbers at all its paths, checked anew; SceneError names every mistake."""
+        """Return the scene with these numbers at all its paths, checked again; raise SceneError with every mistake."""
         for path, places in self.places.items():
             value = float(values[path])
             for place in places:
@@ -215,7 +215,7 @@ def _steps(at: Any, word: str) -> list[tuple[Step, Any]]:
 
 
 def _at(scene: Scene, place: Place) -> Any:
-    """The value at a place, None where there is none."""
+    """The value at a place, None if there is none."""
     at: Any = scene
     for step in place:
         at = _step_into(at, step)
@@ -254,7 +254,7 @@ def _of_that_key(name: str, numbers: Sequence[str]) -> str:
 
 
 def number_paths(scene: Scene) -> list[str]:
-    """The path of every number, whether it is written in the file or left at its default."""
+    """Return the path of every number, whether it is written in the file or left at its default."""
     return sorted(map(with_numbers, _numbers(scene)))
 
 
@@ -277,7 +277,7 @@ ANY_POSITIVE = {"gravity", "mass", "length", "centre", "inertia", "rotor_inertia
 
 @dataclass(frozen=True, repr=False)
 class Variation(Displayed):
-    """A place and the ascending values that it takes, in the units of a scene file; `log` if in equal ratios."""
+    """A place and its ascending values, in the units of a scene file; `log` if in equal ratios."""
 
     path: str
     values: tuple[float, ...]
@@ -318,7 +318,7 @@ class Variation(Displayed):
 
 
 def texts_of(texts: str | Sequence[str], *, splits_commas: bool = False) -> tuple[str, ...]:
-    """Texts in a list, or the one that stands for a list, as an option has it; of some commas `splits_commas` several.
+    """Return texts as a tuple, a single one as a tuple of one; with `splits_commas` it is split at commas.
 
     >>> texts_of("gravity=1,2,3"), texts_of("gravity, support.mass", splits_commas=True)
     (('gravity=1,2,3',), ('gravity', 'support.mass'))
@@ -329,12 +329,12 @@ def texts_of(texts: str | Sequence[str], *, splits_commas: bool = False) -> tupl
 
 
 def variation_of(vary: str | Variation) -> Variation:
-    """The one variation that a text describes, or that is given."""
+    """Return the single variation that a text describes, or that is given."""
     return vary if isinstance(vary, Variation) else parse_variations(vary)[0]
 
 
 def parse_variations(texts: str | Sequence[str]) -> tuple[Variation, ...]:
-    """The variations that texts describe; SceneError names every mistake.
+    """Return the variations that texts describe; raise SceneError with every mistake.
 
     >>> parse_variations(["support.mass=1:100:3log"])
     (support.mass: 1, 10, 100 kg, logarithmic,)
@@ -392,7 +392,7 @@ def _problem(values: Sequence[float], log: bool) -> str:
 
 
 def validate_variations(scene: Scene, variations: Sequence[Variation]) -> None:
-    """SceneError that lists every place and every value that the scene cannot have.
+    """Raise SceneError with every place and every value that the scene cannot have.
 
     Values that fail only in combination with those of another variation are reported at that point.  Each variation
     then knows the unit that its number has in this scene.
@@ -428,7 +428,7 @@ def _refusals(scene: Scene, path: str, values: Iterable[float], places: Sequence
 
 
 def parse_vary(scene: Scene, vary: Vary) -> tuple[tuple[Variation, ...], dict[str, Floats]]:
-    """The axes of a grid, or arrays of finite numbers by their places; SceneError names every mistake."""
+    """Return the axes of a grid, or arrays of finite numbers by their places; raise SceneError with every mistake."""
     if isinstance(vary, Mapping):
         return (), parse_arrays(scene, vary)[1]
     if isinstance(vary, str):
@@ -441,7 +441,7 @@ def parse_vary(scene: Scene, vary: Vary) -> tuple[tuple[Variation, ...], dict[st
 
 
 def parse_arrays(scene: Scene, numbers: Mapping[str, ArrayLike]) -> tuple[Variable, dict[str, Floats]]:
-    """Arrays of finite numbers by their places, and the scene that they vary; SceneError names every mistake."""
+    """Return arrays of finite numbers by their places, and the scene they vary; raise SceneError with all mistakes."""
     variable, arrays = Variable(scene, ()), dict[str, Floats]()
     problems: list[str] = []
     occupied_places: set[Place] = set()
@@ -463,7 +463,7 @@ def parse_arrays(scene: Scene, numbers: Mapping[str, ArrayLike]) -> tuple[Variab
 
 
 def validate_arrays(variable: Variable, arrays: Mapping[str, Floats]) -> None:
-    """SceneError that lists every number of arrays that the scene cannot have, whatever its other numbers are."""
+    """Raise SceneError with every number of arrays that the scene cannot have, whatever its other numbers are."""
     problems: dict[str, None] = {}
     for path, values in arrays.items():
         places = variable.places[path]

@@ -1,4 +1,4 @@
-"""The common period of all that is prescribed in time: sines that move the support or act as forces."""
+"""The common period of all prescribed sines: support motions and forces."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class DrivePeriod(Displayed):
 
 
 def sines_of(scene: Scene) -> dict[str, SineMotion | SineForce]:
-    """Every sine by its place, the support's first; SceneError where time brings anything that does not repeat so.
+    """Return every sine by its place, the support's first; raise SceneError for time dependence that does not repeat.
 
     >>> from modal import load
     >>> sines_of(load("chain-2"))
@@ -51,7 +51,7 @@ def sines_of(scene: Scene) -> dict[str, SineMotion | SineForce]:
 
 
 def frequencies_of(scene: Scene) -> dict[str, float]:
-    """The frequency (Hz) of every sine by its place; SceneError where time brings anything that does not repeat so.
+    """Return the frequency (Hz) of every sine by its place; raise SceneError for time dependence that does not repeat.
 
     >>> from modal import load
     >>> frequencies_of(load("chain-2"))
@@ -61,7 +61,7 @@ def frequencies_of(scene: Scene) -> dict[str, float]:
 
 
 def drive_period(scene: Scene) -> DrivePeriod:
-    """The common period of a scene's drives; SceneError where there is none.
+    """Return the common period of a scene's drives; raise SceneError if there is none.
 
     The ratios of their frequencies are fractions p/q with q ≤ 64, to 1e-12.
 

@@ -64,7 +64,7 @@ class GroundPoint(NamedTuple):
 class Place(NamedTuple):
     """A point of one link: the `link` in the order of the file, counting copies, and the distance `below` (m).
 
-    `above` is the link that it hangs from, −1 for the support.
+    `above` is the link from which it hangs, −1 for the support.
     """
 
     link: int
@@ -100,7 +100,7 @@ End = LinkEnd | CarrierEnd | GroundEnd
 
 
 def parse_point(text: str) -> PendulumPoint | CarrierPoint | GroundPoint | None:
-    """The point that a text names, None for the cart; ValueError for any other text.
+    """Return the point that a text names, None for the cart; raise ValueError for any other text.
 
     >>> parse_point("pendulum[0].links[1]@0.5")
     PendulumPoint(pendulum=0, link=1, copy=None, below=0.5)
@@ -135,7 +135,7 @@ def _parse_carrier_point(text: str) -> CarrierPoint | GroundPoint:
 
 
 def point_problems(scene: Described, text: str) -> Iterator[str]:
-    """Why a scene has no such point."""
+    """Return why a scene has no such point."""
     point = parse_point(text)
     if point is None:
         kinds = [support.kind for support in scene.supports]
@@ -181,7 +181,7 @@ def _carrier_problems(scene: Described, point: CarrierPoint) -> Iterator[str]:
 
 
 def points_at(scene: Described, text: str) -> int:
-    """How many points a name means, one of every copy and of every link of a run."""
+    """Return the number of points that a name denotes: one for every copy and every link of a run."""
     point = parse_point(text)
     if not isinstance(point, PendulumPoint):
         return 1
@@ -190,7 +190,7 @@ def points_at(scene: Described, text: str) -> int:
 
 
 def places_of(scene: Described, text: str) -> list[Place]:
-    """Every link at which a point is; none for points of supports."""
+    """Return every link on which a point lies; none for points of supports."""
     point = parse_point(text)
     if not isinstance(point, PendulumPoint):
         return []
@@ -206,7 +206,7 @@ def places_of(scene: Described, text: str) -> list[Place]:
 
 
 def hanging_points(scene: Described) -> list[CarrierEnd]:
-    """Where every pendulum hangs, counting copies; those of one entry share one end."""
+    """Return the point from which every pendulum hangs, counting copies; those of one entry share one end."""
     numbers, ends = _numbers(scene), list[CarrierEnd]()
     for pendulum in scene.pendulum:
         point = None if pendulum.on is None else parse_point(pendulum.on)
@@ -218,7 +218,7 @@ def hanging_points(scene: Described) -> list[CarrierEnd]:
 
 
 def joined_points(scene: Described) -> Iterator[tuple[int, tuple[End, End]]]:
-    """The entry and both ends of every spring, those of copies one after another."""
+    """Return the entry and both ends of every spring, those of copies one after another."""
     numbers = _numbers(scene)
     for entry, spring in enumerate(scene.spring):
         ends = [_ends(scene, text, numbers) for text in spring.between]
@@ -228,7 +228,7 @@ def joined_points(scene: Described) -> Iterator[tuple[int, tuple[End, End]]]:
 
 
 def carrier_end(scene: Described, text: str) -> CarrierEnd | None:
-    """The point of a carrier that a text names, None for any other point."""
+    """Return the point of a support that a text names, None for any other point."""
     ends = _ends(scene, text, _numbers(scene))
     return ends[0] if len(ends) == 1 and isinstance(ends[0], CarrierEnd) else None
 

@@ -1,4 +1,4 @@
-"""Records of motions, forces and lengths, and power spectral densities (PSDs), in CSV files by names of columns.
+"""Records of motions, forces and lengths, and power spectral densities (PSDs), in CSV files by column names.
 
     time_s, and one of displacement_m, velocity_m_per_s, acceleration_m_per_s2    (also displacement, velocity, …)
     time_s, acceleration_m_per_s2, and one or both of the others: straight lines join it, and the others are checked
@@ -7,10 +7,10 @@
     frequency_hz, and one of psd (of the acceleration), acceleration_psd, velocity_psd, displacement_psd
     frequency_hz, and one of psd, force_psd, moment_psd    of a force
 
-Any unit after the name of a PSD is taken as SI per hertz.  Other units are converted where `tables` knows them, and
-further columns are passed over.
+Any unit after the name of a PSD is taken as SI per hertz. Other units are converted where `tables` knows them, and
+further columns are ignored.
 
-A file that a scene names is somebody else's choice: what is wrong with it is told without a word of what stands in it.
+Messages about a file named in a scene, which may come from others, do not quote its contents.
 """
 
 from __future__ import annotations
@@ -49,14 +49,14 @@ class Spectrum(NamedTuple):
 
 
 class Table(NamedTuple):
-    """The numbers under each name of the first line of a file, and whether a message may quote what stands there."""
+    """The numbers under each name of the first line of a file, and whether a message may quote its contents."""
 
     name: str
     columns: Mapping[str, tuple[float, ...]]
     has_quotes: bool
 
     def lacks(self, column_words: str, hint: str = "") -> SceneError:
-        """The error of a file without the columns asked for."""
+        """Return the error of a file without the required columns."""
         listing = f"; it has {', '.join(list(self.columns)[:8]) or 'none'}{hint}" if self.has_quotes else ""
         return SceneError([f"{self.name}: needs the columns {column_words}{listing}"])
 
@@ -68,7 +68,7 @@ def read_record(
     has_quotes: bool = True,
     columns: Mapping[str, str] | None = None,
 ) -> dict[str, Any]:
-    """The fields `time_s` and one quantity of a `RecordMotion`, of a `RecordForce` where it `acts`.
+    """Return `time_s` and one quantity of a `RecordMotion`, or of a `RecordForce` if it `acts`.
 
     Of a motion that is recorded several times over it is the acceleration, joined by straight lines; its velocity and
     its displacement must be what these give from rest, up to what the acceleration may do between two samples.
@@ -118,7 +118,7 @@ def _refuse_contradictions(table: Table, times: Floats, acceleration: Floats, re
 def read_lengths(
     path: str | PathLike[str], *, has_quotes: bool = True, columns: Mapping[str, str] | None = None
 ) -> dict[str, Any]:
-    """The fields `time_s` and `length_m` of a recorded `Hoist`; SceneError as of `read_record`."""
+    """Return `time_s` and `length_m` of a recorded `Hoist`; raise SceneError as `read_record` does."""
     table = _table(path, has_quotes, columns)
     if not set(RECORD) <= set(table.columns):
         is_travel = not set(RECORDED).isdisjoint(table.columns)
@@ -134,7 +134,7 @@ def read_spectrum(
     has_quotes: bool = True,
     columns: Mapping[str, str] | None = None,
 ) -> Spectrum:
-    """The PSD in a file, of a force where it `acts`; SceneError, with the file's name, where it has no possible one."""
+    """The PSD in a file, of a force if it `acts`; raise SceneError, with the file's name, without a valid one."""
     table = _table(path, has_quotes, columns)
     numbers = table.columns
     densities = [(name, of) for name in numbers if (of := _of_force(name) if acts else _quantity(name))]
@@ -156,7 +156,7 @@ def read_spectrum(
 def read_gains(
     path: str | PathLike[str], *, has_quotes: bool = True, columns: Mapping[str, str] | None = None
 ) -> dict[str, Any]:
-    """The field `gains` of a `Feedback`, with a column for each state and a row for each input.
+    """Return `gains` of a `Feedback`, with a column for each state and a row for each input.
 
     SceneError as of `read_record`.
     """
@@ -212,9 +212,9 @@ def _sizes(table: DataTable, column: str, values: Floats) -> Iterator[str]:
 
 
 def with_files_read(data: object, folder: Path) -> object:
-    """A scene's nested mappings with the numbers of the files that it names, relative to `folder`.
+    """Return a scene's nested mappings with the numbers of the files that it names, relative to `folder`.
 
-    SceneError names every file that cannot be used, with its place in the scene.
+    Raise SceneError with every file that cannot be used and its place in the scene.
     """
     if not isinstance(data, dict):
         return data

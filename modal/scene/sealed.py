@@ -51,7 +51,7 @@ UNREADABLE = (
 
 @contextmanager
 def reading(source: Source, what: str) -> Iterator[None]:
-    """Any failure within the block becomes a SceneError about the file, expected to be a `what` of multipendula."""
+    """Turn any failure within the block into a SceneError about the file, expected to be a `what` of multipendula."""
     name = f"the {what}" if isinstance(source, bytes) else os.fspath(source)
     try:
         yield
@@ -65,7 +65,7 @@ def reading(source: Source, what: str) -> Iterator[None]:
 
 
 def content(source: Source) -> bytes:
-    """The bytes of a file; SceneError for a larger one than is allowed and for anything that is not a file."""
+    """Return the bytes of a file; raise SceneError if it is too large or not a regular file."""
     if isinstance(source, bytes):
         return source
     return content_of(source, SEALED_BYTES_MAX)
@@ -77,14 +77,14 @@ def _limit_size(size: int) -> None:
 
 
 def seal(head: bytes, tail: bytes = b"") -> bytes:
-    """Both with their checksum between them."""
+    """Return both parts with their checksum between them."""
     checksum = sha256(head)
     checksum.update(tail)
     return b"".join((head, checksum.hexdigest().encode(), tail))
 
 
 def verify_whole(content: bytes, head_length: int) -> None:
-    """ValueError where no checksum follows these bytes, SceneError where it does not match."""
+    """Raise ValueError if no checksum follows these bytes, and SceneError if it does not match."""
     checksum_there, others = content[head_length : head_length + CHECKSUM_DIGITS], memoryview(content)
     if not re.fullmatch(rb"[0-9a-f]{%d}" % CHECKSUM_DIGITS, checksum_there):
         raise ValueError
@@ -103,7 +103,7 @@ def sealed_text(head: str, tail: str) -> bytes:
 
 
 def verify_sealed_text(content: bytes, head_text: str) -> None:
-    """ValueError or SceneError where a text is not what `sealed_text` made with the same `head_text`."""
+    """Raise ValueError or SceneError if a text was not made by `sealed_text` with the same `head_text`."""
     head = head_text.encode() + KEY
     if not content.startswith(head):
         raise ValueError
@@ -114,7 +114,7 @@ def verify_sealed_text(content: bytes, head_text: str) -> None:
 
 
 def archive(arrays: Mapping[str, Any]) -> bytes:
-    """An .npz file; SceneError if it would be too large to be read."""
+    """Return the bytes of an .npz file; raise SceneError if it would be too large to be read."""
     _limit_size(sum(np.asarray(values).nbytes for values in arrays.values()))
     stream = BytesIO()
     np.savez_compressed(stream, **arrays)
@@ -124,7 +124,7 @@ def archive(arrays: Mapping[str, Any]) -> bytes:
 
 
 def unpack(content: bytes, names: Collection[str] | None = None) -> dict[str, Any]:
-    """The arrays of an .npz file that `archive` made, these and no others where `names` are given.
+    """Return the arrays of an .npz file made by `archive`; exactly those in `names` if given.
 
     Nothing is unpacked before the checksum, all sizes and all names have been checked.
     """
@@ -138,7 +138,7 @@ def unpack(content: bytes, names: Collection[str] | None = None) -> dict[str, An
 
 
 def members_of(zip_file: ZipFile, names: Collection[str], largest: int) -> dict[str, Any]:
-    """Those of these arrays that are in an .npz file, at most so many bytes in all; none is unpickled."""
+    """Return those of these arrays that are in an .npz file, up to a total size; nothing is unpickled."""
     members = {member.filename.removesuffix(".npy"): member for member in zip_file.infolist()}
     wanted_members = {name: members[name] for name in names if name in members}
     if sum(member.file_size for member in wanted_members.values()) > largest:
@@ -168,13 +168,13 @@ def _head(stream: IO[bytes]) -> bytes:
 
 
 def require_keys(mapping: dict[str, Any], *names: str) -> None:
-    """ValueError for a mapping with other keys than these."""
+    """Raise ValueError for a mapping with other keys than these."""
     if mapping.keys() != set(names):
         raise ValueError
 
 
 def finite_array(numbers: object, *shape: int) -> Floats:
-    """Numbers of this shape; ValueError for others, for non-finite ones and for anything that is not a number."""
+    """Return numbers of this shape; raise ValueError for another shape and for values that are not finite numbers."""
     values = np.asarray(numbers)
     if values.dtype.kind not in "fi" or values.shape != shape or not np.all(np.isfinite(values)):
         raise ValueError
@@ -182,7 +182,7 @@ def finite_array(numbers: object, *shape: int) -> Floats:
 
 
 def index(number: object, size: int) -> int:
-    """A whole number from 0 to below `size`; ValueError for anything else, True and False too."""
+    """Return an integer from 0 to below `size`; raise ValueError for anything else, including True and False."""
     if type(number) is not int or not 0 <= number < size:
         raise ValueError
     return number

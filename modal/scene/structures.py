@@ -1,4 +1,4 @@
-"""What is wrong with the supports, the springs and the ground of a scene, each with its place."""
+"""Checks of the supports, the springs and the ground of a scene; each mistake has its place."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ SPRINGS_MAX = 100_000
 
 
 def structure_problems(scene: Described) -> Iterator[str]:
-    """Every mistake in what pendula hang from and in what joins them, but those of their balance."""
+    """Return every mistake in supports and springs, except imbalances."""
     if len(scene.supports) > SUPPORTS_MAX:
         yield f".support: has {len(scene.supports)} supports: at most {SUPPORTS_MAX}"
         return
@@ -51,7 +51,7 @@ def structure_problems(scene: Described) -> Iterator[str]:
 
 
 def place_of(scene: Described, index: int) -> str:
-    """Where a support stands: `.support`, or `.support[1]` of several."""
+    """Return the place of a support: `.support`, or `.support[1]` of several."""
     return f".support[{index}]" if isinstance(scene.support, tuple) else ".support"
 
 
@@ -195,7 +195,7 @@ def _end_problems(scene: Described, spring: Any, text: str) -> Iterator[str]:
 
 
 def _support(scene: Described, point: CarrierPoint | None) -> Any:
-    """The support of a point, None where there is none."""
+    """The support of a point, None if there is none."""
     if point is None:
         return None if isinstance(scene.support, tuple) else scene.support
     names = scene.support_names
@@ -231,7 +231,7 @@ def _bodies(scene: Described, text: str, kind: str) -> list[tuple[str, int]]:
 
 
 def force_problems(scene: Described, force: Any) -> Iterator[str]:
-    """What is wrong with a force on a support of a structure, or on the ground."""
+    """Return what is wrong with a force on a support of a structure, or on the ground."""
     point = parse_point(force.on)
     if isinstance(point, GroundPoint):
         yield "the ground does not yield to a force: name a support or a link"

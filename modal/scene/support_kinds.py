@@ -1,4 +1,4 @@
-"""Supports that others wrote, as parts of scenes: `kind = "…"` is the name of a class of `modal.extend.Support`."""
+"""Supports of extensions as parts of scenes: `kind = "…"` is the name of a class of `modal.extend.Support`."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ PARTS: dict[type[Support], type[Placed]] = {}
 
 
 def support_part(kind: str) -> type[Part] | None:
-    """The class of the parts of a kind that is an extension; None where there is none of this name."""
+    """Return the class of scene parts of an extension kind; None if there is none of this name."""
     path = find_extension("support", kind)
     return None if path is None else part_of(path)
 
 
 def part_of(path: type[Support]) -> type[Placed]:
-    """The class of parts by which scenes have a support of this class, made once."""
+    """Return the class of scene parts for this class of supports, created once."""
     if path not in PARTS:
         PARTS[path] = _made_part(path)
     return PARTS[path]
@@ -76,7 +76,7 @@ def _restored(path: type[Support], data: dict[str, Any]) -> Part:
 
 
 def _problems(part: Any) -> Any:
-    """A body without inertia; ExtensionError where its place or potential is not what it must be as drawn."""
+    """A body without inertia; raise ExtensionError if its place or potential is not what it must be as drawn."""
     path, d = part.path, len(part.path.coordinates)
     values = {parameter.name: getattr(part, parameter.name) for parameter in path.parameters}
     rest = [0.0] * d

@@ -1,12 +1,12 @@
-"""What pendula hang from: a fixed support, a cart on the rail, or carriers that swing, tilt, heave and roll.
+"""Supports of pendula: a fixed support, a cart on the rail, or bodies that swing, tilt, heave and roll.
 
-A carrier is a rigid body with the place and the angle (x, z, φ) of its origin, x along the rail, z down, φ positive as
-angles of links are: its point (s, h), s along it and h below its origin as drawn, lies at
+A support is a rigid body with the position and the angle (x, z, φ) of its origin, x along the rail, z down, φ positive
+as angles of links are: its point (s, h), s along it and h below its origin as drawn, lies at
 
     (x + s cos φ + h sin φ,  z − s sin φ + h cos φ)
 
-`position` is the origin as drawn.  Its own spring acts on the displacement from the drawn rest, where it carries the
-weight; its damper acts to the ground.  Points of a "modal" support move by linear combinations of its coordinates.
+`position` is the origin as drawn. Its own spring acts on the displacement from the drawn equilibrium, where it carries
+the weight; its damper acts to the ground. Points of a "modal" support move by linear combinations of its coordinates.
 Springs join points of supports, of links and of the ground.
 """
 
@@ -57,7 +57,7 @@ Matrix = tuple[tuple[float, ...], ...]
 
 @lru_cache(maxsize=16)
 def matrix_problems(M: Matrix, K: Matrix, D: Matrix | None, points: tuple[Matrix, ...]) -> tuple[str, ...]:
-    """What is wrong with M, K, D (d, d) and points (P, 2, d), each line beginning with its key."""
+    """Return what is wrong with M, K, D (d, d) and points (P, 2, d), each line beginning with its key."""
     return tuple(_matrix_problems(M, K, D, points))
 
 
@@ -108,7 +108,7 @@ RANKS = {"M": 2, "K": 2, "D": 2, "points": 3}
 
 
 def read_matrices(path: str | PathLike[str]) -> dict[str, Any]:
-    """M, K, points and, where it is there, D of an NPZ file as NumPy writes it, as nested lists; others are ignored.
+    """Return M, K, points and, if present, D of an NPZ file written by NumPy, as nested lists; others are ignored.
 
     Nothing is unpickled, and nothing unpacked before its size is known.  SceneError, with the file's name, for any
     other file.
@@ -139,7 +139,7 @@ def _name(text: str) -> str:
 
 
 class Placed(Part):
-    """What has a `name`, by which its points are called, and a `position` (along, below) of its origin (m)."""
+    """A support with a `name` for its points, and the `position` (along, below) of its origin (m)."""
 
     name: str = field(function_after(_name, text(60)), "by which it is called, required among several", default="")
     position: Pair[float] = field(PAIR, "of its origin as drawn: along the rail and down", "m", default=(0.0, 0.0))
@@ -174,8 +174,8 @@ class Turned(Part):
 class Cart(Placed):
     """A cart on the rail.
 
-    Dry friction is either a force, `friction` (N), or `friction_coefficient` times the size of the rail's reaction: the
-    rail holds the cart from above and below.
+    Dry friction is either a force, `friction` (N), or `friction_coefficient` times the magnitude of the normal force:
+    the rail guides the cart from above and below.
 
     >>> from modal import Bob, Cart, Pendulum, Scene, natural_frequencies
     >>> scene = Scene(gravity=9.0, support=Cart(mass=1.0), pendulum=[Pendulum(links=[Bob(mass=3.0, length=1.0)])])
@@ -334,7 +334,7 @@ class ModalSupport(Placed):
     start: Combined | None = field(optional(Combined.schema()), "of a simulation", default=None)
 
     def problems(self) -> Iterator[str]:
-        """A file that is not read, arrays that are missing or do not fit, a start that does not."""
+        """A file that was not read, arrays that are missing or inconsistent, a start that does not fit."""
         if self.file is not None:
             yield f".file: {UNREAD}"
             return
@@ -349,12 +349,12 @@ class ModalSupport(Placed):
 
 
 def law_values(law: float | Part) -> tuple[float, ...]:
-    """The stiffness or the damping of each coordinate of a support."""
+    """Return the stiffness or the damping of each coordinate of a support."""
     return tuple(value for _, value in law) if isinstance(law, Part) else (law,)
 
 
 def start_keys(coordinate: SupportCoordinate) -> tuple[str, str]:
-    """How a start calls a coordinate and its rate, as `sway` and `sway_rate`."""
+    """Return the keys of a start for a coordinate and its rate, such as `sway` and `sway_rate`."""
     ending, alone = ("_deg", "angle") if coordinate.unit == "rad" else ("", "displacement")
     way = coordinate.way
     return f"{way or alone}{ending}", f"{way}_rate{ending}" if way else f"rate{ending}"
@@ -375,8 +375,8 @@ END = function_after(_end, text(200))
 class Spring(Part):
     """A spring and a damper between two points (`modal.scene.points`), unstretched as drawn.
 
-    With `kind = "torsion"` it acts between the angles of two links, or of a link and a carrier that turns, or the
-    ground.  `loss` is φ of the stiffness k (1 + iφ).
+    With `kind = "torsion"` it acts between the angles of two links, or of a link and a support that turns, or the
+    ground. `loss` is φ of the stiffness k (1 + iφ).
 
     >>> from modal.scene import Spring
     >>> Spring(between=["pendulum[0].links[0]@0.5", "ground@1.0,0.5"], stiffness=5.0).kind
@@ -392,6 +392,6 @@ class Spring(Part):
     loss: Loss = field(LOSS_ANGLE, "loss angle of the stiffness, or a table", "rad", default=0.0)
 
     def problems(self) -> Iterator[str]:
-        """The loss of no stiffness."""
+        """A loss without a stiffness."""
         if is_lossy(self.loss) and not self.stiffness:
             yield ".loss: is that of the stiffness, which is 0: give a stiffness"

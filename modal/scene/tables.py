@@ -1,14 +1,14 @@
 """Tables of numbers as instruments, phones, Tracker and spreadsheets write them, and as arrays in Python.
 
 Text has its cells between commas, semicolons, tabs or spaces, with decimal points or commas, in UTF-8, UTF-16, UTF-32
-or the code page of Windows; the heading may stand below other lines and have its units beside or below the words.
-Lines that begin with #, % or // are comments, but the last of them is the heading where no other stands there.  Empty
-cells and "nan", "NA" or "-" are missing values.  What was understood stands in `facts`, to be shown beside a result.
+or the code page of Windows; the heading may come after other lines and have its units next to or below the words. Lines
+that begin with #, % or // are comments, but the last of them is the heading if there is no other. Empty cells and
+"nan", "NA" or "-" are missing values. `facts` say how the table was understood, to be shown with a result.
 
     Zeit (s);Winkel/°        becomes the columns    zeit_s, winkel_deg
     0,00;12,5                                       0.0     12.5
 
-Besides text: NPZ, MAT (version 7.3 with h5py), Parquet (with pyarrow), mappings of arrays and data frames.
+In addition to text: NPZ, MAT (version 7.3 with h5py), Parquet (with pyarrow), mappings of arrays and data frames.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ IN_SI = {
 class DataTable(Displayed):
     """A table of a file or of arrays: `cells[c]` are those of a column, words or an array of K numbers.
 
-    `headings` stand there, `columns` are what they were understood to be, with the unit at the end; `lines` number the
+    `headings` are the original headings, `columns` their interpretations, with the unit at the end; `lines` number the
     rows in the file, from 1.  `facts` say how the file was read.
     """
 
@@ -116,7 +116,7 @@ class DataTable(Displayed):
         return len(self.lines)
 
     def numbers(self, column: str) -> Floats:
-        """The K numbers under a column, NaN where one is missing; SceneError names the first cell that is none."""
+        """Return the K numbers of a column, NaN if one is missing; raise SceneError with the first invalid cell."""
         cells = self.cells[self.columns.index(column)]
         if isinstance(cells, np.ndarray) and cells.dtype.kind == "f":
             values = cells
@@ -134,14 +134,14 @@ class DataTable(Displayed):
         return values
 
     def words(self, column: str) -> list[str]:
-        """The K cells under a column as text."""
+        """Return the K cells of a column as text."""
         cells = self.cells[self.columns.index(column)]
         if isinstance(cells, np.ndarray):
             return [f"{cell:g}" if cells.dtype.kind == "f" else str(cell) for cell in cells]
         return [cell.strip() for cell in cells]
 
     def renamed(self, meanings: Mapping[str, str]) -> DataTable:
-        """With columns called by what they mean; SceneError for headings that are not there."""
+        """Return the table with renamed columns; raise SceneError for headings that do not exist."""
         unknown = [heading for heading in meanings if heading not in self.headings and heading not in self.columns]
         if unknown:
             raise SceneError(
@@ -152,13 +152,13 @@ class DataTable(Displayed):
         return replace(self, columns=tuple(columns))
 
     def without(self, columns: Iterable[str]) -> DataTable:
-        """The table without these columns."""
+        """Return the table without these columns."""
         places = [k for k, column in enumerate(self.columns) if column not in {*columns}]
         headings, names = (tuple(words[k] for k in places) for words in (self.headings, self.columns))
         return replace(self, headings=headings, columns=names, cells=tuple(self.cells[k] for k in places))
 
     def take(self, rows: Sequence[int] | Floats) -> DataTable:
-        """Some of its rows."""
+        """Return the table with some of its rows."""
         lines = tuple(self.lines[k] for k in rows)
         cells = tuple(
             values[np.asarray(rows, dtype=int)] if isinstance(values, np.ndarray) else [values[k] for k in rows]
@@ -167,7 +167,7 @@ class DataTable(Displayed):
         return replace(self, lines=lines, cells=cells)
 
     def where(self, conditions: Mapping[str, str]) -> DataTable:
-        """The rows in which columns have these values, or are within ranges such as "6.2:19"."""
+        """Return the rows in which columns have these values, or are within ranges such as "6.2:19"."""
         rows: Iterable[int] = range(len(self))
         for column, value in conditions.items():
             if column not in self.columns:
@@ -182,13 +182,13 @@ class DataTable(Displayed):
         return self.take(list(rows)) if conditions else self
 
     def seconds(self) -> tuple[str, float] | None:
-        """The column of the time, elapsed rather than of day, and its unit in s; None where none or several are."""
+        """The column of the elapsed time and its unit in s; None if there is none or several."""
         units = {column: factor for column in self.columns if (factor := time_unit(column))}
         units = {column: factor for column, factor in units.items() if "elapsed" in column} or units
         return next(iter(units.items())) if len(units) == 1 else None
 
     def described(self) -> str:
-        """How the file was read, in one line."""
+        """A line on how the file was read."""
         renamed = [
             f"{column} from “{heading}”"
             for heading, column in zip(self.headings, self.columns, strict=True)
@@ -225,7 +225,7 @@ def _seconds_of_clock(cells: Sequence[str] | Floats) -> Floats | None:
 
 
 def time_unit(column: str) -> float | None:
-    """The seconds of the unit of a column of times, None for any other column."""
+    """Return the unit (s) of a column of times, None for any other column."""
     word, _, unit = column.rpartition("_")
     if word in TIME_WORDS and unit in SECONDS:
         return SECONDS[unit]
@@ -233,7 +233,7 @@ def time_unit(column: str) -> float | None:
 
 
 def in_si(column: str) -> tuple[str, float]:
-    """The name of a column in SI units, and the factor of its numbers.
+    """Return the name of a column in SI units, and the factor for its numbers.
 
     >>> from modal.scene.tables import in_si
     >>> in_si("displacement_mm"), in_si("force_n")
@@ -565,7 +565,7 @@ def _span(value: str) -> tuple[float, float] | None:
 
 
 def parse_where(texts: Sequence[str], example: str = "COLUMN=VALUE, such as use=identify") -> dict[str, str]:
-    """The columns and values of texts such as "use=identify"; SceneError for any other."""
+    """Return the columns and values of texts such as "use=identify"; raise SceneError for any other."""
     cells, problems = {}, []
     for text in texts:
         column, sign, value = text.partition("=")

@@ -1,4 +1,4 @@
-"""A scene in few words: its title, or what hangs there where the file gives none, and a row for each pendulum."""
+"""A scene in few words: its title or, without one, a description of its contents, and a row for each pendulum."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ TITLE_SORTS_MAX = 3
 
 
 def title_of(scene: Scene) -> str:
-    """The scene's own title, or a description of what hangs there.
+    """Return the scene's title, or a description of its contents.
 
     >>> from modal import Bob, Cart, Pendulum, Rod, Scene
     >>> rods = Pendulum(links=[Rod(mass=1.0, length=1.0, count=2)], count=2)
@@ -44,7 +44,7 @@ def title_of(scene: Scene) -> str:
 
 
 def what_hangs(scene: Scene) -> str:
-    """The pendula and their support in words, whatever the title.
+    """Return the pendula and their support in words, whatever the title.
 
     >>> from modal import load
     >>> what_hangs(load("paper-cart-2"))
@@ -55,7 +55,7 @@ def what_hangs(scene: Scene) -> str:
 
 
 def name_of(scene: Scene) -> str:
-    """Its title in quotation marks, else what hangs there."""
+    """Return its title in quotation marks, or else a description of its contents."""
     require_type("scene", scene, "Scene")
     return f'"{scene.title}"' if scene.title else what_hangs(scene)
 
@@ -123,7 +123,7 @@ def _links(pendulum: Pendulum) -> str:
 
 
 def runs_of(links: Iterable[AnyLink]) -> list[tuple[str, int]]:
-    """Links of one kind below each other as one: the kind in words, and their number."""
+    """Return runs of links of one kind: the kind in words, and their number."""
     return [(kind, sum(link.count for link in links_in_row)) for kind, links_in_row in groupby(links, _kind_of)]
 
 
@@ -132,7 +132,7 @@ def _kind_of(link: AnyLink) -> str:
 
 
 def plural(kind: str, count: int) -> str:
-    """So many links of a kind, without their number."""
+    """Return the plural of a kind of links, without their number."""
     if count == 1:
         return kind
     return "rigid bodies" if kind == "rigid body" else f"{kind}s"
@@ -150,7 +150,7 @@ CART = (("mass", "kg"), ("damping", "N s/m"), ("stiffness", "N/m"), ("friction",
 
 
 def summarize(scene: Scene) -> Summary:
-    """What hangs where, and a row for each entry of `pendulum`."""
+    """Return a summary of a scene, with a row for each entry of `pendulum`."""
     facts = [("gravity", f"{scene.gravity:g} m/s²"), ("links", str(scene.n_links)), *_facts(scene)]
     if scene.damping_ratio:
         facts.append(("damping ratio", brief(scene.damping_ratio)))

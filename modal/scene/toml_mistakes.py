@@ -1,4 +1,4 @@
-"""Mistakes in TOML: the line, a caret below the place, and a guess of what was meant.
+"""Mistakes in TOML: the line, a caret below the place, and a suggested correction.
 
     line 6: a number has a decimal point, not a comma
         length = 1,5
@@ -54,7 +54,7 @@ ENDS = r"(?=[ \t]*(?:$|[,}\]#]))"
 
 
 def mistakes_in(document: str, error: Exception) -> list[str]:
-    """What is wrong with a document that the parser refused with this error."""
+    """Return what is wrong with a document that the parser refused with this error."""
     broken: Broken | None = Broken.of(document, error)
     lines: list[str] = []
     for _ in range(BROKEN_LINES_MAX):
@@ -113,11 +113,11 @@ class Broken:
         return stack
 
     def with_line(self, line: str) -> str:
-        """The document with another line in place of this one."""
+        """Return the document with another line in place of this one."""
         return self.document[: self.start] + line + self.document[self.start + len(self.line) :]
 
     def guess(self) -> Guess | None:
-        """The first correction that brings the parser further; None where none does, or the document is too long."""
+        """Return the first correction that lets the parser continue; None if there is none, or the text is too long."""
         if len(self.document) > GUESSED_LETTERS_MAX:
             return None
         for mistake in MISTAKES:
@@ -149,7 +149,7 @@ class Broken:
 
 @dataclass(frozen=True)
 class Guess:
-    """Where a mistake is, what it is in words, and the document without it, unless that only skips it."""
+    """A mistake, its description, and the document without it, unless that only skips it."""
 
     at: int
     words: str
@@ -230,7 +230,7 @@ def _repeated_key(broken: Broken) -> Iterator[Guess]:
 
 
 def _repeated_table(broken: Broken) -> Iterator[Guess]:
-    """[pendulum] twice, or beside [[pendulum]]: each of several has two brackets."""
+    """[pendulum] twice, or next to [[pendulum]]: each of several has two brackets."""
     header = HEADER.fullmatch(broken.line)
     if header is None or not broken.why.startswith(("Cannot declare", "Cannot overwrite", "Cannot mutate")):
         return
@@ -282,7 +282,7 @@ def _lines_in_table(broken: Broken) -> Iterator[Guess]:
 
 
 def _closing(document: str, start: int) -> int:
-    """The end of what a bracket opens, 0 where it is not closed."""
+    """The end of what a bracket opens, 0 if it is not closed."""
     depth = 0
     for token in TOKEN.finditer(document, start):
         depth += bool(token["open"]) - bool(token["close"])

@@ -1,4 +1,4 @@
-"""Unknowns of a scene: a number at a place, or one that several places share.
+"""Unknown parameters of a scene: the number at one place, or one that several places share.
 
     same:pendulum[*].links[0].inertia     p_k = u        one number for all these places
     shift:pendulum[*].links[0].length     p_k = p_k⁰ + u    added to the number that each place has
@@ -23,7 +23,7 @@ WAYS = ("same", "shift")
 
 @dataclass(frozen=True, repr=False)
 class Unknown(Displayed):
-    """The numbers at `places`, `given` in the scene: each is the unknown, or in the way "shift" its own plus that."""
+    """The numbers at `places`, `given` in the scene: each equals the unknown or, for a "shift", is shifted by it."""
 
     what = "Unknown of a scene"
     shows = "path: place; value: value; unit_name: unit"
@@ -51,16 +51,16 @@ class Unknown(Displayed):
 
     @property
     def size(self) -> float:
-        """The mean of the scene's numbers, their common one if they are equal."""
+        """The mean of the scene's numbers."""
         return self.given[0] if self.is_even else sum(self.given) / len(self.given)
 
     @property
     def value(self) -> float:
-        """What it is in the scene: 0 of a shift, of unequal numbers that are to be the same their mean."""
+        """Its value in the scene: 0 for a shift, the mean for unequal numbers that are to be the same."""
         return 0.0 if self.is_shift else self.size
 
     def numbers(self, value: float) -> dict[Place, float]:
-        """The numbers at its places where it has this value."""
+        """Return the numbers at its places for this value."""
         return {
             place: number + value if self.is_shift else value
             for place, number in zip(self.places, self.given, strict=True)
@@ -68,7 +68,7 @@ class Unknown(Displayed):
 
 
 class OfUnknown:
-    """What is said of an `unknown`: its places."""
+    """Properties of an `unknown`: its places."""
 
     unknown: Unknown
 
@@ -84,14 +84,14 @@ class OfUnknown:
 
     @property
     def places(self) -> tuple[Place, ...]:
-        """Where the scene has it."""
+        """Its places in the scene."""
         return self.unknown.places
 
 
 def find_unknowns(scene: Scene, text: str) -> tuple[Unknown, ...]:
-    """The unknowns that a text names: each number of a place by itself, or the one that `same:` and `shift:` make.
+    """Return the unknowns that a text names: each number of a place, or the shared one of `same:` and `shift:`.
 
-    SceneError where there is no such number, or the places cannot share one.
+    Raise SceneError if there is no such number, or the places cannot share one.
 
     >>> from modal import load
     >>> [unknown.path for unknown in find_unknowns(load("crane-hook"), "pendulum[0].links[*].length")]
@@ -115,7 +115,7 @@ def find_unknowns(scene: Scene, text: str) -> tuple[Unknown, ...]:
 def unknowns_of(
     scene: Scene, text: str, places: dict[Place, str], words: str = "is freed twice"
 ) -> Iterator[Unknown | str]:
-    """The unknowns of a text, and a mistake for each number that is among the `places` already, which it joins."""
+    """Return the unknowns of a text, and a mistake for each number already among the `places`, which it extends."""
     for unknown in find_unknowns(scene, text):
         for place in unknown.places:
             if place in places:

@@ -47,7 +47,7 @@ def _zero_or_sizeable(value: float) -> float:
 
 
 def _to_integer(value: object) -> object:
-    """NumPy's whole numbers as Python's; True and False are rejected."""
+    """NumPy's integers as Python's; True and False are rejected."""
     try:
         return value if isinstance(value, bool) else index(value)  # type: ignore[arg-type]
     except TypeError:
@@ -62,12 +62,12 @@ def _several(value: object) -> object:
 
 
 def function_before(function: Callable[[Any], Any], schema: Schema) -> Schema:
-    """The schema applied to the function's result for a value."""
+    """Return a schema applied to the function's result for a value."""
     return {"type": "function-before", "function": {"type": "no-info", "function": function}, "schema": schema}
 
 
 def function_after(function: Callable[[Any], Any], schema: Schema) -> Schema:
-    """The function applied to a value that the schema has checked."""
+    """Return a schema that applies the function to the checked value."""
     return {"type": "function-after", "function": {"type": "no-info", "function": function}, "schema": schema}
 
 
@@ -195,9 +195,9 @@ def field(schema: Schema, meaning: str = "", unit: str = "", *, default: Any = R
 
 @dataclass_transform(kw_only_default=True, frozen_default=True, field_specifiers=(field,))
 class Part:
-    """An immutable part of a scene, checked when it is made; `replace` returns a changed copy.
+    """An immutable part of a scene, checked on construction; `replace` returns a changed copy.
 
-    SceneError names every mistake and its place.
+    Raise SceneError with every mistake and its place.
     """
 
     __slots__ = ("__dict__", "__pydantic_extra__", "__pydantic_fields_set__", "__pydantic_private__")
@@ -209,7 +209,7 @@ class Part:
             *("copy", "problems", "schema"),
         }
     )
-    """What `dir` and completion leave out, with all names that begin with an underscore."""
+    """Names that `dir` and completion omit, with all names that begin with an underscore."""
     _compiled: ClassVar[SchemaValidator]
     model_config: ClassVar[dict[str, Any]] = {"extra": "forbid"}
 
@@ -233,7 +233,7 @@ class Part:
         )
 
     def __init__(self, /, **data: Any) -> None:
-        """Raises SceneError."""
+        """Raise SceneError."""
         try:
             self._validator().validate_python(data, self_instance=self)
         except ValidationError as error:
@@ -245,7 +245,7 @@ class Part:
 
     @classmethod
     def model_validate(cls, data: object) -> Self:
-        """The part described by a mapping or given as a part; SceneError lists every mistake."""
+        """Return the part described by a mapping or given as a part; raise SceneError with every mistake."""
         try:
             return cast("Self", cls._validator().validate_python(data))
         except ValidationError as error:
@@ -266,7 +266,7 @@ class Part:
 
     @classmethod
     def model_json_schema(cls) -> dict[str, Any]:
-        """The JSON Schema of the mappings that `model_validate` accepts; descriptions omit examples in Python."""
+        """Return the JSON Schema of the mappings that `model_validate` accepts; descriptions omit Python examples."""
         from pydantic.json_schema import GenerateJsonSchema
 
         schema = _with_references(cls.schema())
@@ -280,11 +280,11 @@ class Part:
         return document
 
     def model_dump(self) -> dict[str, Any]:
-        """All fields as nested mappings, which `model_validate` reads back."""
+        """Return all fields as nested mappings, which `model_validate` reads back."""
         return {name: _dump(value) for name, value in self}
 
     def replace(self, **changes: Any) -> Self:
-        """A copy with other values under these keys, checked again; SceneError names every mistake and its place.
+        """Return a copy with other values under these keys, checked again; raise SceneError with all mistakes.
 
         >>> from modal import load
         >>> scene = load("paper-cart-2")

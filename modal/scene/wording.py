@@ -1,4 +1,4 @@
-"""What somebody meant who wrote another word in a scene: other names of keys and kinds, tables by their kinds."""
+"""Synonyms in scene files: other names of keys and kinds, and tables named by their kinds."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ NUMBER = re.compile(r"\s*([-+−]?\d+)(?:([.,])(\d+))?([eE][-+]?\d+)?\s*(?:[^\d.
 
 
 def suggestion(word: str, known_words: Iterable[str], cutoff: float = 0.6) -> str:
-    """What a word stands for, ` (did you mean …?)`, or nothing where no known word is another name of it or near.
+    """Return the meaning of a word, ` (did you mean …?)`, or "" if no known word is a synonym or similar.
 
     >>> suggestion("trolley", ["fixed", "cart"]), suggestion("Rod", ["bob", "rod"])
     (' (did you mean cart?)', ' (did you mean rod?)')
@@ -77,7 +77,7 @@ def suggestion(word: str, known_words: Iterable[str], cutoff: float = 0.6) -> st
 
 
 def as_table(kind: str, homes: dict[str, str]) -> str:
-    """How a part is written for which a table was named by its kind; "" where no key has parts of it.
+    """Return how to write a part whose table was named by its kind; "" if no key has parts of it.
 
     `homes` are the keys with the kinds that they have, as a message lists them.
     """
@@ -86,7 +86,7 @@ def as_table(kind: str, homes: dict[str, str]) -> str:
 
 
 def number_in(text: str) -> str:
-    """The number in a text, as a scene file writes it, "" where there is none.
+    """Return the number in a text, as a scene file writes it, "" if there is none.
 
     >>> number_in("9,81 m/s²"), number_in("1.5"), number_in("one")
     ('9.81', '1.5', '')
@@ -99,6 +99,6 @@ def number_in(text: str) -> str:
 
 
 def in_brackets(value: object, text: str) -> str:
-    """How one value is written where a list is required."""
+    """Return how to write one value where a list is required."""
     direction = OTHER_NAMES.get(value.lower(), "") if isinstance(value, str) else ""
     return f"[{json.dumps(direction)}]" if direction in {"up", "down"} else f"[{text}]"

@@ -5,7 +5,7 @@ frequency and impulse responses, reduced models, sampled models, input shapers.
 
     z' = A z + B u,    y = C z + D u,    z = (q, q')
 
-Start with `model` and `signals`; `loops` closes those of feedback.  `sampling`, `transfer`, `hoisting`, `travels` and
+Start with `model` and `signals`; `loops` closes feedback loops.  `sampling`, `transfer`, `hoisting`, `travels` and
 `regulator` need SciPy and are imported by their own paths.
 """
 

@@ -5,8 +5,8 @@
     dH = Y' x + yᵀ (F' − Z' x) + thrust',          by a number of the scene, or by ω
 
 x and y are two solutions of one matrix, for any number of derivatives.  M, K, D and the rows of outputs and inputs are
-polynomials in each number, differentiated exactly (`modal.assembly.differences`).  Where the cart's motion is
-prescribed, its row is left out and x_0 = s^(−order) of the input.
+polynomials in each number, differentiated exactly (`modal.assembly.differences`). If the cart's motion is prescribed,
+its row is omitted and x_0 = s^(−order) of the input.
 """
 
 from __future__ import annotations
@@ -56,8 +56,8 @@ class Channel(NamedTuple):
 class Arrays(NamedTuple):
     """A model in numbers: M, K, D (n, n), `carried` (2, n) at unit velocity, windage and momentum, and channels' rows.
 
-    `F` (C, n) are forces for a unit of the input, `Y` (C, 3, n) what multiplies q, q' and q'', `thrust` (C,) what the
-    input adds directly, `translation` (C, 3) what the ground's displacement, velocity and acceleration add.
+    `F` (C, n) are forces for a unit of the input, `Y` (C, 3, n) what multiplies q, q' and q'', `thrust` (C,) the direct
+    contribution of the input, `translation` (C, 3) those of the ground's displacement, velocity and acceleration.
     """
 
     M: Any
@@ -71,9 +71,9 @@ class Arrays(NamedTuple):
 
 
 class ChannelKind(NamedTuple):
-    """What does not depend on the numbers: what the input moves and how often differentiated.
+    """The part independent of the parameters: what the input moves and the order of its derivative.
 
-    It moves the "cart", the "ground" or nothing; "held" is a force beside a cart whose motion is prescribed.
+    It moves the "cart", the "ground" or nothing; "held" is a force next to a cart with prescribed motion.
     """
 
     moves: str
@@ -123,7 +123,7 @@ class ChannelModel:
 
 
 def channel_model(scene: Scene, channels: Sequence[Channel]) -> ChannelModel:
-    """The channels of a scene; SceneError names every signal that it does not have, and what its model refuses."""
+    """Return the channels of a scene; raise SceneError with every unknown signal, and what its model refuses."""
     geometry = geometry_of(scene)
     absent_group = "coordinate_forces" if geometry.on_cart else "cart_force"
     inputs = _sources({name: PUSHES[name](geometry) for name in PUSHES if name != absent_group})
@@ -196,12 +196,12 @@ class Model:
 
     @cached_property
     def poles(self) -> Complexes:
-        """Those of everything that moves freely, in 1/s."""
+        """The poles of the free system, in 1/s."""
         return poles_of(self.arrays)
 
     @cached_property
     def held_poles(self) -> Complexes:
-        """Those beside a cart whose motion is prescribed."""
+        """The poles with a prescribed motion of the cart."""
         a = self.arrays
         return poles_of(a._replace(M=a.M[1:, 1:], K=a.K[1:, 1:], D=a.D[1:, 1:]))
 
@@ -211,7 +211,7 @@ class Model:
         return np.asarray(np.linalg.cond(self._state(0, omega, adjoint=False).Z[:, first:, first:]))
 
     def poles_for(self, channel: int) -> Complexes:
-        """Those that a channel may have."""
+        """Return the poles that a channel may have."""
         return self.held_poles if self.kinds[channel].moves == "cart" else self.poles
 
     def response(self, channel: int, omega: Floats) -> Complexes:

@@ -1,12 +1,12 @@
-"""How strongly each input excites each mode and each output observes it, as gains instead of ranks.
+"""Modal gains: how strongly each input excites each mode and each output observes it, instead of ranks.
 
     undamped   |φᵀF_j| and |c_i φ| with φᵀMφ = 1: their product is the coefficient of 1/(s² + ω²) in G_ij(s)
     damped     |ℓᵀB_j| and |C_i r|, left and right vectors scaled so that the product is the size of the residue,
                of 1/(s² + 2ζωs + ω²) or, for a mode that does not oscillate, of 1/(s − λ)
 
-Modes of equal frequency span a space; an input reaches one direction in it, with the norm of its gains over the basis
-vectors, and all inputs together reach as many copies as the matrix of gains has significant singular values.
-(Modal gains as measures of controllability: [Hamdan1989].)
+Modes of equal frequency span a space; an input excites one direction in it, with the norm of its gains over the basis
+vectors, and all inputs together control as many copies as the matrix of gains has significant singular values. (Modal
+gains as measures of controllability: [Hamdan1989].)
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class Side(Displayed):
 
     @cached_property
     def copies(self) -> Ints:
-        """(R,): the number of independent copies of each mode that these signals together reach or see at all."""
+        """(R,): the number of independent copies of each mode that these signals together control or observe."""
         return self._ranks(0.0)
 
     @property
@@ -88,7 +88,7 @@ class Side(Displayed):
 class Gains(TextResult):
     """Controllability, the gains of the `inputs`, and observability, those of the `outputs`, mode by mode.
 
-    Where the model prescribes the cart's motion `held` is true: `modes` are then the fixed-base modes, not the table's.
+    If the model prescribes the cart's motion, `held` is true: `modes` are then the fixed-base modes, not the table's.
     """
 
     modes: Modes
@@ -118,7 +118,7 @@ class Gains(TextResult):
         return f"{self._grid(self.inputs)}\n\n{self._grid(self.outputs)}\n"
 
     def _rate(self, number: int) -> str:
-        """ω, or the growth or decay rate (1/s) of a mode that does not oscillate; empty where no digit is certain."""
+        """ω, or the growth or decay rate (1/s) of a mode that does not oscillate; empty if no digit is certain."""
         value = self.modes.eigenvalue[number]
         if self.modes.error[number] >= UNCERTAIN:
             return "–"
@@ -148,7 +148,7 @@ class Gains(TextResult):
 def modal_gains(modes: Modes, model: StateSpace) -> Gains:
     """The gains of a model of `modes.scene` from `modal.statespace.model.state_space`.
 
-    A rigid translation whose position no output sees gets the gains of its velocity.  Raises the errors of
+    A rigid translation whose position is not observed gets the gains of its velocity. Raise the errors of
     `modal.statespace.modal_form.modal_form`.
     """
     form = to_modal_form(modes, model)
@@ -167,17 +167,17 @@ def modal_gains(modes: Modes, model: StateSpace) -> Gains:
 
 
 def unseen(gains: Gains, threshold: float = RELATIVE_GAIN_MIN) -> tuple[int, ...]:
-    """Indices, from 0, of the modes not seen by the outputs above a relative gain, or not in all copies."""
+    """Return indices, from 0, of modes not observed above a relative gain, or not in all copies."""
     return gains.outputs.missed(threshold)
 
 
 def unreached(gains: Gains, threshold: float = RELATIVE_GAIN_MIN) -> tuple[int, ...]:
-    """Indices, from 0, of the modes not reached by the inputs above a relative gain, or not in all copies."""
+    """Return indices, from 0, of modes not controlled above a relative gain, or not in all copies."""
     return gains.inputs.missed(threshold)
 
 
 def without_noise(rows: NDArray[Number], matrix: Floats) -> NDArray[Number]:
-    """Gains rows · matrix, set to 0 where they may be rounding."""
+    """Gains rows · matrix, set to 0 if they may be rounding."""
     product: NDArray[Number] = rows @ matrix
     return product * (np.abs(product) > NOISE_OF_SUM * (np.abs(rows) @ np.abs(matrix)))
 

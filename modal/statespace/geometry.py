@@ -1,4 +1,4 @@
-"""Where the points of a scene are, and how they move: rows over q = (η, θ_1, …), to first order about the equilibrium.
+"""Positions and motion of the points of a scene: rows over q = (η, θ_1, …), to first order about the equilibrium.
 
 A fixed support and a cart are structures of no and of one coordinate η.  A horizontal displacement is a row h over q:
 of a centre h = Φ + Σ_{above} l cos θ + c cos θ, of a lower joint Φ + Σ l cos θ, with the equilibrium's angles θ, 0 or π
@@ -23,9 +23,9 @@ from modal.types import Floats, Ints
 
 
 class StructureCoordinate(NamedTuple):
-    """A coordinate of a structure: its `name` (`lower_m`), its unit, what it is, and what a force on it pushes.
+    """A coordinate of a structure: its `name` (`lower_m`), its unit, its meaning, and that of a force on it.
 
-    `along` is how far the origin of its carrier moves along the rail with it.
+    `along` is the motion of its support's origin along the rail per unit.
     """
 
     name: str
@@ -36,7 +36,7 @@ class StructureCoordinate(NamedTuple):
 
     @property
     def is_cart(self) -> bool:
-        """Whether it is the place of one cart alone."""
+        """Whether it is the position of a single cart."""
         return self.name == "x"
 
     @property
@@ -48,7 +48,7 @@ class StructureCoordinate(NamedTuple):
 
     @property
     def force_unit(self) -> str:
-        """N or N m; 1 of a coordinate of a modal support."""
+        """N or N m; 1 for a coordinate of a modal support."""
         return {"m": "N", "rad": "N m"}.get(self.unit, "1")
 
     def derivative(self, order: int) -> str:
@@ -70,10 +70,10 @@ class Geometry:
     `labels` (links,) are "p_i", both from 1, every copy numbered; `mass`, moment of `inertia` and linear `drag`
     (links,), `pendulum` (links,) from 0; `rest` (links,) the equilibrium's angles θ and `place` (m) the cart's;
     `length` and `centre` (links,) those of the links, and `across` and `sinking` (links,) their cos θ and −sin θ;
-    `down` and `turning` (links, d) the displacement downwards of every link's pivot and the angle of its carrier by
-    every coordinate η.  `springs` are those between points.  The coordinates of a scene that `is_structured` have
-    signals of their own names.  Where lengths change, `rate` and `bend` (links, q) are the first two derivatives in
-    time of the rows of centres and lower joints; in motion `end_rate` and `end_bend` are those of lower joints alone.
+    `down` and `turning` (links, d) the displacement downwards of every link's pivot and the angle of its support by
+    every coordinate η. `springs` are those between points. The coordinates of a scene that `is_structured` have signals
+    of their own names. If lengths change, `rate` and `bend` (links, q) are the first two derivatives in time of the
+    rows of centres and lower joints; in motion `end_rate` and `end_bend` are those of lower joints only.
     """
 
     structure: Structure
@@ -103,12 +103,12 @@ class Geometry:
 
     @property
     def on_cart(self) -> bool:
-        """Whether q begins with the x of one cart alone."""
+        """Whether q begins with the x of a single cart."""
         return any(coordinate.is_cart for coordinate in self.coordinates)
 
     @property
     def leading(self) -> int:
-        """How many coordinates come before the angles."""
+        """The number of coordinates before the angles."""
         return len(self.coordinates)
 
     @property
@@ -123,7 +123,7 @@ class Geometry:
 
     @property
     def momentum(self) -> Floats:
-        """That of everything (q,), at unit velocity along the rail, in the directions of q."""
+        """The total momentum (q,) at unit velocity along the rail, in the directions of q."""
         momentum: Floats = self.centres.T @ self.mass
         for number, carrier in enumerate(self.structure.carriers):
             if carrier.M is None and carrier.size:

@@ -1,15 +1,15 @@
-"""A hoist in the linear model: frequencies along it, and the swing that a travel of the cart leaves.
+"""Hoisting in the linear model: frequencies along it, and the residual swing after a travel of the cart.
 
 A slow change of lengths keeps E/ω of every mode ([Landau1976, §49]), so that with φᵀMφ = 1 the
-amplitude of a mode is that of its shape times ω^(−1/2); of one pendulum that is l^(−3/4).  Frequencies that approach
-each other veer apart, and keep their order, unless nothing couples their modes: those of pendula on a fixed support,
-and of equal pendula against each other while the cart stays still, are followed apart from all others.
+amplitude of a mode is that of its shape times ω^(−1/2); for one pendulum l^(−3/4). Frequencies that approach each other
+veer and keep their order, unless their modes are uncoupled: those of pendula on a fixed support, and of equal pendula
+in antiphase, are followed separately.
 
 The swing after a travel is integrated in the time-varying model, without any such assumption, with the motion of the
 cart among its states: between two corners of a command and of the laws of lengths by a matrix exponential where lengths
 are constant, with u and its derivatives as further states, along a hoist by steps.  Drag acts against still air, so
-that the speed of the cart pushes as its acceleration does.  An input shaper is made for constant lengths; what it
-leaves where they change is integrated likewise.
+that the speed of the cart pushes as its acceleration does. An input shaper is designed for constant lengths; its
+residual for changing lengths is integrated in the same way.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ class Along(Result):
 
     @property
     def notes(self) -> list[str]:
-        """What there is to say of the laws of the lengths."""
+        """Notes on the laws of the lengths."""
         links = [link for pendulum in self.scene.pendulum for link in pendulum.links if link.hoist]
         laws = [link.hoist.law(link.length) for link in links if link.hoist]
         return list(dict.fromkeys(law.words for law in laws if law.words))
@@ -97,7 +97,7 @@ class Along(Result):
     def parts(
         self, form: Form = "text", *, left: Sequence[Residual] = (), beside: str = ""
     ) -> Iterator[ReportTable | str]:
-        """The table, what it means and omits, or what is `beside` a free cart, and what is `left` of commands."""
+        """The table, its meaning and omissions, or those `beside` a free cart, and what is `left` of commands."""
         yield from super().parts(form)
         yield from self.notes
         if self.names:
@@ -137,11 +137,11 @@ class Along(Result):
 
 
 def frequencies_along(scene: Scene, samples: int = 21, drive: Drive = "cart_force") -> Along:
-    """Frequencies at evenly spaced times from the begin of the first hoist to the end of the last.
+    """Return frequencies at evenly spaced times from the beginning of the first hoist to the end of the last.
 
-    Under a prescribed motion of the cart they are those on a fixed support.  A massless cart has one mode less; where
-    it has a single bob there is none.  Raises SceneError without a hoist, ComputationError for an unstable equilibrium
-    and for more than MOST_LINKS links.
+    Under a prescribed motion of the cart they are those on a fixed support. A massless cart has one mode less; with a
+    single bob there is none. Raise SceneError without a hoist, ComputationError for an unstable equilibrium and for
+    more than MOST_LINKS links.
     """
     times = hoisting_times(scene, samples)
     _refuse_many(scene)
@@ -218,7 +218,7 @@ def _names(scene: Scene, omega: Floats, is_prescribed: bool) -> tuple[str, ...]:
 
 
 def is_held(scene: Scene, drive: Drive) -> bool:
-    """Whether the cart moves as prescribed."""
+    """Whether the cart's motion is prescribed."""
     return scene.cart is not None and drive != "cart_force"
 
 
@@ -241,7 +241,7 @@ def _modes(scene: Scene) -> tuple[Floats, Floats, Ints]:
 
 
 class TravelLimits(NamedTuple):
-    """TravelLimits of a travel: its acceleration (m/s²), its speed (m/s) and its jerk (m/s³).
+    """Limits of a travel: its acceleration (m/s²), its speed (m/s) and its jerk (m/s³).
 
     With a `step` (s) every phase of it lasts a multiple of that.
     """
@@ -284,7 +284,7 @@ class Travel:
         """From `begin` (s) on over a `duration` (s), within `limits` in the shortest time, or that of a CSV file.
 
         The file has the accelerations of a cart at rest before and afterwards, which straight lines join, and its times
-        are those of the travel.  Raises SceneError for a file that is no such record.
+        are those of the travel. Raise SceneError for a file that is no such record.
 
         >>> round(Travel.planned(20.0, 0.0, 30.0, TravelLimits(acceleration=0.4, speed=1.5)).duration, 9)
         17.083333333
@@ -355,10 +355,10 @@ def residual_lines(residuals: Sequence[Residual]) -> str:
 
 
 def travel_residuals(scene: Scene, travel: Travel, *, kind: Kind = "zv", count: int = 1) -> tuple[Residual, ...]:
-    """What a travel of the cart leaves: as it is, and shaped for the lengths before the hoist, and for the mean ones.
+    """Return residuals of a travel: unshaped, and shaped for the initial and for the mean lengths.
 
-    The last is that of the travel as it is if the lengths stayed as they are before the hoist.  Raises SceneError for a
-    scene without hoist or cart, else as `shaper_for`.
+    The last is that of the unshaped travel if the lengths did not change. Raise SceneError for a scene without hoist or
+    cart, else as `shaper_for`.
     """
     _refuse_many(scene)
     if scene.cart is None:
@@ -378,7 +378,7 @@ def travel_residuals(scene: Scene, travel: Travel, *, kind: Kind = "zv", count: 
 
 
 def travel_swing(scene: Scene, travel: Travel, kind: Kind | None = None) -> float:
-    """The largest angle (rad) that a travel of the cart leaves, shaped for the lengths before it if a `kind` is given.
+    """Return the largest angle (rad) after a travel of the cart, shaped for the initial lengths if a `kind` is given.
 
     Lengths may change with a hoist or stay.
 
@@ -396,7 +396,7 @@ def travel_swing(scene: Scene, travel: Travel, kind: Kind | None = None) -> floa
 
 
 def mean_lengths(scene: Scene) -> Scene:
-    """The scene with constant lengths, those in time average over the hoist of each link."""
+    """Return the scene with constant lengths: the time averages over the hoist of each link."""
     pendula = tuple(
         pendulum.replace(
             links=tuple(
@@ -430,10 +430,10 @@ def _residual_angle(scene: Scene, travel: Travel, train: Train) -> float:
 
 
 def shaper_residual(scene: Scene, shaper: Shaper, drive: Drive = "cart_acceleration") -> float:
-    """What a shaped impulse at the beginning of the hoist leaves, over what the same impulse unshaped leaves.
+    """Return the residual of a shaped impulse at the beginning of the hoist, relative to the unshaped impulse.
 
-    At the end of the hoist, or of the impulses if that is later, in the largest angle of any link.  Raises SceneError
-    for a scene without hoist, ComputationError for a force on a cart with which the mass matrix is singular.
+    At the end of the hoist, or of the impulses if that is later, in the largest angle of any link. Raise SceneError for
+    a scene without hoist, ComputationError for a force on a cart with which the mass matrix is singular.
     """
     _refuse_many(scene)
     hoisting = hoisting_of(scene)
@@ -472,7 +472,7 @@ def _impulse_response(scene: Scene, times: Floats, amplitudes: Floats, last: flo
 def largest_swing(scene: Scene, y: Floats, *, is_prescribed: bool) -> float:
     """The largest angle (rad) that the swings of all frequencies can add up to in any link, about the rest of (q, q').
 
-    Under drag that is the rest beside a cart that moves on.
+    Under drag that is the rest next to a cart that moves on.
     """
     linear = matrices(scene)
     first, n = int(is_prescribed), len(linear.M)
@@ -488,7 +488,7 @@ def largest_swing(scene: Scene, y: Floats, *, is_prescribed: bool) -> float:
 
 
 def residual_words(scene: Scene, count: int, kind: Kind, drive: Drive, shaper: Shaper) -> Iterator[str]:
-    """What a hoist leaves of the promise of a shaper for the lengths before it, and of one for the mean lengths."""
+    """Return sentences on the residuals of shapers for the initial and for the mean lengths during a hoist."""
     yield "the lengths change with the hoist: this shaper is that of the lengths before it"
     mean = shaper_for(mean_lengths(scene), count, kind, drive)
     shaper_percent, mean_percent = (100 * shaper_residual(scene, variant, drive) for variant in (shaper, mean))

@@ -1,17 +1,17 @@
 """Accelerations by generalized forces, M⁻¹ Q, by elimination from the tips: exact zeros are 0.0.
 
-A force on a cart turns the first bob's wire alone; solved with M, the others get 1e-20.  Here every chain is what its
-pivot feels of it, an effective mass μ (2, 2) along the rail and down, and a force e.  Across a link (w) and along it
-(u), with r, p, q and upper of `modal.pair.Constants`, torques T over its length, and a = l θ'',
+A force on a cart turns the first bob's wire alone; solved with M, the others get 1e-20. Here every chain is represented
+at its pivot by an effective mass μ (2, 2) along the rail and down, and a force e. Across a link (w) and along it (u),
+with r, p, q and upper of `modal.pair.Constants`, torques T over its length, and a = l θ'',
 
     P = r + μ_ww,    a = (T + e_w − (upper + μ_ww) y_w − μ_wu y_u)/P,    y_w + a = (T + e_w − q y_w − μ_wu y_u)/P
     μ'_ww = (m J + p μ_ww)/P,    μ'_wu = −q μ_wu/P,    μ'_uu = m + μ_uu − μ_wu²/P
     e'_w = −(q e_w + (upper + μ_ww) T)/P,    e'_u = e_u − μ_wu (T + e_w)/P
 
-where y is the acceleration of the upper joint and primes are for the link above.  Bobs have p = q = J = 0, and nothing
-is subtracted where all hang straight, so that a light cart has accelerations of full precision.  The pivots move by Π
-with the coordinates η of what carries them: (M_s + Σ Πᵀ μ Π) η'' = Q_η + Σ Πᵀ e.  (The articulated bodies of
-[Featherstone2008, §7.3], in the form of `modal.eigen.elimination`, at an infinite frequency.)
+where y is the acceleration of the upper joint and primes are for the link above. Bobs have p = q = J = 0, and nothing
+is subtracted if all links are vertical, so that a light cart has accelerations of full precision. The pivots move by Π
+with the support coordinates η: (M_s + Σ Πᵀ μ Π) η'' = Q_η + Σ Πᵀ e. (The articulated bodies of [Featherstone2008,
+§7.3], in the form of `modal.eigen.elimination`, at an infinite frequency.)
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class _Level(NamedTuple):
 def accelerations(geometry: Geometry, forces: Floats, given: Floats | None = None) -> Floats:
     """The q'' (q, L) under generalized forces (q, L); where η'' is `given` (η, L), forces on η have no effect.
 
-    Raises ComputationError where a force gives no finite acceleration.
+    Raise ComputationError if a force gives no finite acceleration.
     """
     d, heads = geometry.leading, [0, *(tip + 1 for tip in geometry.tips)]
     on_carriers, torques = forces[:d].copy(), forces[d:].copy()
@@ -131,13 +131,13 @@ def _descend(steps: list[_Level], pivot: Floats) -> Floats:
 
 
 def solve_inertia(M: Floats, right: Floats) -> Floats:
-    """M⁻¹ right, with M scaled to a diagonal near 1; ComputationError where it is singular."""
+    """M⁻¹ right, with M scaled to a diagonal near 1; raise ComputationError if it is singular."""
     refuse_no_inertia(M)
     scale = np.exp2(np.round(np.log2(np.diag(M)) / -2))[:, None]
     return np.asarray(scale * np.linalg.solve(scale * M * scale.T, scale * right), dtype=np.float64)
 
 
 def refuse_no_inertia(M: Floats) -> None:
-    """ComputationError for a mass matrix that is singular, on which a force has no finite acceleration."""
+    """Raise ComputationError for a mass matrix that is singular, on which a force has no finite acceleration."""
     if len(M) and is_singular(M):
         raise ComputationError(NO_INERTIA)

@@ -1,4 +1,4 @@
-"""The shortest input shaper that leaves little over a whole range of a number of the scene: specified insensitivity.
+"""The shortest input shaper with little residual vibration over a range of a parameter: specified insensitivity.
 
 In: modes (ω_j, ζ_j) at many values of the number.  Out: impulses A_i ≥ 0 at t_i, Σ A_i = 1, with the least duration t_n
 such that the residual vibration of none exceeds the tolerance v,
@@ -6,7 +6,7 @@ such that the residual vibration of none exceeds the tolerance v,
     e^{−ζ_j ω_j t_n} |Σ A_i e^{s_j t_i}| ≤ v,     s_j = ζ_j ω_j + iω_j √(1−ζ_j²)        ([Singhose1996]).
 
 With times on a grid these are convex: a linear program, with a tangent plane of a cone wherever what its solution
-leaves is too much ([Kelley1960]).  The duration is bisected.  Then the grid is refined beside the impulses, again and
+leaves is too much ([Kelley1960]). The duration is bisected. Then the grid is refined next to the impulses, again and
 again, unless a controller's samples are the grid.
 """
 
@@ -46,13 +46,13 @@ def shaper_over(
     tolerance: float = TOLERANCE_OF_RESIDUAL,
     samples: int = 65,
 ) -> tuple[Shaper, float]:
-    """The shortest shaper for a `span` such as "pendulum[0].links[0].length=8:14", and the most that it leaves there.
+    """Return the shortest shaper for a `span` such as "pendulum[0].links[0].length=8:14", and its largest residual.
 
     Of none of the `count` slowest modes that the `drive` excites more than `tolerance` is left, of the swing after one
     impulse, at so many `samples` of the span and between them: there the modes are those of a spline, sixteen times as
     close, where the shaper is made, and of the scene half-way, where it is checked.  With a `step` (s) impulses come at
-    its multiples.  Raises SceneError for another span, ComputationError where a mode does not oscillate, where no
-    shaper is short enough, and where the check fails.
+    its multiples. Raise SceneError for another span, ComputationError if a mode does not oscillate, no shaper is short
+    enough, or the check fails.
 
     >>> from modal import load
     >>> shaper, most = shaper_over(load("crane-hook"), "pendulum[0].links[0].length=11:13", samples=9)
@@ -92,10 +92,10 @@ def shaper_over(
 
 
 def shortest(swings: Sequence[DampedSwing], tolerance: float, step: float = 0.0, places: int = 5000) -> Shaper:
-    """The shortest shaper of positive impulses that leaves at most `tolerance` of each of these modes.
+    """Return the shortest shaper of positive impulses with at most the residual `tolerance` in each of these modes.
 
-    Raises ComputationError for a mode that does not oscillate, and where ten periods of the slowest are too short, or
-    so many `places` for impulses, 32 in a period of the fastest or a `step` (s) apart, too few.
+    Raise ComputationError for a mode that does not oscillate, and if ten periods of the slowest are too short, or so
+    many `places` for impulses, 32 in a period of the fastest or a `step` (s) apart, too few.
     """
     program = _Program(swings, tolerance * (1 - EPS ** (1 / 3)))
     grid = step or program.fastest / 32
@@ -170,7 +170,7 @@ class _Program:
         return ticks[:most], amplitudes
 
     def polish(self, times: Floats, amplitudes: Floats) -> Train | None:
-        """A local minimum of the duration near these impulses (n,), those that meet there joined; None where none is.
+        """A local minimum of the duration near these impulses (n,), those that meet there joined; None if none is.
 
         The variables are the times but the first, which stays 0, then the amplitudes.
         """

@@ -1,10 +1,10 @@
-"""Loops of feedback as rows over q: what each measures, and the generalized force of its input.
+"""Feedback loops as rows over q: the measured outputs, and the generalized forces of the inputs.
 
 An input u = −Σ gain (output − reference) with the generalized force F, and outputs Y0 q + Y1 q', closes to
 
     M q'' + (D + F Σ gain Y1) q' + (K + F Σ gain Y0) q = 0,
 
-whose matrices are not symmetric.  What is measured is linear in the state at every angle: coordinates, angles, angles
+whose matrices are not symmetric.  Measured outputs are linear in the state at every angle: coordinates, angles, angles
 to the link above, and their rates.
 """
 
@@ -59,7 +59,7 @@ class Loop(NamedTuple):
 
 
 def loops_of(scene: Scene) -> list[Loop]:
-    """All loops of a scene, input by input; SceneError names every signal that it does not have."""
+    """Return all loops of a scene, input by input; raise SceneError with every unknown signal."""
     geometry, loops, problems = geometry_of(scene), list[Loop](), list[str]()
     for k, entry in enumerate(scene.feedback):
         try:
@@ -120,7 +120,7 @@ def _rows(geometry: Geometry, groups: tuple[str, ...]) -> dict[str, Floats]:
 
 
 def problems_of(scene: Scene) -> Iterator[str]:
-    """What is wrong with the loops of a scene that is valid without them."""
+    """Return what is wrong with the loops of a scene that is valid without them."""
     if scene.space == "space":
         yield '.feedback: needs space = "plane"'
         return
@@ -149,7 +149,7 @@ def unit_of(scene: Scene, number: int, name: str) -> str:
 
 
 def close(scene: Scene, linear: Matrices) -> Matrices:
-    """M, D and K with the loops of a scene closed.
+    """Return M, D and K with the loops of a scene closed.
 
     >>> from modal import Bob, Cart, Pendulum, Scene
     >>> hook = Pendulum(links=[Bob(mass=1.0, length=2.0)])

@@ -6,11 +6,11 @@ With φ as in `Modes.shape` (which separates equal and zero frequencies as well 
     damped     α' = λα + ℓᵀB u,             z = 2 Re(rα),                r = (φ, λφ),  ℓ = ((λM + D)φ, Mφ)/s
     real λ     α' = λα + ℓᵀB u,             z = rα,                      s = φᵀ(2λM + D)φ
 
-([Tisseur2001, §3.5]: left and right vectors of a symmetric quadratic pencil.)  A cart
-whose acceleration or velocity is prescribed does not respond to the pendula: it is a separate block, and the modes are
-the fixed-base modes of the pendula.  So is a support whose acceleration or velocity is prescribed; the modes are then
-those of the scene.  Where springs or drag couple them with its motion, they deviate from what that makes of them while
-it is steady, z = X (s, s') with A X = X [[0, 1], [0, 0]].
+([Tisseur2001, §3.5]: left and right vectors of a symmetric quadratic eigenvalue problem.) A cart whose acceleration or
+velocity is prescribed does not respond to the pendula: it is a separate block, and the modes are the fixed-base modes
+of the pendula. So is a support whose acceleration or velocity is prescribed; the modes are then those of the scene. If
+springs or drag couple them with its motion, they are deviations from the response to its steady motion, z = X (s, s')
+with A X = X [[0, 1], [0, 0]].
 """
 
 from __future__ import annotations
@@ -123,10 +123,10 @@ def block_diagonal(blocks: Sequence[Floats]) -> Floats:
 
 @checked
 def to_modal_form(modes: Modes, model: StateSpace) -> ModalForm:
-    """The model of `modes.scene` decomposed into modes.
+    """Decompose the model of `modes.scene` into modes.
 
-    Raises ValueError for the model of another scene, ComputationError for one in discrete time and where dampers make
-    two modes coincide.
+    Raise ValueError for the model of another scene, ComputationError for one in discrete time and if dampers make two
+    modes coincide.
     """
     if model.dt:
         raise ComputationError("modal form needs a continuous model")
@@ -155,7 +155,7 @@ def to_modal_form(modes: Modes, model: StateSpace) -> ModalForm:
 
 
 def plot_model(model: StateSpace, **options: Any) -> Figure:
-    """The figure of `ModalForm.plot` of the whole model of a scene; ComputationError for any other."""
+    """The figure of `ModalForm.plot` of the whole model of a scene; raise ComputationError for any other."""
     if model.scene is None:
         raise ComputationError("only the whole model of a scene can be drawn: this one is sampled, reduced or read")
     return to_modal_form(natural_modes(model.scene), model).plot(**options)

@@ -12,10 +12,10 @@ and for a velocity w the rates become p = θ' + A_θ⁻¹ b w, which does not ju
 
     x' = w,    θ' = p − A_θ⁻¹ b w,    p' = −A_θ⁻¹ (K_θ θ + D_θ θ' − F_θ u).
 
-A support that is moved by s, or the ground under a cart, gives in its own frame the inertial forces −p s'', with p the
-momentum of everything at unit velocity along the rail, and −w s' of the drag of still air.  An acceleration and a
-velocity are treated alike, with all of q for θ and p for b; for a displacement, with J = M⁻¹ p and the states
-η = q + J s and r = η' − M⁻¹ (D J − w) s,
+A support displaced by s, or the ground under a cart, gives in its own frame the inertial forces −p s'', with p the
+total momentum at unit velocity along the rail, and −w s' of the drag of still air. An acceleration and a velocity are
+treated alike, with all of q for θ and p for b; for a displacement, with J = M⁻¹ p and the states η = q + J s and r = η'
+− M⁻¹ (D J − w) s,
 
     η' = r + M⁻¹ (D J − w) s,    M r' = −D η' − K (η − J s) + F u.
 
@@ -74,9 +74,9 @@ class StateSpace(Drawable, Displayed):
     """z' = A z + B u (z[k+1] = A z[k] + B u[k] where dt > 0), y = C z + D u.
 
     A (n, n), B (n, m), C (p, n), D (p, m) in SI units; `states`, `inputs` and `outputs` name rows and columns; `dt` is
-    the sample time in seconds, 0 for continuous time; `operating_point` the values that angles deviate from (rad), and
-    the cart's position where constant forces move it (m), in motion all coordinates, rates and accelerations;
-    `scene` the one whose whole model this is, None for sampled and reduced ones and those from files.
+    the sample time in seconds, 0 for continuous time; `operating_point` the values from which angles deviate (rad), and
+    the cart's position if constant forces displace it (m), in motion all coordinates, rates and accelerations; `scene`
+    the one whose whole model this is, None for sampled and reduced ones and those from files.
     """
 
     A: Floats
@@ -134,9 +134,9 @@ Maps = tuple[Pair | None, ...]
 
 
 class _Motion(NamedTuple):
-    """A and B with the maps from (z, u) to q, q' and q'', each a pair; None where they contain impulses.
+    """A and B with the maps from (z, u) to q, q' and q'', each a pair; None if they contain impulses.
 
-    `support` are the maps to the displacement of a moved support, its velocity and its acceleration.
+    `support` are the maps to the displacement of a moving support, its velocity and its acceleration.
     """
 
     A: Floats
@@ -147,7 +147,7 @@ class _Motion(NamedTuple):
 
 
 class LocalModel(NamedTuple):
-    """The equations q'' = f(q, q', F) near a state: −∂f/∂q and −∂f/∂q' (q, q), and what gives ∂f/∂F F.
+    """The equations q'' = f(q, q', F) near a state: −∂f/∂q and −∂f/∂q' (q, q), and a function for ∂f/∂F F.
 
     `geometry` has the rows of all points at that state, `operating_point` its values.
     """
@@ -175,8 +175,8 @@ def state_space(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, 
     Inputs may also be points, as "force:pendulum[0].links[1]@0.5" (`modal.statespace.signals`), and on a structure the
     force on one coordinate by its name; outputs may be the names of its coordinates, of their rates and of springs.  By
     default the input is the force on a cart, the forces on all coordinates of a structure, or else the joint torques,
-    and the outputs are the cart's position or the coordinates of the structure, and the absolute angles.  Raises
-    SceneError for groups that the scene does not have, ComputationError where M is singular or the model has more than
+    and the outputs are the cart's position or the coordinates of the structure, and the absolute angles. Raise
+    SceneError for groups that the scene does not have, ComputationError if M is singular or the model has more than
     LARGEST_STATE states.
     """
     require(validate_scene(scene), "a constant linear model")
@@ -255,7 +255,7 @@ def _usual(geometry: Geometry) -> tuple[tuple[str, ...], tuple[str, ...]]:
 
 
 def without_carrier(scene: Scene) -> Scene:
-    """The same pendula on a fixed support; SceneError for damping ratios by mode, which are those of other modes.
+    """The same pendula on a fixed support; raise SceneError for damping ratios by mode, which are those of other modes.
 
     Of a scene with one cart alone: what springs join to it they join to the ground in its place.
     """
@@ -363,7 +363,7 @@ def _rows(maps: Pair | None, rows: slice) -> Pair | None:
 def _partition(
     linear: Matrices, geometry: Geometry, F: Floats, *, is_prescribed: bool
 ) -> tuple[Floats, Floats, Floats]:
-    """K, D and F of `_motion` beside a cart that moves as prescribed, the first coordinate, or on a support under all.
+    """K, D and F of `_motion` next to a cart that moves as prescribed, the first coordinate, or on a support under all.
 
     J = M⁻¹ p is exact where everything can move along with the ground, as on a cart.
     """

@@ -1,4 +1,4 @@
-"""The peaks of a frequency response: how high every output rises at every mode, and at what frequency.
+"""Peaks of a frequency response: their heights for every output at every mode, and their frequencies.
 
 Frequencies are closest within some half-widths |Re λ| of Im λ, where λ is the eigenvalue of a mode, and a peak among
 them is found between ever closer ones.  That of an undamped mode is infinite, at its own frequency.
@@ -86,7 +86,7 @@ def _records(form: ModalForm, source: int, outputs: Sequence[int]) -> Iterator[d
 
 
 def _peaks(size: Callable[[Floats], Floats], omega: Floats) -> Iterator[tuple[float, float]]:
-    """Where a magnitude is larger than to either side, found between the frequencies beside it, and how large."""
+    """Where a magnitude is larger than to either side, found between the frequencies next to it, and how large."""
     heights = size(omega)
     for k in np.flatnonzero((heights[1:-1] > heights[:-2]) & (heights[1:-1] >= heights[2:])) + 1:
         low, at, high, height = omega[k - 1], omega[k], omega[k + 1], heights[k]

@@ -55,11 +55,11 @@ class Folded(NamedTuple):
 
 
 def fold_equals(scene: Scene) -> Folded:
-    """One pendulum for each kind, as heavy as all of its copies, in the order of the file.
+    """Merge equal pendula into one for each kind, as heavy as all of its copies, in the order of the file.
 
-    On a structure the copies of every entry are of one kind, but those that springs join to something.  Under constant
-    forces, which the merged would not share, pendula stay as they are; SceneError for copies there.  So they do with
-    feedback, which tells them apart.
+    On a structure the copies of every entry are of one kind, except those with springs attached. Under constant forces,
+    which merged pendula would not share, pendula are not merged; raise SceneError for copies there. Nor are they with
+    feedback, which distinguishes them.
     """
     if scene.feedback:
         return Folded(scene, tuple(range(1, scene.n_pendula + 1)), (1,) * scene.n_pendula)
@@ -89,7 +89,7 @@ def fold_equals(scene: Scene) -> Folded:
 
 
 def joined_pendula(scene: Scene) -> set[int]:
-    """The entries of pendula that springs join to something."""
+    """Return the entries of pendula with springs attached."""
     ends = [parse_point(text) for spring in scene.spring for text in spring.between]
     return {point.pendulum for point in ends if isinstance(point, PendulumPoint)}
 
@@ -103,12 +103,12 @@ def _damping_ratios(scene: Scene, folded_scene: Scene) -> float | tuple[float, .
 
 @checked
 def minimal(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, ...] = ()) -> StateSpace:
-    """The model with the same transfer functions without the modes that do not contribute to them.
+    """Return the model with the same transfer functions without modes that do not contribute to them.
 
-    Equal pendula are represented by the first of them, under its name.  If every remaining mode is reached and seen,
-    the states are angles and rates; else the modal coordinates of those that are.  Inputs and outputs are the groups of
-    `modal.statespace.model.state_space`, whose errors are raised; SceneError also for forces on pendula that have
-    equals, which they would distinguish.
+    Equal pendula are represented by the first of them, under its name. If every remaining mode is controllable and
+    observable, the states are angles and rates; else the modal coordinates of those that are. Inputs and outputs are
+    the groups of `modal.statespace.model.state_space`, whose errors are raised; SceneError also for forces on pendula
+    that have equals, which they would distinguish.
     """
     fold = fold_equals(scene)
     if max(fold.copies) > 1 and (at := [name for name in inputs if is_point(name)]):
@@ -126,7 +126,7 @@ def minimal(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, ...]
 
 
 def essential(form: ModalForm) -> list[ModalBlock]:
-    """The blocks that an input reaches and an output sees; equal modes are rotated to minimize their number."""
+    """Return the controllable and observable blocks; equal modes are rotated to minimize their number."""
     controllable = _rotate_equal_modes(form.blocks, [block.left for block in form.blocks], form.model.B)
     return _rotate_equal_modes(controllable, [block.right.T for block in controllable], form.model.C.T)
 
@@ -149,7 +149,7 @@ def _rate_alone(form: ModalForm, block: ModalBlock) -> ModalBlock:
 
 
 def heavier(pendulum: Pendulum, count: int) -> Pendulum:
-    """That many copies as one."""
+    """Return as many copies as one pendulum."""
     return pendulum.replace(links=tuple(link.heavier(count) for link in pendulum.links), count=1, start=None)
 
 
@@ -218,10 +218,9 @@ def truncate(modes: Modes, model: StateSpace, count: int, by: Choice = "contribu
     """The model of `modes.scene` with `count` modes, copies counted, in modal coordinates.
 
     `by` "contribution" keeps those that contribute most to any one transfer function, "lowest" those of lowest
-    frequency.  A rigid translation, a prescribed cart and growing modes are always kept, modes that no input
-    reaches or no output sees are not; the static gain of all others is added to D, so that G(0) without the rigid part
-    is that of the whole model.  Raises ValueError for a count below 0 and another `by`, SceneError for more modes
-    than the model has.
+    frequency. A rigid translation, a prescribed cart and growing modes are always kept, uncontrollable or unobservable
+    modes are not; the static gain of all others is added to D, so that G(0) without the rigid part is that of the whole
+    model. Raise ValueError for a count below 0 and another `by`, SceneError for more modes than the model has.
     """
     if count < 0 or by not in get_args(Choice):
         raise ValueError(f'count = {count}, by = {by!r}: must be a number of modes, by "contribution" or "lowest"')
@@ -282,10 +281,10 @@ class Balanced(Displayed):
 def balance(model: StateSpace, count: int) -> Balanced:
     """The model reduced to `count` states, with the same inputs and outputs.
 
-    Its states are combinations of all old ones, and the choice depends on the units of inputs and outputs.  Raises
-    ValueError for a count outside 1 … n; ComputationError for a model in discrete time, for one that is not stable and
-    damped in every mode, for which gramians do not exist, and for a count beyond the controllable and observable
-    states.
+    Its states are combinations of all old ones, and the choice depends on the units of inputs and outputs. Raise
+    ValueError for a count outside 1 … n; raise ComputationError for a model in discrete time, for one that is not
+    stable and damped in every mode, for which gramians do not exist, and for a count beyond the controllable and
+    observable states.
     """
     if not 1 <= count <= len(model.A):
         raise ValueError(f"count = {count}: must be between 1 and the {len(model.A)} states of the model")

@@ -2,9 +2,9 @@
 
     AᵀP + PA − PBR⁻¹BᵀP + Q = 0,    K = R⁻¹BᵀP    [Kwakernaak1972, §3.4]
 
-Without weights Q and R are diagonal by Bryson's rule, 1/(largest value)² [Bryson1975, §5.2].  With the length l of the
-longest link and the mass m of all, these count as equal: 1 rad, a place of l, both times √(g/l) as rates, a force m g,
-a torque m g l, and a prescribed acceleration g.  Their common size has no part in K.
+Without weights Q and R are diagonal by Bryson's rule, 1/(largest value)² [Bryson1975, §5.2]. With the length l of the
+longest link and the total mass m these count as equal: an angle of 1 rad, a position of l, their rates times √(g/l), a
+force m g, a torque m g l and a prescribed acceleration g. Their common scale does not affect K.
 """
 
 from __future__ import annotations
@@ -64,10 +64,10 @@ class Regulator(Displayed):
 
 @checked
 def regulator(scene: Scene, inputs: tuple[str, ...] = (), weights: tuple[str, str] | None = None) -> Regulator:
-    """The regulator of a scene with its loops open, of these inputs (by default those of `state_space`).
+    """Return the regulator of a scene with its loops open, for these inputs (by default those of `state_space`).
 
     `weights` are CSV files of Q and R with the names of states and of inputs as headings: matrices, or the one row of a
-    diagonal.  SceneError for weights that do not fit, ComputationError where no gains make the motion decay.
+    diagonal.  Raise SceneError for weights that do not fit, ComputationError if no gains make the motion decay.
     """
     plant = scene.replace(feedback=())
     model = state_space(plant, inputs)

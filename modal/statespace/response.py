@@ -4,9 +4,9 @@ A block of two states with matrix A has (s − A)⁻¹ = (s + A − tr A)/(s² �
 
     G(s) = D + Σ_k (s N1_k + N0_k)/(s² + 2ζ_kω_k s + ω_k²),      N1 = C B,   N0 = C (A − tr A) B,
 
-a rigid translation (ω = 0) among them; a non-oscillating mode, of one state, adds C B/(s − λ).  Far from the modes that
-sum cancels, so that the frequency response of a whole model comes from elimination (`modal.statespace.response`), and
-from the sum only where its poles lie.  In time, with a = tr A/2 and ν² = det A − a²,
+a rigid translation (ω = 0) among them; a non-oscillating mode, of one state, adds C B/(s − λ). Far from the modes this
+sum cancels, so the frequency response of a whole model comes from elimination (`modal.statespace.response`), and from
+the sum only where its poles lie. In time, with a = tr A/2 and ν² = det A − a²,
 
     h(t) = D δ(t) + Σ_k e^{at} C [cos νt + (A − a) sin(νt)/ν] B,
 
@@ -85,7 +85,7 @@ ROWS_OF_HISTORY = 41
 
 
 class SignalPlace(NamedTuple):
-    """What a signal is, how often it is differentiated, and the pendulum and link, from 0, it belongs to."""
+    """The kind of a signal, the order of its derivative, and its pendulum and link, from 0."""
 
     what: str
     order: int
@@ -94,7 +94,7 @@ class SignalPlace(NamedTuple):
 
 
 def place_of(kinds: dict[str, tuple[str, int]], name: str, tips: Sequence[int]) -> SignalPlace:
-    """Where a signal of this name is; `tips` are the last links of all pendula.  KeyError for an unknown name."""
+    """Where a signal of this name is; `tips` are the last links of all pendula.  Raise KeyError for an unknown name."""
     match = NAME.fullmatch(name)
     if not match:
         raise KeyError(name)
@@ -104,7 +104,7 @@ def place_of(kinds: dict[str, tuple[str, int]], name: str, tips: Sequence[int]) 
 
 
 def place_of_input(driven: Signal | Dissipator, tips: Sequence[int]) -> SignalPlace:
-    """Where an input acts, perhaps as a pair of forces.  KeyError for an unknown name."""
+    """Return where an input acts, possibly as a pair of forces. Raise KeyError for an unknown name."""
     if isinstance(driven, Dissipator):
         pendulum, link = -1, driven.number
         while link >= 0 and pendulum + 1 < len(tips):
@@ -117,10 +117,10 @@ def place_of_input(driven: Signal | Dissipator, tips: Sequence[int]) -> SignalPl
 
 
 class ExactResponse:
-    """G between these signals of a scene of constant lengths, evaluated by elimination wherever it is asked for.
+    """G between these signals of a scene of constant lengths, evaluated by elimination.
 
-    A dissipator among the inputs is the pair of unit forces along its row.  KeyError for signals that are not those of
-    `modal.statespace.signals`.
+    A dissipator among the inputs is the pair of unit forces along its row. Raise KeyError for signals that are not
+    those of `modal.statespace.signals`.
     """
 
     def __init__(self, scene: Scene, inputs: Sequence[Signal | Dissipator], outputs: Sequence[Signal]) -> None:
@@ -148,9 +148,8 @@ class ExactResponse:
     ) -> Complexes:
         """G(iω) (p, m, W) at ω (W,) in rad/s, each entry to this relative error.
 
-        Positive frequencies may be given as sums of two floats: `remainder` (W,) is what one leaves out, which is felt
-        within some billionths of a resonance.
-        At ω = 0 the limit, infinite where there is none.
+        Positive frequencies may be given as sums of two floats: `remainder` (W,) is the part omitted by one float,
+        which matters within some billionths of a resonance. At ω = 0 the limit, infinite if there is none.
         """
         is_static = omega == 0
         at = np.where(is_static, STATIC_FREQUENCY * self.unit, np.abs(omega))
@@ -328,8 +327,8 @@ def frequency_response(
     Of these outputs and inputs (indices; by default all), each entry to a relative error of `tolerance` for the numbers
     of the scene as they are, however far ω is from the modes; with damping ratios, constant forces or inputs at points
     and more coordinates than `modal.statespace.structural.MOST` the sum over modes, to 1e-12 of its largest term.
-    Infinite exactly at an undamped mode that the input reaches and the output sees, including ω = 0; with loss angles,
-    which the modal form does not represent, from elimination alone.  `remainder` as in `ExactResponse.along`.
+    Infinite exactly at a controllable and observable undamped mode, including ω = 0; with loss angles, which the modal
+    form does not represent, from elimination alone. `remainder` as in `ExactResponse.along`.
     """
     at, model = np.atleast_1d(np.asarray(omega, dtype=np.float64)), form.model
     rows = range(len(model.outputs)) if outputs is None else outputs

@@ -47,9 +47,9 @@ JUMPING = {
 def sample(model: StateSpace, dt: float, method: str = "zoh") -> StateSpace:
     """The discrete model of a continuous one, `dt` in seconds; names are kept.
 
-    `method` is one of METHODS.  Under "zoh" the states are the continuous ones at the samples; under "foh" and
-    "tustin" they are shifted by a multiple of the input, as in the equations above.  Raises SceneError for a time that
-    is not positive, an unknown method, and a model that is already discrete; ComputationError where a fast instability
+    `method` is one of METHODS. Under "zoh" the states are the continuous ones at the samples; under "foh" and "tustin"
+    they are shifted by a multiple of the input, as in the equations above. Raise SceneError for a time that is not
+    positive, an unknown method, and a model that is already discrete; raise ComputationError if a fast instability
     overflows.
     """
     if model.dt:
@@ -137,7 +137,7 @@ class VaryingModel(Displayed):
 def hoisting_times(scene: Scene, samples: int = 201) -> Floats:
     """Evenly spaced times (samples,) in s from the begin of the first hoist to the end of the last.
 
-    SceneError for a scene without a hoist.
+    Raise SceneError for a scene without a hoist.
     """
     hoisting = hoisting_of(validate_scene(scene))
     if hoisting is None:
@@ -155,8 +155,8 @@ def varying_model(
 ) -> VaryingModel:
     """The model of a scene with a hoist at these times (T,) in s, by default `hoisting_times`.
 
-    Raises SceneError for a scene without one and for a prescribed velocity of the cart or displacement
-    of the support, else as `state_space`.
+    Raise SceneError for a scene without one and for a prescribed velocity of the cart or displacement of the support,
+    else as `state_space`.
     """
     usual = hoisting_times(scene)
     at = usual if times is None else np.atleast_1d(np.asarray(times, dtype=np.float64))
@@ -178,7 +178,7 @@ def varying_model(
 
 
 def table_of(scene: Scene, times: Floats, model: Callable[[float], StateSpace]) -> VaryingModel:
-    """The models at these times, ascending (T,) in s; ComputationError where they are too many numbers."""
+    """The models at these times, ascending (T,) in s; raise ComputationError if they are too many numbers."""
     first = model(float(times[0]))
     if len(times) * (first.A.size + first.B.size) > MOST_NUMBERS:
         raise ComputationError(f"a model of {len(first.A)} states at {len(times)} times is too large: use fewer times")

@@ -1,4 +1,4 @@
-"""Input shapers: a command split into a few delayed parts that leave no residual vibration in chosen modes.
+"""Input shapers: a command is split into a few delayed parts that leave no residual vibration in chosen modes.
 
 With T_d = 2π/(ω√(1−ζ²)) and K = exp(−ζπ/√(1−ζ²))
 
@@ -11,22 +11,23 @@ With T_d = 2π/(ω√(1−ζ²)) and K = exp(−ζπ/√(1−ζ²))
     EI3    amplitudes (a, bK, (1−2a−2b)K², bK³, aK⁴)     a = (1 + 3v + √(8v(1+v)))/16,  b = (1−v)/4
     UM     amplitudes (1, −1, 1)                         at 0, ≈ T_d/6, ≈ T_d/3
 
-where v is the tolerance of an undamped mode, and for a damped one what makes the highest hump of V the tolerance.
-They are multiplied to add up to 1; for several modes the shaper is the convolution of one for each.  After the last of
-the impulses A_i at t_i, the residual vibration of a mode, relative to a single impulse of the same sum at the start, is
+where v is the tolerance for an undamped mode, and for a damped one the value that makes the highest hump of V the
+tolerance. They are multiplied to add up to 1; for several modes the shaper is the convolution of one for each. After
+the last of the impulses A_i at t_i, the residual vibration of a mode, relative to a single impulse of the same sum at
+the start, is
 
     V(ω, ζ) = e^{−ζωt_n} |Σ A_i e^{s t_i}|,     s = ζω + iω√(1−ζ²).
 
 A controller that samples every h can only act at multiples of h.  There the impulse K at T_d/2, for which K e^{s T_d/2}
 = −1, becomes two at the multiples around it, with Σ a e^{s t} = −1 as before: the sampled command of a ZV or ZVD shaper
-leaves nothing in the mode.  Those of UM are shared likewise between neighbouring samples.
+leaves no residual in the mode. Those of UM are divided between neighbouring samples in the same way.
 
 ([Singer1990]; robustness as the range of V ≤ 5 %, and EI: [Singhose1994]; humps: [Singhose1997a]; MZV,
 between ZV and ZVD in length and in robustness: [Butyugin2020]; UM: [Singhose1997]; on a grid: [Murphy1992].)
 
-The relevant frequencies depend on the drive: if the trolley follows an acceleration or a velocity whatever hangs from
-it, the load swings as on a fixed support.  A trolley driven by a force moves with its load, at the free frequencies,
-and so does a structure that a force on one of its coordinates moves, as `ship_sway_force`.
+The relevant frequencies depend on the drive: if the trolley follows an acceleration or a velocity regardless of its
+load, the load swings as on a fixed support. A trolley driven by a force moves with its load, at the free frequencies,
+and so does a structure moved by a force on one of its coordinates, such as `ship_sway_force`.
 """
 
 from __future__ import annotations
@@ -117,11 +118,11 @@ class Shaper(Displayed):
 def shaper(
     swings: Sequence[DampedSwing], kind: Kind = "zv", step: float = 0.0, tolerance: float = TOLERANCE_OF_RESIDUAL
 ) -> Shaper:
-    """The shaper of one mode, for several the convolution of one each, on the grid of a `step` (s) if that is not 0.
+    """Return the shaper of one mode, or the convolution for several, on the grid of a `step` (s) if that is not 0.
 
-    `tolerance` is what a shaper with humps (ei, ei2, ei3) may leave about ω.  Raises ValueError for another kind, for
-    no modes, for a negative step and a tolerance outside of 0 to 1, ComputationError for a mode that does not oscillate
-    and for too long a step.
+    `tolerance` is the residual that a shaper with humps (ei, ei2, ei3) may leave about ω. Raise ValueError for another
+    kind, for no modes, for a negative step and a tolerance outside of 0 to 1, ComputationError for a mode that does not
+    oscillate and for too long a step.
     """
     if kind not in get_args(Kind) or not swings:
         words = ", ".join(f'"{name}"' for name in get_args(Kind))
@@ -152,11 +153,11 @@ def shaper_for(
 
 
 def swings_of(scene: Scene, drive: Drive = "cart_acceleration") -> list[DampedSwing]:
-    """The modes that a drive excites, in ascending order: fixed-base modes under a prescribed motion.
+    """Return the modes that a drive excites, in ascending order: fixed-base modes under a prescribed motion.
 
     Under "cart_force" they are the free modes that move the cart, under the force on a coordinate of a structure those
-    that move this.  Raises SceneError for a drive that the scene does not have and for a fixed support,
-    ComputationError for an unstable equilibrium.
+    that move this. Raise SceneError for a drive that the scene does not have and for a fixed support, ComputationError
+    for an unstable equilibrium.
     """
     validate_scene(scene)
     modes, rows = swing_rows(scene, drive)
@@ -206,7 +207,7 @@ def drives_of(scene: Scene) -> tuple[str, ...]:
 
 
 def usual_drive(scene: Scene) -> Drive:
-    """The drive where none is named: the acceleration of a cart that rolls freely, else the force on a coordinate.
+    """Return the default drive: the acceleration of a free cart, else the force on a coordinate.
 
     Of a structure that is the first.
 
@@ -281,7 +282,7 @@ def residual_vibration(shaper: Shaper, omega: ArrayLike, zeta: ArrayLike = 0.0) 
 def insensitivity(shaper: Shaper, swing: DampedSwing, tolerance: float = TOLERANCE_OF_RESIDUAL) -> tuple[float, float]:
     """The range of ω (rad/s) about that of `swing` in which the residual vibration stays below `tolerance`.
 
-    Raises ComputationError if it exceeds it at `swing` itself.
+    Raise ComputationError if it exceeds it at `swing` itself.
     """
 
     def works(omega: Floats) -> Booleans:
@@ -317,7 +318,7 @@ class Robustness(Displayed):
         return tabulated("Residual vibration with a shaper", [], columns)
 
     def within(self, tolerance: float = TOLERANCE_OF_RESIDUAL) -> Booleans:
-        """Where (L,) no mode retains more than `tolerance`, as a fraction."""
+        """Return where (L,) no mode retains more than `tolerance`, as a fraction."""
         return np.asarray((self.residual <= 100 * tolerance).all(1), dtype=np.bool_)
 
 

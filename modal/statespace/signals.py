@@ -1,9 +1,9 @@
 """The inputs and outputs of a scene: groups of named signals as rows over q = (η, θ_1, …) of its `geometry`.
 
 The force of pendulum p on its pivot is −Σ m h q'' plus the external forces on its links, with the rows h of centres.
-Where the support moves (the fixed support, or the ground to which rail, spring and damper are attached), q is in its
-frame; positions, the velocity of one cart alone and forces on pivots are those in the laboratory.  The coordinates of a
-structure and their rates are relative to the ground, accelerations are those in the laboratory.  A spring has the
+If the support moves (the fixed support, or the ground to which rail, spring and damper are attached), q is in its
+frame; positions, the velocity of a single cart and forces on pivots are those in the laboratory frame. The coordinates
+of a structure and their rates are relative to the ground, accelerations are those in the laboratory. A spring has the
 extension e, positive where it is longer, and the force k e + d e', positive where it pulls its ends together.
 
 Inputs may also be at points: a force, a lift or a torque anywhere on a link, and the forces of the scene itself,
@@ -110,9 +110,9 @@ INPUTS = (*(name for name in PUSHES if name != "coordinate_forces"), *DRIVES, *S
 class OutputGroup(NamedTuple):
     """Outputs as Y0 q + Y1 q' + Y2 q'' + thrust u; a part that is None is zero.
 
-    `translation` (p,) is what a translation of everything along the rail adds: per metre, per m/s where there is a Y1,
-    per m/s² where there is a Y2; `order` says which, and `drag_part` (p,) what drag adds per m/s besides.
-    `pulls` (p, springs) are the parts of the forces of springs between points, which loss angles turn.
+    `translation` (p,) is the contribution of a rigid translation along the rail: per metre, per m/s with Y1, per m/s²
+    with Y2; `order` says which, and `drag_part` (p,) the additional part of drag per m/s. `pulls` (p, springs) are the
+    contributions of springs between points, which loss angles make complex.
     """
 
     signals: list[Signal]
@@ -126,7 +126,7 @@ class OutputGroup(NamedTuple):
 
     @property
     def carried(self) -> tuple[Floats | None, Floats | None, Floats | None]:
-        """What the displacement, the velocity and the acceleration of the ground add, each (p,)."""
+        """The contributions of the ground's displacement, velocity and acceleration, each (p,)."""
         every = [None, self.drag_part, None]
         every[self.order] = self.translation
         return every[0], every[1], every[2]
@@ -319,7 +319,7 @@ def _named_coordinates(geometry: Geometry) -> tuple[StructureCoordinate, ...]:
 
 
 def inputs_of(geometry: Geometry) -> tuple[str, ...]:
-    """The names of all inputs of a scene but those at points."""
+    """Return the names of all inputs of a scene except those at points."""
     of_structure = own_inputs(geometry)
     return (*INPUTS, *["coordinate_forces"] * bool(of_structure), *of_structure)
 
@@ -351,7 +351,7 @@ def validate_signals(
     is_further: Callable[[str], bool] = lambda word: False,
     examples: str = "",
 ) -> tuple[str, ...]:
-    """The words themselves; SceneError names every one that is unknown, repeated, or needs what is not there.
+    """Return the words; raise SceneError with every one that is unknown, repeated, or not available.
 
     `is_further` tells of further ones that are known, and `examples` how these are.
     """
@@ -411,7 +411,7 @@ def is_point(name: str) -> bool:
 
 
 def point_input(scene: Scene, name: str) -> PointInput:
-    """The input of this name; SceneError where the scene has no such point or force.
+    """Return the input of this name; raise SceneError if the scene has no such point or force.
 
     >>> from modal import load
     >>> [place.link for place in point_input(load("chain-2"), "force:pendulum[0].links[0]@0.5").places]
@@ -444,7 +444,7 @@ def point_input(scene: Scene, name: str) -> PointInput:
 
 
 def validate_points(scene: Scene, names: Sequence[str]) -> None:
-    """SceneError naming everything that is wrong with the names of points among these."""
+    """Raise SceneError with everything that is wrong with the names of points among these."""
     problems: list[str] = []
     for name in filter(is_point, names):
         try:

@@ -1,10 +1,10 @@
-"""Frequency responses by elimination of the whole, in any arithmetic: a fixed support or a cart is a structure, too.
+"""Frequency responses by elimination of the full matrices, in any arithmetic, for any support.
 
     (K + iωD − ω²M) q = F,      y = (Y0 + iω Y1 − ω² Y2) q + thrust
 
-over q = (η, θ_1, …): for a force F of each input, ω²p − iωw for the ground displaced by 1 m, p and w being the momentum
-and the windage of everything at unit velocity along the rail, and −(K + iωD − ω²M)_x for a prescribed cart x, whose row
-is left out.  The matrices are the squares of the scene (`modal.assembly.squares`), in the elimination's arithmetic.
+over q = (η, θ_1, …): for a force F of each input, ω²p − iωw for the ground displaced by 1 m, p and w being the total
+momentum and drag at unit velocity along the rail, and −(K + iωD − ω²M)_x for a prescribed cart x, whose row is omitted.
+The matrices are the squares of the scene (`modal.assembly.squares`), in the elimination's arithmetic.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ def loss_matrix(losses: Sequence[Dissipator], size: int, numbers: Arithmetic) ->
 
 
 def find_inputs(scene: Scene, geometry: Geometry, signals: Sequence[Signal | Dissipator]) -> list[Given]:
-    """What these inputs are; KeyError for an unknown name."""
+    """What these inputs are; raise KeyError for an unknown name."""
     none = np.zeros(geometry.size), np.zeros(len(geometry.tips))
     groups, pushes = by_name(PUSHES, geometry), []
     for signal in signals:
@@ -96,7 +96,7 @@ def find_inputs(scene: Scene, geometry: Geometry, signals: Sequence[Signal | Dis
 
 
 def find_outputs(geometry: Geometry, signals: Sequence[Signal]) -> list[Reading]:
-    """What these outputs are; KeyError for an unknown name."""
+    """What these outputs are; raise KeyError for an unknown name."""
     groups = by_name(READINGS, geometry)
     return [_reading(*groups[signal.name]) for signal in signals]
 
@@ -209,7 +209,7 @@ def _nonzero_entries(rig: Rig) -> Booleans:
 def solve_symmetric(A: Any, F: Any, numbers: Arithmetic, is_nonzero: Booleans | None = None) -> Any:
     """A⁻¹ F (n, m, W) of a symmetric A (n, n, W), the last row first.
 
-    `is_nonzero` (n, n) tells where A is not 0; None for anywhere.
+    `is_nonzero` (n, n) says where A is not 0; None for everywhere.
     """
     A, F, size = np.array(A), np.array(F), len(A)
     rows, diagonal = [], [A[k, k] for k in range(size)]

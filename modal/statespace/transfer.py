@@ -2,13 +2,13 @@
 
     G(s) = D + Σ_k (s N1_k + N0_k)/(s² + 2ζ_kω_k s + ω_k²) = g Π (s − z_i)/Π (s − p_k)
 
-Modes of one frequency are one term, and those that the input does not reach or the output does not see are none.  The
-zeros are the finite eigenvalues λ of the pencil
+Modes of one frequency are one term; uncontrollable or unobservable modes have none. The zeros are the finite
+eigenvalues λ of the eigenvalue problem
 
     [ A  b ]       [ 1  0 ]
     [ c  d ]  − λ  [ 0  0 ]
 
-of the terms that are left [EmamiNaeini1982], made exact by Newton's method on G(s)
+of the remaining terms [EmamiNaeini1982], made exact by Newton's method on G(s)
 by elimination (`modal.statespace.response`).  There are as many as there are poles, less the relative degree; that and
 the number of zeros at s = 0 are the powers of s that G follows far above and far below all poles, and g is the value of
 G Π (s − p_k)/Π (s − z_i) between them.
@@ -76,9 +76,9 @@ class TransferFunction(Displayed):
 
 
 def transfer_functions(form: ModalForm) -> list[list[TransferFunction]]:
-    """G of every output (rows) for every input (columns).
+    """Return G of every output (rows) for every input (columns).
 
-    Raises ComputationError for more than TRANSFER_POLES_MAX poles: polynomials of such a degree say nothing.
+    Raise ComputationError for more than TRANSFER_POLES_MAX poles: polynomials of such a degree are useless.
     """
     terms = _terms(form)
     if (poles := sum(2 if c[0] else 1 for c in terms)) > TRANSFER_POLES_MAX:

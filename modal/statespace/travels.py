@@ -1,4 +1,4 @@
-"""A travel of a crane in the linear model, as it is and with an input shaper: the command and the swing over time.
+"""A travel of a crane in the linear model, unshaped and with an input shaper: the command and the swing over time.
 
 A prescribed motion of the cart is x = d (10 s³ − 15 s⁴ + 6 s⁵), s from 0 to 1.  A force, on a cart or on a coordinate j
 of a structure, is what moves the coordinate so far along the shape φ in which the scene follows it slowly, φ_j = 1:
@@ -44,7 +44,7 @@ LARGEST_TRAVEL = 1e6
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ShapedTravel(Drawable, Displayed):
-    """A travel of `distance` (m) under a `drive`, as it is (row 0) and shaped (row 1), at `times` (T,) in s.
+    """A travel of `distance` (m) under a `drive`, unshaped (row 0) and shaped (row 1), at `times` (T,) in s.
 
     `command` (2, T) is the place of a cart whose motion is prescribed (m) or a force in `unit`; `moved` (2, T) the
     coordinate that it moves, in m or rad; `angles` (2, T, L) those of the links (rad); `residual` (2,) the largest
@@ -73,7 +73,7 @@ class ShapedTravel(Drawable, Displayed):
         return np.array([np.abs(way(np.union1d(self.times, way.knots))[1:]).max(1) for way in self.ways])
 
     def words(self, nonlinear: Sequence[float] = ()) -> Iterator[str]:
-        """What the travel takes and leaves as it is and shaped, a line each, with what is left in the full equations.
+        """Return duration and residual swing, unshaped and shaped, a line each, with those of the full equations.
 
         `nonlinear` (2,) are these angles (rad).
         """
@@ -118,7 +118,7 @@ def shaped_travel(
     drive: Drive = "cart_acceleration",
     limits: TravelLimits | None = None,
 ) -> ShapedTravel:
-    """The travel by `distance` (m) over `duration` (s), as it is and shaped, from the begin of the hoist or 0 s on.
+    """The travel by `distance` (m) over `duration` (s), unshaped and shaped, from the beginning of the hoist or 0 s on.
 
     By default it lasts as long as the hoist; without one a period of the slowest swing, or so long that its
     acceleration is at most ACCELERATION_OF_TRAVEL of gravity's.  Within `limits` it takes the shortest time, and with a

@@ -1,11 +1,10 @@
-"""Structures: what pendula hang from where it is more than a fixed support or one cart, and springs between points.
+"""Structures: supports of pendula other than a fixed support or a single cart, and springs between points.
 
-In: a `Scene`.  Out: its `Structure`, carriers whose points move exactly, at any angle, with their coordinates η.
+In: a `Scene`. Out: its `Structure`, supports whose points move exactly, at any angle, with their coordinates η.
 
     (M_s(η) + Σ J_pᵀ R_p J_p) η'' = Q_s − Σ J_pᵀ [p_p + R_p (J_p' η' − g e_z)]
 
-`outlines` is what it looks like.  Start with `carriers`; equations of motion and matrices are made elsewhere from
-what is here.
+`outlines` draws it. Start with `carriers`; equations of motion and matrices are derived elsewhere.
 """
 
 from typing import TYPE_CHECKING

@@ -1,10 +1,11 @@
-"""How points of a carrier move with its coordinates η: places, Jacobians and bias, exactly and at any angle.
+"""Kinematics of points of a support with the coordinates η: positions, Jacobians and bias, exact at any angle.
 
-A carrier has the pose (x, z, φ)(η) of its origin, x along the rail, z down, φ as angles of links; a point (s, h) of it
+A support has the pose (x, z, φ)(η) of its origin, x along the rail, z down, φ as angles of links; a point (s, h) of it
 
     r = (x, z) + (s cos φ + h sin φ, h cos φ − s sin φ),    r'' = J η'' + J' η'
 
-Its kind says how the origin moves (`modal.extend.Support`); points of a modal support move by its array `points`.
+Its kind defines the motion of the origin (`modal.extend.Support`); points of a modal support move by its array
+`points`.
 
 Every line is plain arithmetic: it accepts floats, arrays of any one shape, complex numbers, recorded symbols and
 SymPy's expressions.
@@ -32,7 +33,7 @@ Slope = tuple[Any, Any]
 
 
 class Moving(NamedTuple):
-    """A point that moves: its place (x, z) in m, ∂(x, z)/∂η of every coordinate, and J' η' (m/s²)."""
+    """A moving point: its position (x, z) in m, ∂(x, z)/∂η of every coordinate, and J' η' (m/s²)."""
 
     place: tuple[Any, Any]
     slopes: tuple[tuple[Any, Any], ...]
@@ -48,12 +49,12 @@ class Moving(NamedTuple):
 
 
 def inner(slope: tuple[Any, Any], x: Any, z: Any) -> Any:
-    """The product of a slope with the vector (x, z)."""
+    """Return the product of a slope with the vector (x, z)."""
     return plus(plus(0.0, slope[0], x), slope[1], z)
 
 
 def turn_point(s: Any, h: Any, S: Any, C: Any, rate: Any) -> tuple[tuple[Any, Any], tuple[Any, Any], tuple[Any, Any]]:
-    """Place from the origin, slope and bias of a point (s, h) of what has turned, by sine and cosine of its angle."""
+    """Return position, slope and bias of a point (s, h) of a rotated body, from the sine and cosine of its angle."""
     ww = rate * rate
     arm = s * C + h * S, h * C - s * S
     return arm, (h * C - s * S, -h * S - s * C), (-(arm[0] * ww), -(arm[1] * ww))
@@ -63,9 +64,9 @@ def turn_point(s: Any, h: Any, S: Any, C: Any, rate: Any) -> tuple[tuple[Any, An
 class CarrierNumbers:
     """A support as numbers: `position` and `centre` (m), mass (kg), inertia about its centre (kg m²).
 
-    `path` says how its origin moves, None of what has none; `parameters` are the numbers of its kind, `stiffness` and
-    `damping` have an entry for each coordinate; it `stores` the energy of its path.  A modal support has the arrays M,
-    K, D (d, d) and `points` (P, 2, d) in their stead.
+    `path` defines the motion of its origin, None if it has none; `parameters` are the numbers of its kind, `stiffness`
+    and `damping` have an entry for each coordinate; it `stores` the energy of its path. A modal support has the arrays
+    M, K, D (d, d) and `points` (P, 2, d) instead.
     """
 
     kind: str
@@ -86,44 +87,44 @@ class CarrierNumbers:
 
     @cached_property
     def size(self) -> int:
-        """How many coordinates it has."""
+        """Number of coordinates."""
         return len(self.stiffness) if self.M is None else len(self.M)
 
     @cached_property
     def turning(self) -> int | None:
-        """Which of its coordinates is the angle by which it turns; None if it does not."""
+        """Which of its coordinates is its rotation angle; None if it does not turn."""
         return self.path.turning if self.path else None
 
     @cached_property
     def bends(self) -> bool:
-        """Whether its points move on bent paths."""
+        """Whether its points move on curved paths."""
         return self.path is not None and (self.path.bends or self.turning is not None)
 
     @property
     def is_compiled(self) -> bool:
-        """Whether compiled loops know how it moves; others move by what is written for their scene."""
+        """Whether compiled loops support its motion; others need code generated for their scene."""
         return self.M is None and (self.path is None or type(self.path) in COMPILED)
 
     @cached_property
     def sliding(self) -> int | None:
-        """Which of its coordinates displaces it along the rail and does nothing else; None where none does."""
+        """Which of its coordinates is a pure displacement along the rail; None if there is none."""
         if self.path is None or self.path.bends:
             return None
         return self._straight.index((1.0, 0.0)) if (1.0, 0.0) in self._straight else None
 
     @property
     def suffixes(self) -> tuple[str, ...]:
-        """What follows its name in the name of every coordinate."""
+        """The suffixes of its name in the names of its coordinates."""
         if self.M is not None:
             return tuple(str(k) for k in range(1, self.size + 1))
         return tuple(coordinate.suffix for coordinate in self.path.coordinates) if self.path else ()
 
     def way(self, k: int) -> str:
-        """The way of one of several coordinates: sway, heave or roll of a platform."""
+        """Return the direction of one of several coordinates: sway, heave or roll of a platform."""
         return self.path.coordinates[k].way if self.path else ""
 
     def verb(self, k: int) -> str:
-        """What it does where coordinate k moves."""
+        """Return the verb for a motion of coordinate k."""
         return self.path.coordinates[k].verb if self.path else "moves"
 
     @cached_property
@@ -133,7 +134,7 @@ class CarrierNumbers:
         return dict(zip(names, self.parameters, strict=True))
 
     def displacement(self, where: tuple[Any, Any] | int, eta: Sequence[Any]) -> tuple[Any, Any]:
-        """How far (m) its point (s, h), or a numbered one, is from where it is drawn, with all digits."""
+        """Return the displacement (m) of its point (s, h), or of a numbered one, from the drawn position."""
         if self.points is not None:
             slopes = self.points[where].T.tolist()
             return tuple(sum((s[k] * value for s, value in zip(slopes, eta, strict=True)), 0.0) for k in (0, 1))  # type: ignore[return-value]
@@ -147,7 +148,7 @@ class CarrierNumbers:
         return x + right, z + down
 
     def moving(self, where: tuple[Any, Any] | int, eta: Sequence[Any], rates: Sequence[Any]) -> Moving:
-        """How its point (s, h), or the numbered point of a modal one, moves."""
+        """Return the kinematics of its point (s, h), or of the numbered point of a modal support."""
         if self.points is not None:
             return _combine_slopes(self.position, self.points[where], eta)
         assert not isinstance(where, int)
@@ -181,7 +182,7 @@ class CarrierNumbers:
 
 
 def turn_displacement(s: Any, h: Any, sine: Any, versine: Any) -> tuple[Any, Any]:
-    """How far (m) a point (s, h) of what turns is from where it is drawn."""
+    """Return the displacement (m) of a point (s, h) of a rotating body from the drawn position."""
     return h * sine - s * versine, -(s * sine + h * versine)
 
 

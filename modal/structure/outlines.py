@@ -1,10 +1,10 @@
-"""What a structure looks like, to scale: carriers at their coordinates η, springs between their points, the ground.
+"""Drawing of a structure to scale: supports at their coordinates η, springs between their points, the ground.
 
 A `Scaffold` is made once for a scene; `Scaffold.pieces(eta, joints)` are lines and outlines (F, K, 2) in m, to the
-right and up, for F instants or F extremes of a mode.  Carts on one place that springs join into a line from the ground
-are the storeys of a tower.  Where other things would be drawn upon each other they are set apart along the rail:
-carriers whose bodies overlap, and pendula that hang from one point; long gaps between carriers are shortened.  All is
-plain arithmetic of η and the joints, which may be recorded symbols.
+right and up, for F instants or F extremes of a mode. Carts at one place that springs join into a line from the ground
+are the storeys of a tower. Other bodies that would overlap are drawn apart along the rail: overlapping supports, and
+pendula that hang from one point; long gaps between supports are shortened. All is plain arithmetic of η and the joints,
+which may be recorded symbols.
 """
 
 from __future__ import annotations
@@ -54,9 +54,9 @@ class Piece(NamedTuple):
 class Scaffold:
     """A structure of which the `pendula` are shown, and the first link of every pendulum, `first` (P + 1,).
 
-    `unit` (m) is the size of what has none of its own, that of the longest chain; `gap` is the room, over it, between
-    bodies that are set apart.  `hanging` are the joints (n + 1, 2) of drawn pendula at rest, where springs hold them to
-    the ground.  Without `has_rails` carts have none, where an axis stands for them.
+    `unit` (m), that of the longest chain, is the size of parts without one; `gap`, in that unit, is the space between
+    bodies drawn apart. `hanging` are the joints (n + 1, 2) of drawn pendula at rest, if springs join them to the
+    ground. Without `has_rails` the axis of the figure replaces the rails of carts.
     """
 
     structure: Structure
@@ -71,7 +71,7 @@ class Scaffold:
 
     @cached_property
     def aside(self) -> Floats:
-        """How far (m) every drawn pendulum is set apart from those on its point; those of a modal support are one."""
+        """Offset (m) of every drawn pendulum from the others at its point; those of a modal support are one."""
         shift = np.zeros(len(self.pendula))
         places: dict[Any, list[int]] = {}
         for k, pendulum in enumerate(self.pendula.tolist()):
@@ -119,7 +119,7 @@ class Scaffold:
 
     @cached_property
     def storeys(self) -> tuple[int, ...]:
-        """Carriers that are the storeys of a tower, from below; none where not all that move are."""
+        """Supports that are the storeys of a tower, from below; none unless all moving supports are."""
         moving = [k for k, body in enumerate(self.structure.carriers) if body.size]
         bodies = [self.structure.carriers[k] for k in moving]
         if len(moving) < 2 or len({body.position for body in bodies}) > 1 or {body.kind for body in bodies} != {"cart"}:
@@ -136,12 +136,12 @@ class Scaffold:
         return tuple(order[1:]) if len(order) > len(moving) else ()
 
     def body(self, carrier: int) -> tuple[float, float, float]:
-        """Left, right and height (m, along and below its origin) of a carrier's body."""
+        """Return left, right and height (m, along and below its origin) of a support's body."""
         return self._bodies[carrier]
 
     @cached_property
     def shifts(self) -> Floats:
-        """How far (m) every carrier is drawn from its place, along the rail and up, (C, 2)."""
+        """Offset (m) of every support in the drawing, along the rail and up, (C, 2)."""
         carriers, high = self.structure.carriers, 3 * HALF_HEIGHT * self.unit
         shifts = np.zeros((len(carriers), 2))
         if self.storeys:
@@ -181,7 +181,7 @@ class Scaffold:
 
     @cached_property
     def notes(self) -> list[str]:
-        """What is not drawn in its place, in words."""
+        """Sentences on what is not drawn in its place."""
         overlaps = (self.shifts[:, 0] > 0).any() > self.is_nearer or self.aside.any()
         words = ["what would overlap is drawn apart"] * bool(overlaps)
         words += ["heights of storeys not to scale"] * bool(self.storeys)
@@ -189,11 +189,11 @@ class Scaffold:
 
     @property
     def is_nearer(self) -> bool:
-        """Whether long gaps between carriers are drawn shorter."""
+        """Whether long gaps between supports are shortened."""
         return bool((self.shifts[:, 0] < 0).any())
 
     def place(self, carrier: int, where: Where, eta: Floats, aside: float = 0.0) -> Floats:
-        """Where a point of a carrier is drawn at η (F, d), (F, 2) to the right and up."""
+        """Return where a point of a support is drawn at η (F, d), (F, 2) to the right and up."""
         body = self.structure.carriers[carrier]
         first = self.structure.offsets[carrier]
         values = [eta[:, first + k] for k in range(body.size)]
@@ -206,14 +206,14 @@ class Scaffold:
         return np.stack(np.broadcast_arrays(x + shift + 0 * eta.sum(1), rise - z + 0 * eta.sum(1)), axis=-1)
 
     def pivots(self, eta: Floats) -> Floats:
-        """Where the drawn pendula hang at η (F, d), (F, D, 2)."""
+        """Return where the drawn pendula hang at η (F, d), (F, D, 2)."""
         pairs = zip(self.pendula.tolist(), self.aside.tolist(), strict=True)
         pivots = self.structure.pivots
         places = [self.place(pivots[p].carrier, pivots[p].where, eta, aside) for p, aside in pairs]
         return np.stack(places, axis=1)
 
     def reach(self, supports: Any) -> float:
-        """How far (m) the points of the structure are from rest in a small motion with these η (d,), over its size."""
+        """Return the displacement of the structure's points in a small motion with these η (d,), over its size."""
         if not len(supports):
             return 0.0
         small = 1e-4 * self.unit / max(float(np.abs(supports).max()), 1e-300)
@@ -224,7 +224,7 @@ class Scaffold:
 
     @cached_property
     def names(self) -> list[tuple[str, float, float]]:
-        """The carriers that move, where there are several, and where their names stand: beside storeys, else above."""
+        """The moving supports, if there are several, and the places of their names: next to storeys, else above."""
         moving = [k for k, body in enumerate(self.structure.carriers) if body.size and body.points is None]
         at_rest, names = np.zeros((1, self.structure.size)), []
         for k in moving if len(moving) > 1 else ():
@@ -240,14 +240,14 @@ class Scaffold:
     # --------------------------------------------------------------------------------------------------- pieces
 
     def pieces(self, eta: Floats, joints: Mapping[int, Floats]) -> list[Piece]:
-        """All of it at η (F, d), with the `joints` (F, n + 1, 2) of the pendula that are drawn."""
+        """Return the whole drawing at η (F, d), with the `joints` (F, n + 1, 2) of the drawn pendula."""
         pieces = [piece for k in range(len(self.structure.carriers)) for piece in self.of_carrier(k, eta)]
         for spring in self.structure.springs:
             pieces += self._spring(spring, eta, joints)
         return pieces
 
     def of_carrier(self, k: int, eta: Floats) -> list[Piece]:
-        """Those of one carrier, with its own springs and what it rests on."""
+        """Return the pieces of one support, with its own springs and foundation."""
         return list(self._carrier(k, eta))
 
     def _at(self, k: int, points: Sequence[tuple[float, float]], eta: Floats) -> Floats:

@@ -1,11 +1,12 @@
-"""How a structure moves near its drawn rest, by linear combinations of its coordinates η.
+"""Linear kinematics of a structure near its drawn equilibrium, in its coordinates η.
 
-A pivot moves along the rail by Φ η and down by Ψ η; a joint on a carrier that turns feels θ − φ, φ = Ω η.  As drawn,
+A pivot moves along the rail by Φ η and down by Ψ η; a joint on a support that turns acts on θ − φ, φ = Ω η.  As drawn,
 the weights pull each coordinate with
 
-    W_i = g Σ m ∂z/∂η_i    (z down, of every mass that the carriers and their pendula have)
+    W_i = g Σ m ∂z/∂η_i (z down,
 
-A carrier's own spring carries W_i where it has one, so that its potential is ½ k η² + W η; a modal support always does,
+    of every mass of the supports and their pendula) A support's own spring, if any, carries W_i, so that its potential
+    is ½ k η² + W η; a modal support always does,
 and holds its own weight in K.  Springs between points are unstretched as drawn.
 """
 
@@ -29,7 +30,7 @@ Row = dict[int, float]
 
 
 class Phi(NamedTuple):
-    """Rows (P, d) of all pivots: displacements along the rail and down, and the angles of their carriers."""
+    """Rows (P, d) of all pivots: displacements along the rail and down, and the angles of their supports."""
 
     rail: Floats
     down: Floats
@@ -37,7 +38,7 @@ class Phi(NamedTuple):
 
 
 def phi(structure: Structure) -> Phi:
-    """How all pivots move at the drawn rest.
+    """Return the linear motion of all pivots at the drawn equilibrium.
 
     >>> from modal import Bob, Pendulum, Scene
     >>> from modal.scene import Tilt
@@ -59,7 +60,7 @@ def phi(structure: Structure) -> Phi:
 
 
 def slopes(structure: Structure, carrier: int, where: Where) -> tuple[Row, Row]:
-    """∂(x, z)/∂η of a point of a carrier at rest."""
+    """Return ∂(x, z)/∂η of a point of a support at rest."""
     body, first = structure.carriers[carrier], structure.offsets[carrier]
     zeros = (0.0,) * body.size
     rows = body.moving(where, zeros, zeros).slopes
@@ -68,13 +69,13 @@ def slopes(structure: Structure, carrier: int, where: Where) -> tuple[Row, Row]:
 
 
 def turning(structure: Structure, carrier: int) -> Row:
-    """∂φ/∂η of a carrier."""
+    """Return ∂φ/∂η of a support."""
     angle = structure.angle_of(carrier)
     return {} if angle is None else {angle: 1.0}
 
 
 def bends(body: CarrierNumbers, where: Where) -> Iterator[tuple[int, float]]:
-    """−∂²z/∂η_k² (1/m, m) of a point of a carrier at rest, by its own coordinates k; mixed derivatives are 0."""
+    """Return −∂²z/∂η_k² (1/m, m) of a point of a support at rest, by its own coordinates k; mixed derivatives are 0."""
     zeros = (0.0,) * body.size
     for k in range(body.size) if body.bends else ():
         rates = tuple(float(k == j) for j in range(body.size))
@@ -83,7 +84,7 @@ def bends(body: CarrierNumbers, where: Where) -> Iterator[tuple[int, float]]:
 
 
 def is_damped(structure: Structure) -> bool:
-    """Whether a carrier or a spring has a damper."""
+    """Whether a support or a spring has a damper."""
     of_carriers = any(
         any(map(np.any, carrier.damping)) or (carrier.D is not None and carrier.D.any())
         for carrier in structure.carriers
@@ -92,7 +93,7 @@ def is_damped(structure: Structure) -> bool:
 
 
 def drawn_together(first: tuple[Any, Any], second: tuple[Any, Any]) -> Any:
-    """Whether two ends of a spring, (m along, m down), are one point as drawn; of arrays, each by itself.
+    """Whether two ends of a spring, (m along, m down), coincide as drawn; elementwise for arrays.
 
     >>> bool(drawn_together((0.1 + 0.2, 1.0), (0.3, 1.0)))
     True
@@ -103,7 +104,7 @@ def drawn_together(first: tuple[Any, Any], second: tuple[Any, Any]) -> Any:
 
 
 def tied(structure: Structure, sizes: Sequence[int]) -> frozenset[int]:
-    """The pendula, of so many links each, that springs join to something."""
+    """Return the pendula, with these numbers of links, to which springs are attached."""
     ends = np.cumsum(sizes)
     links = [end.link for spring in structure.springs for end in spring.ends if isinstance(end, LinkEnd)]
     return frozenset(np.searchsorted(ends, links, side="right").tolist()) if links else frozenset()
@@ -145,7 +146,7 @@ def _moments(structure: Structure, hung_mass: Sequence[Any]) -> Iterator[tuple[i
 
 
 def weights(structure: Structure, hung_mass: Sequence[float], gravity: float) -> list[Weight]:
-    """W_i of every coordinate η at the drawn rest; `hung_mass` (kg) is that below every pivot."""
+    """Return W_i of every coordinate η at the drawn equilibrium; `hung_mass` (kg) is that below every pivot."""
     forces, sizes = [0.0] * structure.size, [0.0] * structure.size
     for k, moment in _moments(structure, hung_mass):
         forces[k] += gravity * moment
@@ -154,10 +155,10 @@ def weights(structure: Structure, hung_mass: Sequence[float], gravity: float) ->
 
 
 def carried_weights(structure: Structure, hung_mass: Sequence[Any], gravity: Any) -> list[Any]:
-    """W_i (N, N m) of every coordinate whose own spring carries it, 0 of any other.
+    """Return W_i (N, N m) of every coordinate whose own spring carries it, 0 for any other.
 
-    Numbers may be floats, arrays of any one shape, or symbols.  A stiffness of 0 carries nothing; a symbol is taken to
-    carry, and an array where any of it is not 0.
+    Numbers may be floats, arrays of one shape, or symbols. A stiffness of 0 carries nothing; a symbol carries, and so
+    does an array with a nonzero entry.
 
     >>> from modal import load
     >>> from modal.structure import structure_of
@@ -188,7 +189,7 @@ def _is_there(number: Any) -> bool:
 
 
 def find_imbalance(scene: Scene) -> Iterator[str]:
-    """A sentence for every coordinate whose weights nothing holds: the drawn scene is then no equilibrium."""
+    """Return a sentence for every coordinate with unbalanced weights: the drawn scene is then not an equilibrium."""
     require_type("scene", scene, "Scene")
     structure = structure_of(scene)
     coordinates = [(carrier.name, suffix) for carrier in structure.carriers for suffix in carrier.suffixes]

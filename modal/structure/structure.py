@@ -1,12 +1,12 @@
-"""The structure of a scene: its carriers, the first joints that they carry, and the springs between points.
+"""The structure of a scene: its supports, the first joints on them, and the springs between points.
 
-With the coordinates η of all carriers one after another, the pivots r_p(η) with J_p = ∂r_p/∂η, and a chain that answers
-an acceleration a of its pivot with the force R (a − g e_z) + p,
+With the coordinates η of all supports one after another, the pivots r_p(η) with J_p = ∂r_p/∂η, and a chain whose
+reaction to an acceleration a of its pivot is the force R (a − g e_z) + p,
 
     (M_s(η) + Σ J_pᵀ R_p J_p) η'' = Q_s − Σ J_pᵀ [p_p + R_p (J_p' η' − g e_z)] − Σ (torques of first joints)
 
-A first joint on a carrier that turns measures its angle from the carrier.  A carrier's own spring acts on η and carries
-the weight at the drawn rest: its potential is ½ k η² + W η with W_i = g Σ m ∂z/∂η_i there, where k_i > 0.
+A first joint on a support that turns measures its angle from the support. A support's own spring acts on η and carries
+the weight at the drawn equilibrium: its potential is ½ k η² + W η with W_i = g Σ m ∂z/∂η_i there, where k_i > 0.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from modal.structure.carriers import CarrierNumbers, carrier_numbers
 class SpringNumbers(NamedTuple):
     """A spring and damper between two ends, N/m and N s/m; `torsion` N m/rad and N m s/rad between their angles.
 
-    It belongs to this `entry` of the file.
+    `entry` is its entry in the file.
     """
 
     ends: tuple[End, End]
@@ -38,7 +38,7 @@ class SpringNumbers(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Structure:
-    """Carriers in the order of the file, a pivot for each pendulum counting copies, springs."""
+    """Supports in the order of the file, a pivot for each pendulum counting copies, springs."""
 
     carriers: tuple[CarrierNumbers, ...]
     pivots: tuple[CarrierEnd, ...]
@@ -46,7 +46,7 @@ class Structure:
 
     @cached_property
     def offsets(self) -> tuple[int, ...]:
-        """Where the coordinates of each carrier begin, and how many there are."""
+        """The first coordinate of each support, and the number of all."""
         ends = [0]
         for carrier in self.carriers:
             ends.append(ends[-1] + carrier.size)
@@ -54,34 +54,34 @@ class Structure:
 
     @property
     def size(self) -> int:
-        """How many coordinates η there are."""
+        """The number of coordinates η."""
         return self.offsets[-1]
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """The name of every coordinate with its unit: NAME_m, NAME_rad, NAME_sway_m, …; x of one cart alone."""
+        """The name of every coordinate with its unit: NAME_m, NAME_rad, NAME_sway_m, …; x for a single cart."""
         if [carrier.kind for carrier in self.carriers] == ["cart"]:
             return ("x",)
         return tuple(f"{carrier.name}_{suffix}" for carrier in self.carriers for suffix in carrier.suffixes)
 
     @cached_property
     def turning(self) -> tuple[int, ...]:
-        """Which of η are angles by which carriers turn."""
+        """Which of η are rotation angles of supports."""
         angles = (self.angle_of(carrier) for carrier in range(len(self.carriers)))
         return tuple(angle for angle in angles if angle is not None)
 
     def part(self, carrier: int, values: Sequence[Any]) -> Sequence[Any]:
-        """Those of η that belong to a carrier."""
+        """Return the coordinates of a support."""
         return values[self.offsets[carrier] : self.offsets[carrier + 1]]
 
     def angle_of(self, carrier: int) -> int | None:
-        """Which of η is the angle of a carrier; None if it does not turn."""
+        """Return which of η is the angle of a support; None if it does not turn."""
         turning = self.carriers[carrier].turning
         return None if turning is None else self.offsets[carrier] + turning
 
 
 def structure_of(scene: Scene) -> Structure:
-    """The structure of a scene that is structured (`Scene.is_structured`)."""
+    """Return the structure of a scene with `Scene.is_structured`."""
     require_type("scene", scene, "Scene")
     carriers = tuple(carrier_numbers(support) for support in scene.supports)
     pivots = tuple(hanging_points(scene))
@@ -94,7 +94,7 @@ def structure_of(scene: Scene) -> Structure:
 
 
 def unit_size(unit: str, mass: float, length: float, gravity: float) -> float:
-    """What 1 of a unit of kg, m, s, N, J and rad is where mass (kg), length (m) and acceleration (m/s²) are units.
+    """Return the size of a unit of kg, m, s, N, J and rad in units of mass (kg), length (m) and acceleration (m/s²).
 
     >>> from modal.structure.structure import unit_size
     >>> unit_size("N m/rad", 2.0, 0.5, 10.0)
@@ -110,7 +110,7 @@ def unit_size(unit: str, mass: float, length: float, gravity: float) -> float:
 
 
 def scale_structure(structure: Structure, mass: float, length: float, gravity: float) -> Structure:
-    """The same structure with these units of mass (kg), length (m) and acceleration (m/s²).
+    """Return the structure in these units of mass (kg), length (m) and acceleration (m/s²).
 
     Coordinates in m change with the unit of length; angles and those of modal supports keep their values.
     """
@@ -168,7 +168,7 @@ def scale_structure(structure: Structure, mass: float, length: float, gravity: f
 
 
 def coordinate_units(structure: Structure, length: float) -> tuple[float, ...]:
-    """The unit of every coordinate where that of length is `length` (m): itself in m, 1 of angles and modal ones."""
+    """Return the unit of every coordinate for the unit of length `length` (m); 1 for angles and modal coordinates."""
     return tuple(
         length if carrier.M is None and not suffix.endswith("rad") else 1.0
         for carrier in structure.carriers

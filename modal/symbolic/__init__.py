@@ -1,7 +1,7 @@
-"""Symbols (SymPy): Lagrangians, equations of motion, eigen-polynomials, derivations in print, the three papers.
+"""Symbolic derivations (SymPy): Lagrangians, equations of motion, eigen-polynomials, printed output, the three papers.
 
-In: a scene or a template such as `chain:3`.  Out: a `SymbolicStructure` with M, K and D as formulas, and derivations
-as text, LaTeX or Markdown.  SymPy is imported in this room alone.
+In: a scene or a template such as `chain:3`. Out: a `SymbolicStructure` with M, K and D as formulas, and derivations as
+text, LaTeX or Markdown. SymPy is imported in this subpackage alone.
 
     d/dt ∂L/∂q' − ∂L/∂q = 0,    L = T − V
 

@@ -1,4 +1,4 @@
-"""Carriers and chains in symbols; places and speeds of points, from the drawing and not from `modal.structure`.
+"""Supports and chains in symbols; positions and velocities of points, from the drawing, not from `modal.structure`.
 
 The origin as drawn is at (x₀, z₀), x along the rail and z down; a point (s, h) of a carrier lies at
 

@@ -1,4 +1,4 @@
-"""A derivation on paper: from the Lagrangian of a system to its eigen-polynomial and modes, section by section.
+"""A printed derivation: from the Lagrangian of a system to its eigen-polynomial and modes, section by section.
 
 The target is `chain:3`, `cart:2`, `cart:3x2` (three chains of two links) or a scene.
 Each section is a title and lines of (description, formula); `modal.symbolic.typesetting` prints them.
@@ -58,7 +58,7 @@ def derive(
 ) -> Iterator[Section]:
     """The sections of SECTIONS and ASKED_FOR named in `show`, in their order.
 
-    `scene` is the scene of which `system` is the exact form, if any: its polynomial is then exact and integer.  Raises
+    `scene` is the scene of which `system` is the exact form, if any: its polynomial is then exact and integer. Raise
     SceneError for more links than readable equations allow.
     """
     require_type("system", system, "SymbolicStructure")
@@ -227,7 +227,7 @@ def target(
 ) -> tuple[SymbolicStructure, Scene]:
     """The system specified by `name`, and its scene, that of `scene_of` for chain: and cart:.
 
-    `kind` and `ways` (down or up, top to bottom) apply to chain: and cart: only, as a scene has its own.  Raises
+    `kind` and `ways` (down or up, top to bottom) apply to chain: and cart: only, as a scene has its own. Raise
     SceneError for anything invalid.
     """
     unknown = [word for word in chosen if word not in symbolic.SYMBOLIC]

@@ -241,7 +241,7 @@ def _heading_words(eigen: EigenPolynomial) -> str:
 
 
 def modes_section(system: SymbolicStructure, scene: Scene | None) -> Section:
-    """Every mode in closed form where there is one, else to 20 proved digits; a damped one to 15."""
+    """Every mode in closed form if there is one, else to 20 proved digits; a damped one to 15."""
     polynomials = eigen_polynomials(system, scene)
     if isinstance(polynomials, str):
         return Section("Modes", [Line(f"{polynomials}; see the table, or prove digits with enclose")])

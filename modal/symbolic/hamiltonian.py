@@ -55,7 +55,7 @@ def momentum(c: Coordinate) -> Coordinate:
 
 
 def hamiltonian(system: SymbolicStructure) -> Section:
-    """H and Hamilton's equations of pendula on a support or a cart; SceneError where two routes disagree.
+    """H and Hamilton's equations of pendula on a support or a cart; raise SceneError if two routes disagree.
 
     >>> from modal.symbolic import chain, plain
     >>> print(plain(hamiltonian(chain(1)).lines[-2].formula))

@@ -1,4 +1,4 @@
-"""The Lagrangian and its equations, by two routes: from the pair (A, b), as they are printed, and from all positions.
+"""The Lagrangian and its equations in two ways: from the reduced inertia matrices A and b, and from all positions.
 
 Pendula on one support, fixed or on a rail, in the plane:
 
@@ -53,7 +53,7 @@ class Lagrangian:
 def derive_lagrangian(system: SymbolicStructure) -> Lagrangian:
     """The Lagrangian from the positions of all masses, in space in the angles θ and φ of every link.
 
-    Raises SceneError for joint springs and dampers in space, which θ and φ do not describe.
+    Raise SceneError for joint springs and dampers in space, which θ and φ do not describe.
     """
     require_type("system", system, "SymbolicStructure")
     if system.spatial and system.has_joint_forces:
@@ -139,7 +139,7 @@ def equations(system: SymbolicStructure) -> list[Any]:
 def vector_equations(system: SymbolicStructure) -> list[tuple[Any, Any]]:
     """(u_i, F_i) of a spatial motion, u_i × F_i = 0; on a cart (e_x, F) comes first, e_x·F = 0.
 
-    Raises SceneError for joint springs and dampers, which are not implemented in unit vectors.
+    Raise SceneError for joint springs and dampers, which are not implemented in unit vectors.
     """
     if system.has_joint_forces:
         raise SceneError(["joint springs and dampers in space: not implemented in unit vectors"])

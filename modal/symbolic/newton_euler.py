@@ -1,4 +1,4 @@
-"""The balances of Newton and Euler of every part of a scene, and the constraints that join the parts: paper 000, IV.
+"""Newton–Euler equations of every part of a scene, and the constraints that join the parts: paper 000, IV.
 
 A cart has Σ F = m a along and down, a link the same and Σ M = I θ'' about its centre; each link hangs by its upper
 joint, whose acceleration is that of the chain above, two equations more; the rail keeps a cart from sinking.  With n
@@ -132,14 +132,14 @@ class NewtonEuler(Displayed):
                 joint_x, joint_z = joint_x + length * swing, joint_z + length * sink
 
     def support_accelerations(self) -> tuple[Any, Any]:
-        """The accelerations of a support that moves along the rail and down, a_x and a_z; 0 where it does not."""
+        """The accelerations of a support that moves along the rail and down, a_x and a_z; 0 if it does not."""
         ways = {motion.direction for motion in self.bodies.scene.motions}
         names = (("horizontal", "a_x"), ("vertical", f"a_{self.bodies.downward}"))
         x_acceleration, z_acceleration = (sp.Symbol(name) if way in ways else sp.S.Zero for way, name in names)
         return x_acceleration, z_acceleration
 
     def laws(self) -> Iterator[tuple[str, Any]]:
-        """What moments of joints, drag, springs and dampers are, as functions of the motion."""
+        """Return joint moments, drag, and spring and damper forces as functions of the motion."""
         cart = self.bodies.scene.cart
         if any(effort.kind == "held" for effort in self.bodies.support.efforts) and cart is not None:
             x = self.motion(self.bodies.support)[0]
@@ -205,7 +205,7 @@ def _unit_acceleration(theta: Coordinate) -> tuple[Any, Any]:
 def part_sections(bodies: FreeBodies) -> list[Section]:
     """A section for every part, for the constraints and for what forces are; last how many equations there are.
 
-    Raises SceneError for more links than readable equations allow.
+    Raise SceneError for more links than readable equations allow.
 
     >>> from modal import load
     >>> from modal.scene import free_bodies

@@ -1,4 +1,4 @@
-"""Roots in closed form where there is one, and characteristic polynomials in symbols (SymPy).
+"""Roots in closed form if there is one, and characteristic polynomials in symbols (SymPy).
 
 Degrees 1 and 2 have radicals; an irreducible cubic with three real roots has none without complex numbers (casus
 irreducibilis), but cosines: x_k = −c₁/(3 c₀) + 2 √(−p/3) cos(⅓ arccos(3q/(2p) √(−3/p)) − 2πk/3).
@@ -33,7 +33,7 @@ class Root:
 
 
 def polynomial_roots(polynomial: Polynomial, width: Fraction | float = 1e-15) -> list[Root]:
-    """Ascending roots, each in closed form where there is one and in any case in an interval.
+    """Ascending roots, each in closed form if there is one and in any case in an interval.
 
     No interval is wider than `width` times its smaller end; the root 0 is exact.
     """

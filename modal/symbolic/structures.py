@@ -1,4 +1,4 @@
-"""Structures in symbols: carriers, the chains that hang from them and springs between points, as energies.
+"""Structures in symbols: energies of supports, their chains and springs between points.
 
 With places of points from `carriers` and along each chain, r_i = r_p + Σ l (sin θ, cos θ),
 
@@ -69,7 +69,7 @@ def _numbers(part: JointPart) -> dict[str, Any]:
 
 
 def _integral(part: JointPart, torque: Any, by: Any) -> Any:
-    """The integral from 0; SceneError where SymPy finds none."""
+    """The integral from 0; raise SceneError if SymPy finds none."""
     integral = sp.integrate(sp.sympify(torque), by)
     if integral.has(sp.Integral):
         raise SceneError([f"law {part.law.name}: SymPy finds no integral of its torque: give it a potential"])
@@ -140,7 +140,7 @@ class SymbolicStructure(Displayed):
 
     @property
     def without_laws(self) -> SymbolicStructure:
-        """The same without the laws of joints: all that has two routes to compare."""
+        """The same without the joint laws: all that has two routes to compare."""
         return replace(self, laws=()) if self.laws else self
 
     def _summary(self) -> Summary:
@@ -207,7 +207,7 @@ class SymbolicStructure(Displayed):
 
     @property
     def is_of_pair(self) -> bool:
-        """Whether the pair (A, b) describes the whole system: a support fixed or on a rail, and joints alone."""
+        """Whether A and b describe the whole system: a fixed support or a cart, with joints only."""
         return not self.spring_entries and [carrier.kind for carrier in self.carriers] in (["fixed"], ["cart"])
 
     @property
@@ -539,7 +539,7 @@ class SymbolicStructure(Displayed):
 
     @cached_property
     def conditions(self) -> dict[Any, Any]:
-        """What symbols must make zero for an equilibrium as drawn: ∂V/∂q by coordinate."""
+        """Return the conditions for an equilibrium as drawn: ∂V/∂q by coordinate."""
         slopes = {
             c.q: sp.factor(sp.Add(*(sp.diff(part.V, c.q).subs(self.rest) for part in self.parts)))
             for c in (self.coordinates if self.symbols else ())

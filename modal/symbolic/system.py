@@ -86,9 +86,9 @@ class Letters:
 def symbolic_structure(scene: Scene, symbolic: tuple[str, ...] = ()) -> SymbolicStructure:
     """A scene with its decimals as exact fractions, or as symbols for the quantities in `symbolic` (of SYMBOLIC).
 
-    Copies of a pendulum share their symbols; those of several pendula begin with the number of the first copy.  With
-    "equal" all quantities are symbols, and numbers that are equal in the file share one; places of supports stay.
-    Raises SceneError above MOST_LINKS links, and for what no derivation takes.
+    Copies of a pendulum share their symbols; those of several pendula begin with the number of the first copy. With
+    "equal" all quantities are symbols, and numbers that are equal in the file share one; places of supports stay. Raise
+    SceneError above MOST_LINKS links, and for what no derivation takes.
     """
     require(scene, "a derivation")
     scene = scene.still

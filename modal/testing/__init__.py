@@ -1,4 +1,4 @@
-"""Tests for those who extend: what a package runs to know that its laws, supports, measures and formats are right.
+"""Tests for extension packages: checks that their laws, supports, measures and formats are correct.
 
 In: a class of `modal.extend`, as a test class names it.  Out: some forty tests by pytest, which compare its physics by
 routes that do not know each other:

@@ -1,4 +1,4 @@
-"""What every extension is tested for, whatever its kind: its name, its words, and that other processes find it."""
+"""Tests of every extension, whatever its kind: its name, its words, and that other processes find it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether a format is right: bytes of every model, the same twice, read back where somebody can."""
+"""Tests of formats: bytes for every model, reproducible output, and reading back if there is a reader."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ TITLES = ('a "title"', "*/ /*", "{}; \\ % ' <&>", "Größe ∀", "")
 
 
 class FormatTests(ExtensionTests):
-    """Tests of a format: `read` gets A, B, C, D back from its bytes, None where nobody can read them.
+    """Tests of a format: `read` gets A, B, C, D back from its bytes, None if nobody can read them.
 
     >>> from modal.testing import FormatTests
     >>> class TestMine(FormatTests):

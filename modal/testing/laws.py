@@ -1,4 +1,4 @@
-"""Whether a law of joints or a force on centres is right, by routes that do not know each other.
+"""Tests of joint laws and point forces by independent methods.
 
     ∂τ/∂γ by the tape = by SymPy = by complex steps
 

@@ -1,4 +1,4 @@
-"""Whether a measure is right: the same numbers by every verb that takes it, and one error for each mistake."""
+"""Tests of measures: the same numbers by every command that accepts it, and one error for each mistake."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ class MeasureTests(ExtensionTests):
         assert columns_of(self.extension.name, columns) == tuple(columns)
 
     def test_the_numbers_are_those_expected(self) -> None:
-        """Where somebody knows them."""
+        """If they are known."""
         numbers = self.swept()
         for column, number in (self.expected or {}).items():
             assert numbers[column] == pytest.approx(number, rel=1e-6, abs=1e-9), column

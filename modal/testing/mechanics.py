@@ -1,4 +1,4 @@
-"""Whether what takes part in motion is right, by routes that do not know each other.
+"""Tests of extensions that affect the motion, by independent methods.
 
 Power is dE/dt; Lagrange's equations of symbols hold at the accelerations of floats, which small motions follow as modes
 do; every form of the equations and every engine has the same motion, in a chain as on a structure, in Python as on the
@@ -163,7 +163,7 @@ class MechanicsTests(ExtensionTests):
         np.testing.assert_allclose(members.final.links[0], simulated(scene).motion.links[-1], atol=1e-6)
 
     def test_a_structure_has_the_motion_of_a_chain(self) -> None:
-        """The same support, beside one that nothing hangs from."""
+        """The same support, next to one that nothing hangs from."""
         table = self.table()
         idle = {"kind": "heave", "name": "idle", "mass": 1.0, "stiffness": 10.0}
         table |= {"support": [{**table["support"], "name": "rail"}, idle]}

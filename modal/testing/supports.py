@@ -1,4 +1,4 @@
-"""Whether a support is right: what follows from its place by SymPy as by jets, and all that `mechanics` compares."""
+"""Tests of supports: derivatives of the position by SymPy and by jets, and all comparisons of `mechanics`."""
 
 from __future__ import annotations
 

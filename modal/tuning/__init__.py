@@ -1,12 +1,12 @@
-"""Best numbers of a scene: which damper, length or spring makes peaks, RMS, decay or a residual swing best.
+"""Optimization of parameters: dampers, lengths or springs for the best peaks, RMS, decay or residual swing.
 
-In: a scene, the places of free numbers with bounds, and quantities to minimize or maximize.  Out: a `Tuned` with the
-scene of the best numbers, what each is worth, Den Hartog's values beside them, and curves before and after.
+In: a scene, the places of free numbers with bounds, and quantities to minimize or maximize. Out: a `Tuned` with the
+scene of the best numbers, what each is worth, Den Hartog's values next to them, and curves before and after.
 
     min over p of max over k |H(iω_k; p)|,      dH = −yᵀ dZ x
 
 Start with `search`; `quantities` names what is tuned, `model` has responses with exact derivatives and all peaks,
-`minimax` the descent and Newton's method on equal peaks, `objective` what is minimized and what numbers are worth.
+`minimax` the descent and Newton's method on equal peaks, `objective` the objective and the sensitivities.
 """
 
 from modal.tuning.closed_forms import Absorber, absorbers, den_hartog, exact_optimum

@@ -1,8 +1,8 @@
-"""Best values in closed form of one pendulum as the damper of one mode: those of Den Hartog, and the exact ones.
+"""Closed-form optimum of one pendulum as an absorber of one mode: Den Hartog's values, and the exact ones.
 
-A pendulum of one link with the inertia A about its joint and the first moment b is, beside a carrier that it pulls by
-b, a mass b²/A on a spring; what is left of the carrier is M + m − b²/A.  With μ their ratio, ω_1² = k/(M + m − b²/A),
-f = ω_d/ω_1 and ζ = c/(2 A ω_d), the peak of k|x/F| is least, to first order about its two fixed points, for
+A pendulum of one link with the inertia A about its joint and the first moment b is, next to a carrier that it pulls by
+b, a mass b²/A on a spring; what is left of the carrier is M + m − b²/A. With μ their ratio, ω_1² = k/(M + m − b²/A), f
+= ω_d/ω_1 and ζ = c/(2 A ω_d), the peak of k|x/F| is least, to first order about its two fixed points, for
 
     f = 1/(1 + μ),    ζ = √(3μ/(8(1 + μ)))                      [DenHartog1956, §3.3]
 
@@ -87,7 +87,7 @@ class Absorber(Displayed):
 
 @dataclass(frozen=True, eq=False)
 class Beside:
-    """The modes of what pendula hang from, without them: `omega` (R,) and ratios (R,), and of pendula μ by mode."""
+    """The modes of the supports without the pendula: `omega` (R,) and ratios (R,), and of pendula μ by mode."""
 
     omega: Floats
     damping_ratio: Floats
@@ -98,7 +98,7 @@ class Beside:
 
 
 def rest_of_scene(scene: Scene, pendula: Sequence[int]) -> Beside | None:
-    """The rest of a scene without these pendula of one link; None where it has no modes, or springs couple them."""
+    """The rest of a scene without these pendula of one link; None if it has no modes, or springs couple them."""
     linear = matrices(scene)
     counts = [pendulum.count * sum(link.count for link in pendulum.links) for pendulum in scene.pendulum]
     first = len(linear.M) - sum(counts)
@@ -149,7 +149,7 @@ def single_links(scene: Scene, free: Sequence[FreeNumber]) -> list[int]:
 
 @checked
 def absorbers(scene: Scene, free: Sequence[FreeNumber]) -> tuple[Absorber, ...]:
-    """The tuned pendula of one link, each with the mode of the rest that is nearest to its own frequency."""
+    """Return the tuned pendula of one link, each with the mode of the rest nearest to its own frequency."""
     pendula = single_links(scene, free)
     rest = rest_of_scene(scene, pendula) if pendula else None
     if rest is None:

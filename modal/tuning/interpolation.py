@@ -54,7 +54,7 @@ class Interpolated:
 
 
 def interpolate(arrays_at: Callable[[Floats], Arrays], start: Floats) -> Interpolated | None:
-    """The polynomials that arrays are in the numbers `start` (n,), all above 0; None where they are none."""
+    """The polynomials that arrays are in the numbers `start` (n,), all above 0; None if they are none."""
     n, samples = len(start), dict[Powers, Floats]()
     shapes = [np.shape(part) for part in arrays_at(start)]
 
@@ -141,7 +141,7 @@ def _monomials(powers: np.ndarray, rows: Floats) -> tuple[np.ndarray, Floats]:
 
 
 def _clean(powers: np.ndarray, rows: Floats, size: Floats) -> tuple[np.ndarray, Floats]:
-    """Without what is rounding beside the size of each entry."""
+    """Without what is rounding next to the size of each entry."""
     large_rows = np.where(np.abs(rows) > ENTRY_ROUNDING * size, rows, 0.0)
     is_used = np.any(large_rows != 0, axis=1)
     is_used[0] = True

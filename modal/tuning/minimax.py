@@ -1,4 +1,4 @@
-"""The least of a sum of largest numbers, by a sequence of linear programs and Newton's method on what is active.
+"""Minimization of a sum of maxima by sequential linear programming and Newton's method on the active pieces.
 
 A step δ from z solves, within a trust region and the bounds,
 
@@ -87,7 +87,7 @@ class Evaluation:
 
     @property
     def excess(self) -> float:
-        """By how much limits are exceeded."""
+        """The amount by which limits are exceeded."""
         return sum(max(face.largest, 0.0) for face in self.limits) if self.is_finite else np.inf
 
     @property
@@ -119,7 +119,7 @@ class _Step:
 def descend(
     evaluate: Evaluate, z: Floats, low: Floats, high: Floats, *, coarse: bool = False, minima: Sequence[Minimum] = ()
 ) -> Minimum:
-    """The minimum reached from z within bounds; a `coarse` one ends at a small trust region, or beside a known one."""
+    """The minimum reached from z within bounds; a `coarse` one ends at a small trust region, or next to a known one."""
     point = evaluate(np.clip(z, low, high), True)
     if point.is_smooth:
         point = _quasi_newton(evaluate, point, low, high)
@@ -191,8 +191,8 @@ def _quasi_newton(evaluate: Evaluate, start: Evaluation, low: Floats, high: Floa
     """Where BFGS leads with a search for the weak conditions of Wolfe, which needs no gradient to be continuous.
 
     So it goes along ridges on which modes meet, where gradients grow without bound and linear programs stop
-    [Lewis2013].  A point along a line is taken where the cost falls by a ten-thousandth of what its slope promises, and
-    the slope by a quarter: asked for any fall, where the cost is flat to rounding, a search halves its steps to the
+    [Lewis2013]. A point along a line is taken where the cost falls by a ten-thousandth of what its slope promises, and
+    the slope by a quarter: requested any fall, where the cost is flat to rounding, a search halves its steps to the
     last digit.
     """
 
@@ -267,7 +267,7 @@ def polish(
     high: Floats,
     enough: float = 0.0,
 ) -> Evaluation | None:
-    """Newton's method on the active pieces from a point; None where it does not settle at a point that is no worse."""
+    """Newton's method on the active pieces from a point; None if it does not settle at a point that is no worse."""
     faces = start_point.faces
     weights = tuple(_of_peaks(face, weight) for face, weight in zip(faces, weights, strict=True))
     active = [face.at[weight > EDGE] for face, weight in zip(faces, weights, strict=True)]
@@ -329,7 +329,7 @@ def polish(
 
 
 def _of_peaks(face: Faces, weights: Floats) -> Floats:
-    """The multipliers of values beside peaks added to those of the nearest peak."""
+    """The multipliers of values next to peaks added to those of the nearest peak."""
     case = np.round(face.at / (4 * LABEL_STEP))
     is_secondary = face.at - 4 * LABEL_STEP * case > LABEL_STEP / 2
     multipliers = np.where(is_secondary, 0.0, weights)

@@ -61,7 +61,7 @@ class Peaks:
     """Frequencies `omega` (P,) in rad/s of maxima of |H| and of the ends of the band; `inside` (P,) are maxima.
 
     `beside` (Q,) are frequencies of the grid where |H| is nearly as large: as numbers change, two peaks may merge and
-    one wander fast, while |H| at a frequency changes slowly.  `endless` says where |H| has no bound, if it has none.
+    one wander fast, while |H| at a frequency changes slowly. `endless` says where |H| has no bound, if it has none.
     """
 
     omega: Floats

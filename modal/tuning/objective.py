@@ -1,4 +1,4 @@
-"""What is minimized: quantities with weights and limits, in the logarithms of free numbers, over several cases.
+"""The objective: quantities with weights and limits, in the logarithms of free parameters, over several cases.
 
 What the best numbers are worth follows from it: how far each may be off, the worst that masses ±5 % make of them, and
 what the tuned dampers have to bear, their stroke and their torque or force, of the peak or the RMS that is tuned.
@@ -50,7 +50,7 @@ class Aim(Displayed):
 
     @property
     def words(self) -> str:
-        """What is done with it."""
+        """Its treatment in words."""
         weight = f"{self.quantity.weight:g}*" if self.quantity.weight != 1 else ""
         return f"{'maximize' if self.maximized else 'minimize'} {weight}{self.quantity.name}"
 
@@ -135,7 +135,7 @@ class Objective:
         return Faces(sign * values / self.scale, sign * slopes / self.scale, labels)
 
     def value_of(self, pieces: Sequence[Pieces]) -> float:
-        """The objective itself, a quantity alone without its sign and weight; infinite where it has no value."""
+        """The objective itself, a quantity alone without its sign and weight; infinite if it has no value."""
         values = [extreme(aim.quantity, piece) for aim, piece in zip(self.aims, pieces, strict=False)]
         if len(self.aims) == 1:
             return values[0]
@@ -152,7 +152,7 @@ class Objective:
 
 
 def extreme(quantity: Quantity, pieces: Pieces) -> float:
-    """The quantity itself, infinite where it has no value."""
+    """The quantity itself, infinite if it has no value."""
     if not len(pieces.values):
         return np.inf if quantity.is_largest else -np.inf
     return float(pieces.values.max() if quantity.is_largest else pieces.values.min())
@@ -160,9 +160,9 @@ def extreme(quantity: Quantity, pieces: Pieces) -> float:
 
 @dataclass(frozen=True)
 class Worth(Displayed):
-    """What a number is worth: the objective's relative change where it is 1 % larger, or smaller, and its range.
+    """Sensitivity to a parameter: the objective's relative change for ±1 %, and the range within 1 %.
 
-    Within `low` and `high`, in the number's unit, the objective is at most 1 % worse; infinite or 0 where it always is.
+    Within `low` and `high`, in the number's unit, the objective is at most 1 % worse; infinite or 0 if it always is.
     """
 
     path: str
@@ -173,7 +173,7 @@ class Worth(Displayed):
 
 
 def worths(objective: Objective, z: Floats) -> tuple[Worth, ...]:
-    """What every number is worth."""
+    """Return the sensitivity to every parameter."""
     best = objective.value(z)
     answers = []
     for k, entry in enumerate(objective.free):
@@ -208,7 +208,7 @@ def _loss(objective: Objective, z: Floats, k: int, best: float) -> Callable[[flo
 
 
 def _edge(loss: Callable[[float], float], way: float) -> float:
-    """The change at which the objective is 1 % worse, infinite where it never is."""
+    """The change at which the objective is 1 % worse, infinite if it never is."""
     inner, outer = 0.0, PERCENT
     while loss(way * outer) < PERCENT:
         inner, outer = outer, 2 * outer
@@ -234,7 +234,7 @@ class MassCase(Displayed):
 
     @property
     def words(self) -> str:
-        """Which masses are heavier and which lighter."""
+        """The heavier and the lighter masses."""
         heavier = [with_numbers(place) for place, factor in self.factors.items() if factor > 1]
         lighter = [with_numbers(place) for place, factor in self.factors.items() if factor < 1]
         if not heavier or not lighter:
@@ -246,7 +246,7 @@ class MassCase(Displayed):
 
 
 def worst_case(objective: Objective, z: Floats) -> MassCase:
-    """The worst that masses ±5 %, each for itself, make of the objective."""
+    """Return the worst case of the objective for independent masses ±5 %."""
     nominal = MassCase({}, objective.value(z), _cost(objective, z, {}))
     return max((nominal, *worst_cases(objective, z)), key=lambda case: case.cost)
 

@@ -50,7 +50,7 @@ PAIRS = ((1, 2 / 3), (2, -1 / 12))
 
 @dataclass(frozen=True)
 class Setting:
-    """What the quantities are taken over: a `band` in Hz, a PSD, modes by number, a travel (m, s) and its shaper."""
+    """The setting of the quantities: a `band` in Hz, a PSD, modes by number, a travel (m, s) and its shaper."""
 
     band: tuple[float, float] | None = None
     spectrum: Spectrum | None = None
@@ -70,7 +70,7 @@ class Pieces:
     """Numbers `values` (P,), of which a quantity is the largest or least, and `gradients` (P, n) by the free numbers.
 
     `at` (P,) are what they belong to: frequencies in rad/s, or numbers of modes; `inside` (P,) tells maxima of a
-    response from ends of a band, `helps` (P,) values beside peaks that are no pieces but bounds.  A quantity without a
+    response from ends of a band, `helps` (P,) values next to peaks that are no pieces but bounds. A quantity without a
     finite value has no pieces and says in `endless` why.
     """
 
@@ -136,7 +136,7 @@ class Quantities:
         )
 
     def polynomial(self, values: Floats, factors: Mapping[Place, float] | None = None) -> Interpolated | None:
-        """The arrays as polynomials in the free numbers, None where they are none."""
+        """The arrays as polynomials in the free numbers, None if they are none."""
         key = tuple(sorted((factors or {}).items(), key=str))
         if key not in self._polynomials:
             self.centre(values, factors)
@@ -364,7 +364,7 @@ def masses_of(scene: Scene) -> list[Place]:
 
 
 def _validate(scene: Scene, quantities: Sequence[Quantity], setting: Setting) -> None:
-    """SceneError for quantities that this scene, or what they are taken over, does not have."""
+    """Raise SceneError for quantities that this scene, or what they are taken over, does not have."""
     kinds = {quantity.kind for quantity in quantities}
     if kinds - {"residual"}:
         require(scene, "tuning")

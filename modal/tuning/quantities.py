@@ -1,4 +1,4 @@
-"""What is tuned: quantities of a scene by their names, free numbers with bounds, and limits.
+"""Specification of tuning: quantities of a scene by their names, free parameters with bounds, and limits.
 
     peak:x/cart_force          the largest magnitude of the response of an output to an input over all frequencies
     rms:tip_1                  the RMS of an output under a PSD of the support's acceleration
@@ -78,7 +78,7 @@ class Quantity(Displayed):
 
 
 def parse_quantity(text: str) -> Quantity:
-    """The quantity that a text such as "2*peak:x/cart_force" names; SceneError where it names none.
+    """The quantity that a text such as "2*peak:x/cart_force" names; raise SceneError if it names none.
 
     >>> parse_quantity("rms:tip_1").input
     'support_acceleration'
@@ -120,7 +120,7 @@ def parse_quantity(text: str) -> Quantity:
 
 @dataclass(frozen=True, repr=False)
 class Limit(Displayed):
-    """The most that a quantity may be."""
+    """The upper limit of a quantity."""
 
     what = "Limit of a quantity"
     shows = "quantity: quantity; most: at most"
@@ -135,7 +135,7 @@ class Limit(Displayed):
 
 
 def parse_limit(text: str, aims: Sequence[Quantity]) -> Limit:
-    """A limit such as "rel_1_1=0.2" or "peak:rel_1_1/cart_force=0.2"; SceneError where it is none.
+    """A limit such as "rel_1_1=0.2" or "peak:rel_1_1/cart_force=0.2"; raise SceneError if it is none.
 
     An output alone is limited in the way of the first of the `aims` that is a peak or an RMS.
     """
@@ -162,7 +162,7 @@ def parse_limit(text: str, aims: Sequence[Quantity]) -> Limit:
 
 @dataclass(frozen=True, repr=False)
 class FreeNumber(OfUnknown, Displayed):
-    """An unknown of the scene, `value` there, that may change from `low` to `high`; `has_bounds` where asked for.
+    """An unknown of the scene, `value` there, that may change from `low` to `high`; `has_bounds` where requested.
 
     A search has levels above 0: of a shift the least of the numbers that it shifts, which the scene has at `base`.
     `low`, `high` and `start` are levels; `start` is that of the scene, or where that is 0 one from which a search can
@@ -187,7 +187,7 @@ class FreeNumber(OfUnknown, Displayed):
 
     @property
     def given_level(self) -> float:
-        """That of the scene, 0 where there is none."""
+        """That of the scene, 0 if there is none."""
         return self.value + self.base
 
     @property
@@ -276,7 +276,7 @@ def _bounds(text: str, words: str, *, is_shift: bool) -> tuple[float, float]:
 
 
 def _fits(scene: Scene, path: str, bounds: tuple[float, float]) -> None:
-    """SceneError where a scene cannot have a number within these bounds."""
+    """Raise SceneError if a scene cannot have a number within these bounds."""
     for value in bounds:
         try:
             vary(scene, {path: value})
@@ -293,7 +293,7 @@ MOVES_REST = "changes the equilibrium, about which everything is tuned"
 
 
 def _refuse(scene: Scene, place: Place) -> None:
-    """SceneError for a number that cannot be tuned."""
+    """Raise SceneError for a number that cannot be tuned."""
     key, path = key_of(place), with_numbers(place)
     if key == "count":
         raise SceneError([f"{path}: is a count, and only continuous numbers are tuned: tune a scene for each value"])
@@ -307,7 +307,7 @@ def _refuse(scene: Scene, place: Place) -> None:
 
 
 def _require_rest(scene: Scene, unknown: Unknown) -> None:
-    """SceneError for a number whose change moves the equilibrium."""
+    """Raise SceneError for a number whose change moves the equilibrium."""
     size = unknown.size
     if not size or key_of(unknown.place) not in {"mass", "length", "centre"}:
         return

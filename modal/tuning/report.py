@@ -67,7 +67,7 @@ def tuned_record(tuned: Tuned, curves: bool = True) -> dict[str, Any]:
 
 
 def tuned_json(tuned: Tuned, further_keys: dict[str, Any] | None = None) -> str:
-    """The same as text, with what else is known of the result."""
+    """Return the same as text, with further details of the result."""
     return as_json({**tuned_record(tuned), **(further_keys or {})})
 
 
@@ -128,7 +128,7 @@ WORTH = (
 
 
 class _Number(NamedTuple):
-    """A free number, what it is worth, and its best value."""
+    """A free parameter, its sensitivity, and its optimal value."""
 
     number: FreeNumber
     worth: Worth
@@ -169,7 +169,7 @@ LOAD = (
 
 
 def tuned_text(tuned: Tuned, further_text: str = "") -> str:
-    """What was found, as text."""
+    """Return the result as text."""
     numbers = ReportTable.of(NUMBER, _numbers(tuned)).written()
     worth = WORTH + SHIFTS * any(number.unknown.is_shift for number in tuned.objective.free)
     parts = [_objective_table(tuned), numbers, worth, "\n".join(_sentences(tuned)), _rules_table(tuned), further_text]

@@ -24,7 +24,7 @@ TUNED_CURVE_POINTS = 400
 
 @dataclass(frozen=True)
 class Valley(Displayed):
-    """A minimum to which starts converged: its `numbers` and the objective there.
+    """A minimum to which starts converged: its `numbers` and the objective.
 
     `kept` says whether all limits are, `certain` whether Newton's method settled it.
     """
@@ -55,7 +55,7 @@ class Curves(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Tuned(Drawable, TextResult):
-    """The tuned `scene`, what it was, and what its numbers are worth."""
+    """The tuned `scene`, the original one, and the sensitivities."""
 
     given: Scene = field(repr=False)
     scene: Scene = field(repr=False)
@@ -90,28 +90,28 @@ class Tuned(Drawable, TextResult):
 
     @cached_property
     def worths(self) -> tuple[Worth, ...]:
-        """What every number is worth."""
+        """The sensitivity to every parameter."""
         return worths(self._nominal, self.z)
 
     @cached_property
     def worst(self) -> MassCase:
-        """The worst that masses ±5 % make of the objective."""
+        """The worst case of the objective for masses ±5 %."""
         return worst_case(self._nominal, self.z)
 
     @cached_property
     def worst_before(self) -> float:
-        """The same of the scene as it was, infinite where it has no value."""
+        """The same of the scene as it was, infinite if it has no value."""
         start = np.log([number.given_level or number.start for number in self.objective.free])
         return worst_case(self._nominal, start).value if np.isfinite(self.before) else np.inf
 
     @cached_property
     def loads(self) -> tuple[Load, ...]:
-        """What the tuned dampers have to bear."""
+        """The loads of the tuned dampers."""
         return loads(self.objective, self.scene)
 
     @cached_property
     def rules(self) -> tuple[Rule, ...]:
-        """Den Hartog's values of tuned pendula where a force on what carries them is to move it least."""
+        """Den Hartog's values of tuned pendula for the least motion of their support under a force on it."""
         if not _is_of_den_hartog(self.objective):
             return ()
         return tuple(self._rule(absorber) for absorber in absorbers(self.scene, self.objective.free))

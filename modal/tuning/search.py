@@ -1,4 +1,4 @@
-"""The best numbers of a scene: from several starts into every valley, and in the best one to the last digits."""
+"""Search for the optimal parameters: from several starts to all minima, and in the best one to the last digits."""
 
 from __future__ import annotations
 
@@ -61,16 +61,16 @@ def tune(
     crew: Crew | None = None,
     report: Report = silent,
 ) -> Tuned:
-    """The numbers at the places `free`, each perhaps with bounds FROM:TO, that make quantities least or largest.
+    """Find the parameters at the places `free`, optionally with bounds FROM:TO, that minimize or maximize quantities.
 
     Quantities are texts such as "peak:x/cart_force", "rms:tip_1", "residual", "damping", "settling", with weights as in
     "2*peak:x/cart_force" (`modal.tuning.quantities`); `limits` such as "rel_1_1=0.2" bound others from above.  Peaks
     are those `over_hz`, by default over all frequencies; `psd` is a spectrum or its file, `modes` are rows of the
     table, `travel` (m) lasts `over` seconds and has a shaper of a `kind`.  A `robust` result is the best for the worst
-    case of all masses ±5 %.  A `crew` shares random starts, the last descents and the cases of masses; the first
-    descents follow each other, since each may end in a valley that is known.
+    case of all masses ±5 %. A `crew` shares random starts, the last descents and the cases of masses; the first
+    descents run one after the other, since each may end in a known minimum.
 
-    Raises SceneError that names every mistake, ComputationError where nothing is best.
+    Raise raise SceneError with every mistake, ComputationError if nothing is best.
 
     >>> from modal import Bob, Cart, Pendulum, Scene
     >>> damper = Bob(mass=0.5, length=2.0, damping=0.4)
@@ -273,7 +273,7 @@ def _valleys(objective: Objective, starts: Sequence[Floats], report: Report) -> 
 
 
 def _descend(objective: Objective, z: Floats) -> Minimum:
-    """The minimum beside z, about which the arrays are interpolated anew."""
+    """The minimum next to z, about which the arrays are interpolated anew."""
     _centre(objective, z)
     return descend(objective.evaluate, z, objective.low, objective.high)
 

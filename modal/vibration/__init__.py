@@ -1,4 +1,4 @@
-"""Supports that move: their motion, random vibration, shock, and parametric excitation; thermal noise.  Needs SciPy.
+"""Moving supports: prescribed motion, random vibration, shock and parametric excitation; thermal noise.  Needs SciPy.
 
 In: a scene, and the motion of its support: prescribed, recorded, or random with a power spectral density, or a
 temperature.  Out: the motion as functions of time; PSD and RMS of every output and mode; exact histories, peaks and

@@ -1,4 +1,4 @@
-"""Tongues: the regions of amplitude and frequency of a vertical sine in which small angles grow, by their boundaries.
+"""Instability tongues: boundaries of the regions of amplitude and frequency in which small angles grow.
 
 On a boundary a multiplier μ of one of the systems of `modal.vibration.hill` is 1 (growth at the frequency), −1 (at half
 of it), or complex of size 1 (at a combination).  With losses, these are the curves det(M ∓ 1) = 0 and |μ| = 1.  Without
@@ -69,7 +69,7 @@ class Boundary(Displayed):
 
     @property
     def kind(self) -> str:
-        """At what frequency motions grow beyond it: "at half the frequency"."""
+        """The frequency of the motions that grow beyond it: "at half the frequency"."""
         return KINDS[self.number].removeprefix(GROWING)
 
     def to_dict(self) -> dict[str, Any]:
@@ -133,10 +133,10 @@ class Tongues(Displayed):
 
 @checked
 def tongues(scene: Scene, amplitude: ArrayLike, frequency_hz: ArrayLike) -> Tongues:
-    """The boundaries of growth of a scene within the range of amplitudes (m) and frequencies (Hz), ascending grids.
+    """Trace the boundaries of growth of a scene over amplitudes (m) and frequencies (Hz), ascending grids.
 
-    Curves are found where they pass a line of the grid once, tongues of losses also where they lie between two.  Of a
-    single amplitude or frequency each boundary is one point.  SceneError for a scene without vertical sine
+    Curves are found where they pass a line of the grid once, tongues of losses also where they lie between two. Of a
+    single amplitude or frequency each boundary is one point. Raise SceneError for a scene without vertical sine
     (`vertical_sine`) and for grids that do not ascend.
 
     >>> from modal import Bob, Pendulum, Scene
@@ -319,7 +319,7 @@ def _trace_boundaries(curve: Curve, amplitude: Floats, hertz: Floats) -> Iterato
 
 
 def _holds(places: Sequence[CurvePlace], place: CurvePlace) -> bool:
-    """Whether a place is on a curve: beside it with what grows on the same side, which of its neighbours is not so."""
+    """Whether a place is on a curve: next to it with what grows on the same side, which of its neighbours is not so."""
     points = np.array([place_on.point for place_on in places])
     if len(points) == 1:
         return hypot(*(points[0] - place.point)) < SLOW_STEP_MAX

@@ -1,4 +1,4 @@
-"""Functions of time: what a support's motion or a force is, with two derivatives, and those of closed form."""
+"""Functions of time for support motions and forces, with two derivatives, and those in closed form."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ from modal.types import Floats
 class Polynomials(NamedTuple):
     """A function of time t: Σ c_k (t − t_i)^k in K pieces, of which each ends at one of the `knots` (K − 1,) in s.
 
-    The t_i are the `origins` (K,), c the `coefficients` (K, d).  It repeats after the `period` (s), inf where it does
-    not; the origins of one that does part the period evenly, from its beginning to its end.
+    The t_i are the `origins` (K,), c the `coefficients` (K, d). It repeats after the `period` (s), inf if it does not;
+    the origins of one that does part the period evenly, from its beginning to its end.
     """
 
     knots: Floats
@@ -70,7 +70,7 @@ class Polynomials(NamedTuple):
 
 
 class FloatRows(dict[int, tuple[float, ...]]):
-    """The rows of these arrays side by side, in plain floats, made as they are asked for, so many at once."""
+    """The rows of these arrays side by side, in plain floats, made as they are requested, so many at once."""
 
     BLOCK = 512
 
@@ -143,7 +143,7 @@ class PrescribedMotion(ABC):
         raise NotImplementedError
 
     def polynomials(self, order: int) -> Polynomials | None:
-        """The velocity (order 1) or the acceleration (2) piece by piece; None where it is no polynomial."""
+        """The velocity (order 1) or the acceleration (2) piece by piece; None if it is no polynomial."""
         return None
 
     @abstractmethod
@@ -200,7 +200,7 @@ class PiecewiseMotion(PrescribedMotion):
 
 
 class Course(NamedTuple):
-    """What is prescribed in time: a derivative of a function."""
+    """A prescribed time history: a derivative of a function."""
 
     motion: PrescribedMotion
     order: int
@@ -222,7 +222,7 @@ class Course(NamedTuple):
 
     @property
     def polynomials(self) -> Polynomials | None:
-        """The value piece by piece; None where it is no polynomial."""
+        """The value piece by piece; None if it is no polynomial."""
         return self.motion.polynomials(self.order) if self.order else None
 
 
@@ -282,7 +282,7 @@ class Constant(PrescribedMotion):
         return new_constant
 
     def derivative(self, time: Any, order: int) -> Any:
-        """The value, and nothing."""
+        """The value, and 0 for derivatives."""
         return self.amplitude + 0.0 * time if order == 0 else 0.0 * time
 
     def acceleration_at(self, time: float) -> float:

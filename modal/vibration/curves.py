@@ -1,4 +1,4 @@
-"""What is zero on the boundaries of tongues, with its derivatives, and points near them on the edges of a grid."""
+"""Functions that vanish on the boundaries of tongues, with derivatives, and points near them on the edges of a grid."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Curve(ABC):
 
     @abstractmethod
     def begin(self, point: Point) -> Any:
-        """What of the system at a point the function is about; None where nothing is there."""
+        """What of the system at a point the function is about; None if nothing is there."""
 
     @abstractmethod
     def at(self, point: Point, frame: Any) -> tuple[float, Floats, Any]:

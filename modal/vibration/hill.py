@@ -1,14 +1,14 @@
-"""Hill's equations: the small angles of pendula on a support that moves up and down as a sine.
+"""Hill's equations: small angles of pendula on a support with a vertical sine motion.
 
-Pendula on such a support do not feel each other.  In the modal coordinates y of one, φᵀMφ = 1, over the phase τ = Ωt of
-a displacement −A cos τ upwards,
+Pendula on such a support are not coupled. In the modal coordinates y of one, φᵀMφ = 1, over the phase τ = Ωt of a
+displacement −A cos τ upwards,
 
     y'' + (D/Ω + A |sin τ| E) y' + (ω²/Ω² + A P cos τ + (A/Ω) S sin τ + A² Q |sin τ| sin τ) y = 0
 
 P is that of the sums p_i = σ_i b_i; the air that streams past a centre presses on it with (d + q |v|) v, drag d and
-quadratic drag q, as its weight does: S and Q are P with d and q in place of masses, and E the damping of q |v| beside
-that of d in D.  Without springs at joints P = ω²/g is diagonal, and without dampers every mode obeys an equation of its
-own, Mathieu's.  Coordinates that nothing couples are separate systems here.
+quadratic drag q, as its weight does: S and Q are P with d and q in place of masses, and E the damping of q |v| next to
+that of d in D. Without springs at joints P = ω²/g is diagonal, and without dampers every mode obeys an equation of its
+own, Mathieu's. Coordinates that nothing couples are separate systems here.
 
 The matrices are analytic on each half of the period: both halves are integrated by Taylor series, many pairs (A, Ω) at
 once, also complex ones, whose imaginary parts carry derivatives.  Without losses the motion is reversible and
@@ -87,7 +87,7 @@ class HillSystem:
 
     @property
     def is_reversible(self) -> bool:
-        """Whether nothing takes energy out."""
+        """Whether there are no losses."""
         return not any(part.any() for part in (self.D, self.S, self.Q, self.E))
 
     def monodromy(self, amplitude: Numbers, omega: Numbers) -> Numbers:
@@ -191,7 +191,7 @@ def _norm(part: Floats) -> float:
 
 
 def vertical_sine(scene: Scene) -> SineMotion:
-    """The vertical motion of a scene's support; SceneError for what Floquet multipliers do not take.
+    """The vertical motion of a scene's support; raise SceneError for what Floquet multipliers do not take.
 
     >>> from modal import Bob, Pendulum, Scene
     >>> from modal.scene import Moved, SineMotion
@@ -216,15 +216,15 @@ def vertical_sine(scene: Scene) -> SineMotion:
 def hill_systems(scene: Scene) -> tuple[HillSystem, ...]:
     """The systems of a scene, whatever the amplitude and the frequency of its support; equal pendula once.
 
-    SceneError for a scene without vertical sine or whose weights push carriers, ComputationError for masses beyond
-    double precision.
+    Raise SceneError for a scene without vertical sine or whose weights act on support coordinates, ComputationError for
+    masses beyond double precision.
     """
     vertical_sine(scene)
     return tuple(_on_structure(scene) if scene.is_structured else _systems(scene))
 
 
 def _on_structure(scene: Scene) -> Iterator[HillSystem]:
-    """Those of a structure, all coordinates together, with P = ∂K/∂g; SceneError where weights push carriers."""
+    """Those of a structure, all coordinates together, with P = ∂K/∂g; raise SceneError if weights push carriers."""
     structure = structure_of(scene)
     problems = [
         f"{name}: the ground shakes the weights that its spring carries, which then never rests: a Floquet multiplier "
@@ -319,7 +319,7 @@ class ParametricStability(Displayed):
 
     @property
     def number(self) -> int:
-        """What small angles do, by its number in KINDS."""
+        """The behaviour of small angles, by its number in KINDS."""
         first = self.multipliers[0]
         if self.largest <= 1 + self.certain:
             return 0 if self.largest >= 1 - self.certain else -1
@@ -327,7 +327,7 @@ class ParametricStability(Displayed):
 
     @property
     def kind(self) -> str:
-        """What small angles do, in words."""
+        """The behaviour of small angles in words."""
         return KINDS[self.number]
 
     @property
@@ -350,10 +350,10 @@ class ParametricStability(Displayed):
 
 
 def parametric_stability(scene: Scene) -> ParametricStability:
-    """Of a scene whose support moves up and down as a sine, hanging or standing, with any number of links.
+    """Compute the stability of a scene with a vertical sine motion of its support, hanging or inverted, with any links.
 
-    A motion along the rail beside it pushes small angles and does not change their growth.  SceneError for any other
-    motion, and for what Hill's equation does not include: forces, friction, drives, hoists.
+    A motion along the rail next to it pushes small angles and does not change their growth. Raise SceneError for any
+    other motion, and for what Hill's equation does not include: forces, friction, drives, hoists.
 
     >>> from modal import Bob, Pendulum, Scene
     >>> from modal.scene import Moved, SineMotion
@@ -368,7 +368,7 @@ def parametric_stability(scene: Scene) -> ParametricStability:
 
 
 def stabilities(scenes: Sequence[Scene]) -> list[ParametricStability]:
-    """Of several scenes, together where they differ in the motion of their support alone; SceneError as above.
+    """Compute that of several scenes, together if they differ only in their support motion; SceneError as above.
 
     >>> from modal import Bob, Pendulum, Scene
     >>> from modal.scene import Moved, SineMotion

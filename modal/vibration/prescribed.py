@@ -172,7 +172,7 @@ def _join_samples(
     slopes = monotone_slopes(times, values)
 
     def spline(first: int, last: int) -> Any:
-        """Where displacements are joined, its slopes at ends within the record are those of the cubics beside."""
+        """Where displacements are joined, its slopes at ends within the record are those of the cubics next to."""
         x, y = times[first : last + 1], values[first : last + 1]
         has_left, has_right = (of == 0 and k not in (0, len(times) - 1) for k in (first, last))
         ends = [
@@ -281,7 +281,7 @@ def prescribed_motion(motion: SupportMotion | Force) -> PrescribedMotion:
 
 
 def band(degree: int, derivatives: int) -> float:
-    """Up to which frequency, in samples, a spline gives that derivative of a sine within BAND_ERROR, images included.
+    """Return up to which frequency, per sample, a spline gives a derivative of a sine within BAND_ERROR, with images.
 
     The spline of degree n through evenly spaced samples of e^{2πift} consists of e^{2πi(f−k)t} for all whole k, with
     the weights (f−k)^{−n−1} / Σ_k (f−k)^{−n−1} [Schoenberg1973, lecture 4].

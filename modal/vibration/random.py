@@ -11,7 +11,7 @@ mode with H_r = (N1 s + N0)/(s² + 2ζω s + ω²) they are Miles' equation [Mil
 
     RMS² ≈ S(ω/2π) (N0²/ω² + N1²) / (8 ζ ω),
 
-of which the acceleration felt on an oscillator, √(π f Q S/2), is the best-known case.
+of which the acceleration of an oscillator, √(π f Q S/2), is the best-known case.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ DRIFTS = "grows without bound: the PSD reaches down to 0 Hz, where this output d
 def white_spectrum(scene: Scene, level: float) -> Spectrum:
     """A PSD of this level from a third of the frequency of the slowest mode to three times that of the fastest.
 
-    SceneError for a scene in which nothing oscillates.
+    Raise SceneError for a scene in which nothing oscillates.
     """
     rates = natural_modes(scene).eigenvalue.imag
     if not (rates > 0).any():
@@ -117,7 +117,7 @@ class RandomResponse(ModalResponse):
 
     @cached_property
     def rms(self) -> Floats:
-        """The RMS of every output, (p,), infinite where it is."""
+        """The RMS of every output, (p,), infinite if it is."""
         return self._rms_values[0]
 
     @cached_property
@@ -211,9 +211,9 @@ class RandomResponse(ModalResponse):
 
 
 def exact_terms(form: ModalForm) -> Iterator[Term]:
-    """The terms of H for the one input, zero where it does not reach or an output does not see a mode.
+    """The terms of H for the one input, zero if it does not reach or an output does not see a mode.
 
-    Else the rounding of a mode that nothing reaches would ring for ever.  A mode φ is reached by pᵀφ, with p the
+    Otherwise the rounding of an unexcited mode would ring forever.  A mode φ is reached by pᵀφ, with p the
     generalized force, or for the support's acceleration the momentum or the windage of everything at unit velocity.
     """
     modes, name = form.modes, form.model.inputs[0].name
@@ -233,7 +233,7 @@ def exact_terms(form: ModalForm) -> Iterator[Term]:
 
 
 def _outputs_of_mode(terms: list[tuple[Term, complex]], mode: int) -> Booleans:
-    """The outputs in which a mode is felt, (p,)."""
+    """The outputs to which a mode contributes, (p,)."""
     is_present = [(term.N0[:, 0] != 0) | (term.N1[:, 0] != 0) for term, _ in terms if term.mode == mode]
     return np.asarray(np.any(is_present, axis=0))
 
@@ -259,7 +259,7 @@ def _pole(term: Term, loss: float = 0.0) -> complex:
 def nodes(low: float, high: float, poles: list[complex]) -> Iterator[tuple[Floats, Floats, Floats]]:
     """Nodes and weights of Gauss's rule from `low` to `high`, on intervals that shrink towards poles, in blocks.
 
-    A node is the sum of two floats: beside a resonance of Q = 10⁹ the rounding of one is 10⁻⁷ of its width.
+    A node is the sum of two floats: next to a resonance of Q = 10⁹ the rounding of one is 10⁻⁷ of its width.
     """
     edges = {(low, 0.0), (high, 0.0)}
     for pole in {*poles, 0j}:
@@ -289,13 +289,12 @@ def _sum(a: Any, b: Any) -> tuple[Any, Any]:
 def random_response(
     scene: Scene, spectrum: Spectrum, outputs: tuple[str, ...] = USUAL, source: str = INPUT
 ) -> RandomResponse:
-    """The response of a scene to a PSD of its support's motion along the rail, at small angles.
+    """Compute the response of a scene to a PSD of its support's motion along the rail, at small angles.
 
-    `outputs` are groups of `modal.statespace.signals.OUTPUTS`.  Another `source` is "cart_force", on a structure the
+    `outputs` are groups of `modal.statespace.signals.OUTPUTS`. Another `source` is "cart_force", on a structure the
     force on a coordinate, or an input at a point, as "force[0]" (`modal.statespace.signals`), of which the PSD is in
-    N²/Hz or (N m)²/Hz.  Raises
-    ComputationError where a mode grows by itself, since nothing is then stationary, and the errors of `state_space` and
-    `to_modal_form`.
+    N²/Hz or (N m)²/Hz. Raise ComputationError if a mode grows by itself, since the response is then not stationary, and
+    the errors of `state_space` and `to_modal_form`.
 
     >>> from modal import load
     >>> from modal.scene.records import Spectrum

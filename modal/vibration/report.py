@@ -272,8 +272,8 @@ def thermal_report(
 ) -> str:
     """Amplitude spectral densities by output and by place, as "text", "csv" or "json".
 
-    `at` are the frequencies (Hz) of a text, and in the other forms further ones.  Of a response to a PSD `beside` it,
-    which has the same outputs, the amplitude spectral densities stand beside those of the thermal noise.
+    `at` are the frequencies (Hz) of a text, and in the other forms further ones. Of a response to a PSD `beside` it,
+    which has the same outputs, the amplitude spectral densities stand next to those of the thermal noise.
     """
     if beside is not None and [output.name for output in beside.outputs] != [output.name for output in noise.outputs]:
         raise SceneError(["outputs: those of the thermal noise and of the response must be the same"])

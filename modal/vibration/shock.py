@@ -5,10 +5,9 @@ knots, and for α' = λ α + a(t) and a with the derivatives a⁽ᵐ⁾ at the b
 
     α(t + h) = e^{λh} α(t) + Σ_m a⁽ᵐ⁾ h^{m+1} φ_{m+1}(λh),     φ_k(z) = ∫₀¹ e^{(1−θ)z} θ^{k−1}/(k−1)! dθ
 
-(the exact solution of an exponential integrator; [Hochbruck2010, §2.1]).  The
-effective masses add up to the whole mass; the modes needed for 90 % of it are those that building codes ask for
-([Chopra2012, §13.2]; Eurocode 8, §4.3.3.3.1).  Peaks of modes, which do not occur at the same time,
-are combined beside it:
+(the exact solution of an exponential integrator; [Hochbruck2010, §2.1]). The effective masses add up to the whole mass;
+the modes needed for 90 % of it are those that building codes ask for ([Chopra2012, §13.2]; Eurocode 8, §4.3.3.3.1).
+Peaks of modes, which do not occur at the same time, are combined next to it:
 
     SRSS   √(Σ_r y_r²)                 modes far apart [Rosenblueth1951]
     CQC    √(Σ_rs ρ_rs y_r y_s)        with the signs of the y_r [Wilson1981]
@@ -75,8 +74,8 @@ class Grid:
 def fine_times(record: Record, period: float, until: float) -> Grid:
     """The grid from the record's beginning to `until` (s), a time after its end.
 
-    A step is at most one part in STEPS_OF_PERIOD of `period` (s) and in four of the interval between two knots.
-    ComputationError where there would be too many.
+    A step is at most one part in STEPS_OF_PERIOD of `period` (s) and in four of the interval between two knots. Raise
+    ComputationError if there would be too many.
     """
     knots, derivatives = record.pieces
     powers = np.array([factorial(k) for k in range(len(derivatives))])[:, None]
@@ -269,14 +268,14 @@ class ShockResponse(ModalResponse):
 
     @cached_property
     def follows_support(self) -> Booleans:
-        """Which outputs contain the support's own motion besides that of the modes, (p,)."""
+        """Which outputs contain the support's motion in addition to that of the modes, (p,)."""
         total = self.by_mode.sum(0)
         rest = np.abs(self.history - total).max(1)
         return np.asarray(rest > ROUNDING_OF_HISTORY * np.abs(self.history).max(1))
 
     @cached_property
     def srss(self) -> Floats:
-        """The peaks of the modes combined by SRSS, (p,): NaN where the support's own motion adds to theirs."""
+        """The peaks of the modes combined by SRSS, (p,): NaN if the support's own motion adds to theirs."""
         return np.where(self.follows_support, np.nan, srss(self.mode_peaks))
 
     @cached_property
@@ -298,17 +297,17 @@ class ShockResponse(ModalResponse):
 
     @property
     def enough(self) -> int | None:
-        """The number of lowest modes that hold 90 % of the mass; None where that is unknown."""
+        """The number of lowest modes that cover 90 % of the mass; None if that is unknown."""
         numbers = np.flatnonzero(np.cumsum(self.mass_shares) >= MASS_SHARE_ENOUGH)
         return int(numbers[0]) + 1 if len(numbers) else None
 
 
 @checked
 def shock_response(scene: Scene, motion: RecordMotion, outputs: tuple[str, ...] = USUAL) -> ShockResponse:
-    """The response of a scene at rest on its support to a record of the support's motion along the rail.
+    """Compute the response of a scene, at rest on its support, to a record of the support's motion along the rail.
 
-    `outputs` are groups of `modal.statespace.signals.OUTPUTS`.  The history begins with the record and goes on for two
-    of the slowest periods beyond it.  Raises ComputationError where it would take too many steps, and the errors of
+    `outputs` are groups of `modal.statespace.signals.OUTPUTS`. The history begins with the record and goes on for two
+    of the slowest periods beyond it. Raise ComputationError if it would take too many steps, and the errors of
     `state_space` and `to_modal_form`.
     """
     require(scene, "a shock")

@@ -1,4 +1,4 @@
-"""Thermal noise of a scene: what its dampers and loss angles do to every output at a temperature T.
+"""Thermal noise of a scene: fluctuations of every output due to dampers and loss angles at a temperature T.
 
 Each dissipator along a row r, with the coefficient c_j = d + k φ/ω, pushes along its row with a force of the one-sided
 PSD 4 k_B T c_j (the fluctuation-dissipation theorem: [Callen1951]), so that
@@ -51,7 +51,7 @@ class ThermalNoise(ModalResponse):
 
     @cached_property
     def places(self) -> tuple[str, ...]:
-        """The places of the scene that dissipate, copies and repeated links together, in its order."""
+        """The places of dissipation in the scene, copies and repeated links together, in its order."""
         return tuple(dict.fromkeys(dissipator.place for dissipator in self.dissipators))
 
     @cached_property
@@ -97,11 +97,11 @@ class ThermalNoise(ModalResponse):
 
 @checked
 def thermal_noise(scene: Scene, temperature: float, outputs: tuple[str, ...] = USUAL) -> ThermalNoise:
-    """The thermal noise of a scene at a temperature (K), at small angles about its equilibrium.
+    """Compute the thermal noise of a scene at a temperature (K), at small angles about its equilibrium.
 
-    `outputs` are groups of `modal.statespace.signals.OUTPUTS` but those of forces.  Raises SceneError for a temperature
-    that is none, outputs that are forces, and a scene without dampers, drag and loss angles; ComputationError where a
-    mode grows by itself, and where too much would be computed.
+    `outputs` are groups of `modal.statespace.signals.OUTPUTS` but those of forces. Raise SceneError for a temperature
+    that is none, outputs that are forces, and a scene without dampers, drag and loss angles; raise ComputationError if
+    a mode grows by itself, and where too much would be computed.
 
     >>> from modal import Bob, Pendulum, Scene
     >>> scene = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=40.0, length=0.6, wire_loss=1e-6)])])

@@ -65,7 +65,7 @@ def _group(name: str) -> ModuleType:
 
 
 def __getattr__(name: str) -> Any:
-    """GROUPS, all modules, and COMMANDS, all commands, where they are asked for."""
+    """GROUPS, all modules, and COMMANDS, all commands, where they are requested."""
     if name == "GROUPS":
         return tuple(map(_group, NAMES))
     if name == "COMMANDS":

@@ -160,7 +160,7 @@ def tell_of_share(options: argparse.Namespace) -> bool:
 
 
 def refuse_homeless(options: argparse.Namespace) -> None:
-    """SceneError for a share without a folder."""
+    """Raise SceneError for a share without a folder."""
     from modal.errors import SceneError
 
     if options.share and not options.folder:

@@ -46,7 +46,7 @@ class Evidence(NamedTuple):
 
 
 def evidence(options: argparse.Namespace, modes: Modes, rows: list[Mode], starred: str) -> Evidence:
-    """What the options ask for beside the rows; a proof goes into its file."""
+    """What the options ask for next to the rows; a proof goes into its file."""
     estimate = estimate_of(modes.scene, options.covariance)
     stds = proofs = None
     if estimate:

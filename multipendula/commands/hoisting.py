@@ -24,7 +24,7 @@ LIMITS = (
 
 
 def limits_of(options: argparse.Namespace) -> TravelLimits | None:
-    """The limits within which the cart travels, None where there are none; SceneError for options that do not fit."""
+    """The limits within which the cart travels, None if there are none; SceneError for options that do not fit."""
     from math import inf
 
     from modal.statespace.hoisting import TravelLimits
@@ -95,7 +95,7 @@ def _left(scene: Scene, options: argparse.Namespace, limits: TravelLimits | None
 
 
 def _written(along: Along, left: tuple[Residual, ...], options: argparse.Namespace) -> str:
-    """The table in the format asked for."""
+    """The table in the format requested."""
     from math import degrees
 
     if options.format == "text":

@@ -109,7 +109,7 @@ def _trajectory(options: argparse.Namespace) -> Trajectory:
 
 
 def _place_of_part(output: str) -> str:
-    """Where a run that did not reach its end is saved: beside a file that is there, which may be a whole one."""
+    """Where a run that did not reach its end is saved: next to a file that is there, which may be a whole one."""
     from pathlib import Path
 
     path = Path(output)
@@ -178,13 +178,13 @@ def animate(options: argparse.Namespace) -> None:
 
 
 def _take_only(options: argparse.Namespace, flag: str, *names: str) -> None:
-    """SceneError for options that do not go with this one."""
+    """Raise SceneError for options that do not go with this one."""
     others = (option.name for option in options.command.options if option.name.startswith("--"))
     refuse(options, f"cannot be combined with {flag}", *(name for name in others if name not in names))
 
 
 def _form_of_report(options: argparse.Namespace, kinds: Sequence[str]) -> Form:
-    """The format of a report, by the name of its file unless one is asked for; SceneError for other kinds of files."""
+    """The format of a report, by the name of its file unless one is requested; SceneError for other kinds of files."""
     from modal.scene import STANDARD, kind_of
 
     form: Form = options.format

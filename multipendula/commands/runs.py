@@ -153,7 +153,7 @@ class RunOptions:
         return reduced.trajectory
 
     def _whole_scene(self) -> None:
-        """SceneError for what --keep-modes does not go with."""
+        """Raise SceneError for what --keep-modes does not go with."""
         from modal.errors import SceneError
 
         asked = [name for name in ("form", "accuracy") if name in self.given]

@@ -86,7 +86,7 @@ def output(path: str | None) -> Iterator[Callable[[str], object]]:
 def encoded(name: str, text: str) -> bytes:
     """Text as the bytes of a file of this name.
 
-    CSV in a MAT file are its columns; comments at the beginning of a CSV go to a record beside it, FILE.csv.json.
+    CSV in a MAT file are its columns; comments at the beginning of a CSV go to a record next to it, FILE.csv.json.
     """
     if name.lower().endswith(".mat"):
         from modal.exports.scripts import columns_of_csv, write_columns
@@ -117,7 +117,7 @@ def write_together(contents: Mapping[str | None, bytes]) -> None:
 
 
 def pictured(options: argparse.Namespace, room: str, figure: str, result: object) -> dict[str | None, bytes]:
-    """The picture of --picture as the bytes of its file, if it was asked for (`draw_in`)."""
+    """The picture of --picture as the bytes of its file, if it was requested (`draw_in`)."""
     from importlib import import_module
 
     from modal.plotting import style as pictures
@@ -147,7 +147,7 @@ def made(name: str, words: str) -> None:
 
 
 def remark(words: object) -> None:
-    """Print words beside the result on standard error, with nothing in them that controls a terminal."""
+    """Print words next to the result on standard error, with nothing in them that controls a terminal."""
     from modal.report import visible
 
     told = with_keywords(str(words), quote="") if OF_FUNCTION.get() else str(words)
@@ -191,9 +191,9 @@ def picture(name: str | None, option: str = "-o", kinds: Sequence[str] = PICTURE
 
 
 def picture_in_place(options: argparse.Namespace) -> None:
-    """Take -o for the picture beside the main result where its name ends in a picture's format.
+    """Take -o for the picture next to the main result where its name ends in a picture's format.
 
-    SceneError for two of them, for a name that is no picture's, and where no folder is.
+    Raise SceneError for two of them, for a name that is no picture's, and where no folder is.
     """
     from modal.errors import SceneError
 
@@ -353,7 +353,7 @@ def stages(*titles: str) -> Iterator[list[Callable[[float], object]]]:
 
 
 def estimate_of(scene: Scene, path: str | None) -> Estimate | None:
-    """The covariance of a scene's fitted numbers in a report of `fit`, None where no file is given."""
+    """The covariance of a scene's fitted numbers in a report of `fit`, None if no file is given."""
     if path is None:
         return None
     from modal.identification import read_estimate
@@ -362,7 +362,7 @@ def estimate_of(scene: Scene, path: str | None) -> Estimate | None:
 
 
 def noted(scene: Scene, capability: str = "the table of modes") -> Scene:
-    """The scene itself; what a capability leaves out of it is told on standard error."""
+    """The scene itself; what a capability omits of it is told on standard error."""
     from modal.scene import left_out
 
     for words in left_out(scene, capability):
@@ -404,7 +404,7 @@ def forewarning(
 ) -> Callable[[float], object]:
     """The report, which at its first call says on standard error how long so many motions take, if over `least` s.
 
-    SceneError for motions that take longer than anyone can wait.
+    Raise SceneError for motions that take longer than anyone can wait.
     """
     from functools import cache, partial
 

@@ -139,7 +139,7 @@ def _in_motion(scene: Scene, options: argparse.Namespace) -> StateSpace | Varyin
 
 
 def _format(options: argparse.Namespace) -> str:
-    """The format that was asked for, or that in which the name of the file ends, which is not that of another."""
+    """The format that was requested, or that in which the name of the file ends, which is not that of another."""
     from modal.errors import SceneError
     from modal.exports import find_format
     from modal.scene import STANDARD
@@ -363,12 +363,12 @@ def _in_full(travel: ShapedTravel) -> Sequence[float]:
 
 
 def scene_of(options: argparse.Namespace, capability: str) -> Scene:
-    """The scene, with a note on what a capability leaves out of it."""
+    """The scene, with a note on what a capability omits of it."""
     return about(large(noted(scene_at(options), capability)))
 
 
 def scene_at(options: argparse.Namespace) -> Scene:
-    """The scene, at the time asked for if it has a hoist."""
+    """The scene, at the time requested if it has a hoist."""
     from modal.errors import SceneError
     from modal.scene import load
 

@@ -92,7 +92,7 @@ def _map(options: argparse.Namespace) -> Sweep | None:
 
 
 def _has_journal(options: argparse.Namespace) -> bool:
-    """Whether finished points are saved, in a folder or beside the output file; not with standard output."""
+    """Whether finished points are saved, in a folder or next to the output file; not with standard output."""
     from modal.scene import STANDARD
 
     return bool(options.folder or options.output) and (options.folder or options.output) != STANDARD

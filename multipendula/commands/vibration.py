@@ -1,4 +1,4 @@
-"""The command about a moved support at small angles: vibration, at random or by a record, and thermal noise."""
+"""The command about a moving support at small angles: vibration, at random or by a record, and thermal noise."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def _random(options: argparse.Namespace, scene: Scene, **outputs: tuple[str, ...
 
 
 def _thermal(options: argparse.Namespace) -> ThermalNoise | None:
-    """The thermal noise, with the response to a PSD beside it where there is one."""
+    """The thermal noise, with the response to a PSD next to it where there is one."""
     from modal.errors import SceneError
     from modal.scene import load
     from modal.vibration import thermal_noise, thermal_report

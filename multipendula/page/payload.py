@@ -32,7 +32,7 @@ RECORDING_NUMBERS = 26_000
 def scene_data(scene: Scene) -> dict[str, Any]:
     """A scene as nested mappings with the keys of its file, each link once for each repetition.
 
-    Raises SceneError, which names everything that the page cannot show.
+    Raise SceneError, which names everything that the page cannot show.
     """
     refuse_any(_problems(scene))
     data = describe(scene)

@@ -33,7 +33,7 @@ UNITS = {"m": "m", "rad": "rad"}
 
 
 def is_structural(scene: Scene) -> bool:
-    """Whether the page has the equations of a scene as those of one structure: also with laws of joints and rotors."""
+    """Whether the page has the equations of a scene as those of one structure: also with joint laws and rotors."""
     return (
         scene.is_structured
         or not scene.features.isdisjoint({"law", "rotor"})

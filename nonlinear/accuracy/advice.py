@@ -77,7 +77,7 @@ EVIDENCE = (
 class Advice(Result):
     """The trajectory for a requested accuracy (rad), its `errors` (T,) in rad so far, and all attempts, its own last.
 
-    `horizon` is the time (s) up to which the accuracy is met, one of the trajectory's; `has_parted` tells whether the
+    `horizon` is the time (s) up to which the accuracy is met, one of the trajectory's; `has_parted` says whether the
     departure of a twin ends it.
     """
 
@@ -95,7 +95,7 @@ class Advice(Result):
 
     @property
     def limit(self) -> str:
-        """The message where the accuracy is not met throughout."""
+        """The message if the accuracy is not met throughout."""
         words = f"{self.accuracy:g} rad can be shown to be met up to {self.horizon:.4g} s and no further"
         if self.has_parted or self.attempts[-1].tolerance <= TOLERANCE_RATIO**2 * SMALLEST:
             words += ": beyond it double precision cannot determine where the links are"
@@ -116,7 +116,7 @@ class Advice(Result):
 
     @property
     def what(self) -> str:  # type: ignore[override]
-        """What was asked for."""
+        """The request in words."""
         return f"the cheapest way to {self.accuracy:g} rad"
 
     @property
@@ -144,7 +144,7 @@ class Advice(Result):
         yield EVIDENCE
 
     def facts(self) -> dict[str, Any]:
-        """What was asked for, and whether and how long it is met."""
+        """What was requested, and whether and how long it is met."""
         return {
             "accuracy_rad": self.accuracy,
             "met": self.is_met,
@@ -161,10 +161,10 @@ def advice_table(advice: Advice, form: Form) -> str:
 
 
 def seek_accuracy(goal: Goal) -> Advice:
-    """The cheapest method that meets the accuracy, or the finest method if none does.
+    """Find the cheapest method that meets the accuracy, or the finest method if none does.
 
-    After Ctrl-C the run in progress is returned, with errors where a looser run has been.  Raises SimulationError where
-    the integrator fails at the finest tolerance too: a loose run may fail where a tighter one does not.
+    After Ctrl-C the run in progress is returned, with errors where a looser run has been. Raise SimulationError if the
+    integrator fails at the finest tolerance too: a loose run may fail where a tighter one does not.
     """
     attempts: list[Attempt] = []
     for tried_run in chain(in_closed_form(goal), in_few_modes(goal), _integrate(goal)):
@@ -260,8 +260,8 @@ def _order(looser: Floats, tighter: Floats, ratio: float) -> Floats:
 def _difference(first: Trajectory, second: Trajectory) -> Floats:
     """The largest angle (rad) so far between two runs at the times of the first, (T,), as far as both go.
 
-    It is inf where it is meaningless: where the runs have parted or are identical, or the other ended long before.
-    Where an event ends both at slightly different times, the last samples take the difference before them.
+    It is inf if it is meaningless: where the runs have parted or are identical, or the other ended long before. Where
+    an event ends both at slightly different times, the last samples take the difference before them.
     """
     count = min(len(first.times), len(second.times))
     count = int(np.sum(first.times[:count] == second.times[:count]))

@@ -1,4 +1,4 @@
-"""A requested accuracy, and methods that need not integrate the whole scene: modes, all or a few."""
+"""A requested accuracy, and methods that do not integrate the full scene: all modes or a few."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ SHAPE_SHARE_MAX = 1 / 8
 
 
 def error_time_count(duration: float, swing: float) -> int:
-    """At how many times errors are evaluated over `duration` (s) where the fastest oscillation is `swing` (rad/s)."""
+    """Return at how many times errors are evaluated over `duration` (s) for a fastest oscillation `swing` (rad/s)."""
     return min(sample_count(duration, swing) // 2, ERROR_TIMES_MAX)
 
 
@@ -59,7 +59,7 @@ def error_time_count(duration: float, swing: float) -> int:
 class Attempt:
     """One method that was tried: its tolerance (NaN for a closed form), its cost (s; derivatives), its error (rad).
 
-    The error is an upper estimate, inf where it is unknown.
+    The error is an upper estimate, inf if it is unknown.
     """
 
     way: str
@@ -123,7 +123,7 @@ class Goal(Displayed):
 
     @property
     def free(self) -> bool:
-        """Whether the whole scene need not be integrated."""
+        """Whether the full scene need not be integrated."""
         request = self.request
         system = request.system
         acted_on = request.load or request.events or system.excites or system.rubs or system.has_drag

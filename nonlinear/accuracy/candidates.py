@@ -56,7 +56,7 @@ class Question(Displayed):
 
     @property
     def request(self) -> Request:
-        """The motion as it is asked of the integrators."""
+        """The request to the integrators."""
         return Request(self.scene, system_of(self.scene), self.start, self.times)
 
 
@@ -88,9 +88,9 @@ class Candidate:
         return self.family if self.modal else f"{self.family} {self.tolerance:g}"
 
     def prepare(self, question: Question) -> Task:
-        """A task that computes the motion, once; ComputationError or SceneError where this is impossible.
+        """A task that computes the motion, once; ComputationError or SceneError if this is impossible.
 
-        The task raises ComputationError where the run fails, GivenUpError where it takes too long, KeyboardInterrupt on
+        The task raises ComputationError if the run fails, GivenUpError if it takes too long, KeyboardInterrupt on
         Ctrl-C.
         """
         return self._superposition_task(question) if self.modal else self._integration_task(question)

@@ -1,4 +1,4 @@
-"""Time against accuracy of natural frequencies: dense matrices, a relative error that is allowed, and every digit.
+"""Time against accuracy of natural frequencies: dense matrices, a permitted relative error, and every digit.
 
 Errors of ω are those to the roots of the characteristic polynomial in integers, proved to PROVED_DIGITS
 (`modal.exact`); times are those of the processor, from a scene to all its frequencies, but for dense matrices, which
@@ -43,7 +43,7 @@ NOTES = (
 
 @dataclass(frozen=True, repr=False)
 class FrequencyRow(Displayed):
-    """One way to all frequencies: its route, seconds, the bound that it states (NaN: none), the true error."""
+    """One method for all frequencies: its name, seconds, the bound that it states (NaN: none), the true error."""
 
     what = "One way to all frequencies"
     shows = "way: way; route: route; seconds: time, s; bound: stated bound; error: error"
@@ -64,7 +64,7 @@ class FrequencyTradeoff(Result):
 
     @property
     def pareto(self) -> tuple[FrequencyRow, ...]:
-        """The ways that no other beats in both time and error."""
+        """The methods that no other beats in both time and error."""
         return tuple(
             row
             for row in self.rows
@@ -93,15 +93,15 @@ class FrequencyTradeoff(Result):
         return (NOTES,)
 
     def facts(self) -> dict[str, Any]:
-        """The digits that errors are held against."""
+        """The digits with which errors are computed."""
         return {"digits": PROVED_DIGITS}
 
 
 @checked
 def measure_frequencies(scene: Scene, accuracies: tuple[float, ...] = (1e-8,)) -> FrequencyTradeoff:
-    """The times and true errors of all natural frequencies of a scene, by every way.
+    """Measure times and true errors of all natural frequencies of a scene, by every method.
 
-    Raises SceneError for scenes with losses or structures, and for too large ones.
+    Raise SceneError for scenes with losses or structures, and for too large ones.
 
     >>> from modal import load
     >>> [row.way for row in measure_frequencies(load("chain-2")).rows]
@@ -146,7 +146,7 @@ def _squares(scene: Scene) -> list[Fraction]:
 
 
 def _dense(planes: list[tuple[Floats, Floats]], size: int) -> Floats:
-    """ω (R,) by LAPACK, NaN where that gives up; a massless cart has one row more than modes."""
+    """ω (R,) by LAPACK, NaN if that gives up; a massless cart has one row more than modes."""
     try:
         values = np.concatenate([scipy.linalg.eigh(K, M, eigvals_only=True) for K, M in planes])
     except np.linalg.LinAlgError:

@@ -1,10 +1,10 @@
-"""The reference solutions for the candidates, and the horizon up to which they are reliable.
+"""Reference solutions for the candidates, and the horizon up to which they are reliable.
 
 The reference is the finest run available, checked against a second one with another implementation or form of the
-equations or another integrator; in space, where there is one form, with another tolerance.  With d(t) the largest
-difference of angles so far, an error e can be measured where d < e/100.  A run with a start perturbed by 1e-9
+equations or another integrator; in space, if there is one form, with another tolerance. With d(t) the largest
+difference of angles so far, an error e can be measured where d < e/100. A run with a start perturbed by 1e-9
 (`nonlinear.integration.twins`) also gives the factor G(t) by which an error grows: a reference of relative accuracy ε
-has an error of ε G(t), which for G = exp λt becomes intolerable at ln(tolerable/ε)/λ.  So both
+has an error of ε G(t), which for G = exp λt becomes intolerable at ln(tolerable/ε)/λ. So both
 
     d(t) < 1e-8   and   ε G(t) < 1e-8     (rad; for small motions relative to the motion's size)
 
@@ -82,7 +82,7 @@ class Reference(Displayed):
 
 
 def reference_of(question: Question) -> Reference:
-    """The finest motion and its horizon; ComputationError where two references disagree from the beginning."""
+    """The finest motion and its horizon; raise ComputationError if two references disagree from the beginning."""
     scene, duration = question.scene, float(question.times[-1])
     finest, check = choose_references(scene)
     size = question.request.size
@@ -99,7 +99,7 @@ def reference_of(question: Question) -> Reference:
 
 
 def enclose_reference(question: Question) -> Reference:
-    """The midpoints of a tube that provably contains the motion, which shares no error with any candidate."""
+    """Return the midpoints of a tube that provably contains the motion, independent of the errors of candidates."""
     duration = float(question.times[-1])
     tube = enclose_motion(
         question.scene,

@@ -1,9 +1,9 @@
 """Time against accuracy: every candidate on one scene and start, compared with a reference.
 
-All candidates run up to the reference's horizon and no further (`nonlinear.accuracy.references`).  An error is the
-largest deviation of any link's angle at any sample, modulo whole turns: it never exceeds π.  The phase error is
-the time shift τ (s) that explains most of the deviation in the last fifth, by least squares on the coordinates q
-(lengths in units of the longest link),
+All candidates run up to the reference's horizon and no further (`nonlinear.accuracy.references`). An error is the
+largest deviation of any link's angle at any sample, modulo full turns: it never exceeds π. The phase error is the time
+shift τ (s) that explains most of the deviation in the last fifth, by least squares on the coordinates q (lengths in
+units of the longest link),
 
     q(t) ≈ q_ref(t − τ),   τ = −Σ q_ref'·(q − q_ref) / Σ q_ref'·q_ref',
 
@@ -75,7 +75,7 @@ class WorkPrecisionRow(Displayed):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class WorkPrecision(Result):
-    """The reference, the candidates in order of fidelity, and (family or candidate, reason) of those left out."""
+    """The reference, the candidates in order of fidelity, and (family or candidate, reason) of those omitted."""
 
     scene: Scene
     reference: Reference
@@ -141,7 +141,7 @@ class WorkPrecision(Result):
         }
 
     def whole(self) -> dict[str, Any]:
-        """The reference, every candidate, and those left out."""
+        """The reference, every candidate, and those omitted."""
         return {**super().whole(), "skipped": [{"rung": name, "reason": reason} for name, reason in self.skipped]}
 
     def footnotes(self) -> Iterator[str]:
@@ -196,11 +196,11 @@ def measure_work_precision(
 ) -> WorkPrecision:
     """Run every candidate, or these, on a scene from its own start or another for `duration` seconds.
 
-    With `proved` the reference is a tube that provably contains the motion (extra `certified`).  A family of candidates
-    ends with the first that exceeds `patience` seconds or clearly will.  `report` is called with
-    the number of candidates done, the reference included, and during each with parts of it.  After Ctrl-C those done
-    are returned, once there is a reference. Raises SceneError for invalid arguments, ComputationError where there is no
-    reference to compare with.
+    With `proved` the reference is a tube that provably contains the motion (extra `certified`). A family of candidates
+    ends with the first that exceeds `patience` seconds or clearly will. `report` is called with the number of
+    candidates done, the reference included, and during each with parts of it. After Ctrl-C those done are returned,
+    once there is a reference. Raise SceneError for invalid arguments, ComputationError if there is no reference to
+    compare with.
     """
     validate_scene(scene)
     validate_numbers(duration, 1e-9, 0.0)
@@ -287,7 +287,7 @@ def _climb(
 
 
 def measure(candidate: Candidate, question: Question, reference: Reference) -> WorkPrecisionRow:
-    """One candidate, run several times; ComputationError where it fails or takes too long."""
+    """One candidate, run several times; raise ComputationError if it fails or takes too long."""
     preparations: list[float] = []
     seconds: list[float] = []
     while len(seconds) < 3 and sum(preparations) + sum(seconds) < 1:
@@ -311,7 +311,7 @@ def measure(candidate: Candidate, question: Question, reference: Reference) -> W
 
 
 def late(motion: Motion, reference: Trajectory) -> float:
-    """The lag (s) of a motion behind the reference at the end; NaN where no time shift explains the deviation."""
+    """The lag (s) of a motion behind the reference at the end; NaN if no time shift explains the deviation."""
     last = reference.times >= (1 - PHASE_WINDOW) * reference.times[-1]
     if apart(motion, reference.motion)[last].max() > 1:
         return nan

@@ -15,8 +15,8 @@ cos β = −ρ, its harmonics in ψ and its mean over ψ are
 
     −(4M/πh) sin hβ cos hψ,        −(2M/π) arcsin ρ,
 
-so that, of one frequency, the first is −(4M/π) cos ψ whatever V is, and beside it a weaker one is damped in proportion
-to its own velocity (dither: Gelb & Vander Velde, ch. 6).  This is exact as long as the joint slides.
+so that, of one frequency, the first is −(4M/π) cos ψ whatever V is, and next to it a weaker one is damped in proportion
+to its own velocity (dither: Gelb & Vander Velde, ch. 6). This is exact as long as the joint slides.
 
 Arrays are over B bands, J joints and S states: `swing` Γ of every band (B, J, S), `turning` Ω (B, S), `impulse` and
 `angle` (J,), the `corner` Pκ/2π (J, S).
@@ -91,7 +91,7 @@ def rubbing_torques(limit: Floats, swing: Complexes, turning: Floats, phases: Co
 def mixing_ratio(angle: Floats, swing: Complexes, turning: Floats) -> float:
     """The largest speed of the other bands over the leading band's when that kicks.
 
-    From 1 on a joint may pass the angle twice on one side, and is kicked only once.
+    From 1 on a joint may pass the angle twice on one side but is kicked only once.
     """
     first, size = _leading(swing), np.abs(swing).max(axis=0)
     fast = turning[:, None] * np.abs(swing)

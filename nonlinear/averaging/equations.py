@@ -337,7 +337,7 @@ def lattice(count: int) -> tuple[int, tuple[int, ...]]:
 def average(scene: Scene, system: System | None = None) -> AveragedEquations:
     """The averaged equations of a scene in the plane whose links all hang; `system` may be given.
 
-    Raises ComputationError for other scenes, for dry friction on the rail, for quadratic drag, for more than 400 links
+    Raise ComputationError for other scenes, for dry friction on the rail, for quadratic drag, for more than 400 links
     or four bands, and for coordinates without a mode, such as those of some massless carts.
     """
     require(scene, "averaging")

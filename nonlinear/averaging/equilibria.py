@@ -102,12 +102,12 @@ class RelativeEquilibrium(Displayed):
 
     @cached_property
     def is_family(self) -> bool:
-        """Whether it is one of a continuous family of states: an eigenvalue beside those of the phases is 0."""
+        """Whether it belongs to a continuous family of states: an eigenvalue other than those of the phases is 0."""
         return bool(np.any(np.abs(self.rates) <= NEUTRAL_RATE_RATIO * self.recovery))
 
     @cached_property
     def copies(self) -> int:
-        """How many states equal pendula have by exchanging their parts, this one among them; 1 of a family."""
+        """The number of states, including this one, that exchanges of equal pendula produce; 1 for a family."""
         return 1 if self.is_family else count_copies(self.averaged, self.z)
 
     @property
@@ -135,7 +135,7 @@ class RelativeEquilibrium(Displayed):
 def relative_equilibria(
     equations: AveragedEquations, report: Callable[[float], object] = silent
 ) -> tuple[RelativeEquilibrium, ...]:
-    """The relative equilibria reached from each row of the mode table alone and from patterns of pendula.
+    """Find the relative equilibria from each row of the mode table and from patterns of pendula.
 
     The patterns are pendula in phase and in antiphase.  Copies by exchange of equal pendula are one state
     (`RelativeEquilibrium.copies`).  The stable ones with their phases reversed, or spread evenly, or with the parts of
@@ -306,7 +306,7 @@ def _rates(
 def is_same_motion(
     equilibrium: RelativeEquilibrium, second: RelativeEquilibrium, within: float = AMPLITUDE_DIFFERENCE_MIN
 ) -> bool:
-    """Whether two are the same motion within this relative tolerance, but for phases and equal pendula exchanged.
+    """Whether two are the same motion within this relative tolerance, up to phases and exchanges of equal pendula.
 
     Of two members of a continuous family the energies by rows and the stability tell.
     """
@@ -321,7 +321,7 @@ def is_same_motion(
 
 
 def likeness(equilibrium: RelativeEquilibrium, z: Complexes, threshold: float = 1 - 1e-9) -> Floats:
-    """How alike motions z (C, S) are to a state but for size, phases and equal pendula exchanged, from 0 to 1, (S,).
+    """Return the similarity, 0 to 1, of motions z (C, S) to a state up to size, phases and exchanges of pendula, (S,).
 
     Of a continuous family the energies by rows tell.  No exchange is looked for from the likeness `threshold` on.
     """

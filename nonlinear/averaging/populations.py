@@ -1,12 +1,12 @@
-"""Populations that do the same, every one as one pendulum: their patterns, and who leaves them, by averaged equations.
+"""Populations in identical motion, each as one pendulum: patterns and their stability by averaged equations.
 
-In a pattern (all populations in phase, or two in antiphase) every population moves as one pendulum of its mass.  Small
-disturbances fall into sectors that do not mix.  Where G exchanges the two populations with their supports, in antiphase
+In a pattern (all populations in phase, or two in antiphase) every population moves as one pendulum of its mass. Small
+perturbations fall into sectors that do not mix. Where G exchanges the two populations with their supports, in antiphase
 with the sign changed, a pattern is a motion with Gq = q, and
 
     own                     Gδ = δ: the populations do the same, in another way
     other                   Gδ = −δ: towards the other pattern
-    within a population     δ sums up to 0 over its pendula, and the support does not feel it: N − 1 times the same
+    within a population     δ sums up to 0 over its pendula, without force on the support: N − 1 times the same
 
 Without that symmetry own and other are one sector, "common".  The pattern is one oscillation, so that all modes turn
 with one rate Ω here (`nonlinear.averaging.equations`): the averaged equations are harmonic balance, and their growth
@@ -51,7 +51,7 @@ MOTION_ANGLE_MIN = 1e-3
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Sector(Displayed):
-    """Disturbances of one kind: an orthonormal `basis` (half, k) of their coordinates."""
+    """Perturbations of one kind: an orthonormal `basis` (half, k) of their coordinates."""
 
     name: str
     basis: Floats
@@ -87,7 +87,7 @@ class Pattern(Displayed):
 
     @property
     def is_split(self) -> bool:
-        """Whether own and other disturbances are told apart."""
+        """Whether "own" and "other" perturbations are separate sectors."""
         return self.sectors[0].name == OWN
 
     def at(self, scene: Scene) -> Pattern:
@@ -98,7 +98,7 @@ class Pattern(Displayed):
 def patterns_of(scene: Scene) -> tuple[Pattern, ...]:
     """The patterns of a structured scene with one or two populations, all in phase first.
 
-    ComputationError for more populations, and where no small set of pendula represents the others.
+    Raise Raise ComputationError for more populations, and if no small set of pendula represents the others.
     """
     require_type("scene", scene, "Scene")
     populations = populations_of(scene)
@@ -152,7 +152,7 @@ def _means(populations: Sequence[Population], system: System) -> tuple[list[Floa
 
 
 def _exchange(populations: Sequence[Population], system: System, means: Sequence[Floats], sign: float) -> Floats | None:
-    """G (half, half) on the means; None where the two populations are no images of each other."""
+    """G (half, half) on the means; None if the two populations are no images of each other."""
     first, second = populations
     structure = system.structure
     assert structure is not None
@@ -182,7 +182,7 @@ def _eigenspace(G: Floats, span: Floats, way: float) -> Floats:
 
 
 def _is_invariant(pattern: Pattern) -> bool:
-    """Whether motions of the first sector stay in it, and no sector's disturbances go over into another one."""
+    """Whether motions of the first sector stay in it, and no sector's perturbations go over into another one."""
     equations = Variational(pattern.system)
     scale, random = equations.scale, np.random.default_rng(START_SEED)
     spaces = [sector.states for sector in pattern.sectors[:2]]
@@ -224,7 +224,7 @@ class AveragedPattern(Displayed):
 
     @cached_property
     def exponents(self) -> tuple[Complexes, ...]:
-        """The eigenvalues (1/s) of every sector, the neutral one of the first left out, fastest growing first."""
+        """The eigenvalues (1/s) of every sector, the neutral one of the first omitted, fastest growing first."""
         exponents = []
         for number, block in enumerate(self.blocks):
             values = np.linalg.eigvals(block).astype(complex)
@@ -240,9 +240,9 @@ class AveragedPattern(Displayed):
 
 
 def averaged_pattern(pattern: Pattern, near_by: AveragedPattern | None = None) -> AveragedPattern:
-    """The pattern in the averaged equations, beside one of a scene with other numbers, or from small swings.
+    """The pattern in the averaged equations, next to one of a scene with other numbers, or from small swings.
 
-    ComputationError where none is found, or the scene is out of their scope.
+    Raise ComputationError if none is found, or the scene is out of their scope.
     """
     require(pattern.few, "averaging")
     sector_equations = [_sector_equations(pattern, sector) for sector in pattern.sectors]
@@ -257,7 +257,7 @@ def averaged_pattern(pattern: Pattern, near_by: AveragedPattern | None = None) -
 
 
 def _starts(pattern: Pattern, equations: AveragedEquations, near_by: AveragedPattern | None) -> Iterator[Complexes]:
-    """Amplitudes from which Newton's method may find it: those beside, or of slow flow from small swings."""
+    """Amplitudes from which Newton's method may find it: those next to, or of slow flow from small swings."""
     if near_by is not None:
         yield equations.dual.T @ (near_by.state.averaged.shapes @ near_by.state.z)
     z: Complexes = np.asarray(equations.dual.T @ pattern.mean, dtype=complex)
@@ -289,7 +289,7 @@ def _sector_equations(pattern: Pattern, sector: Sector) -> AveragedEquations:
 
 
 def _block(state: RelativeEquilibrium, sector: AveragedEquations) -> Floats:
-    """The derivative (2k, 2k) of the flow by the amplitudes of one sector, beside the state."""
+    """The derivative (2k, 2k) of the flow by the amplitudes of one sector, next to the state."""
     equations, k = state.averaged, len(sector.omega)
     if sector is equations:
         return derivative(equations.flow, state.z, state.turning)

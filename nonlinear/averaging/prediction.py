@@ -1,4 +1,4 @@
-"""Which mode survives and when: the prediction of the averaged equations for a start, and its reliability."""
+"""Prediction of the surviving mode by the averaged equations for a start, and its reliability."""
 
 from __future__ import annotations
 
@@ -79,12 +79,12 @@ class Prediction(Displayed):
 
     @property
     def is_won(self) -> bool:
-        """Whether the survivor holds enough of the energy to have won."""
+        """Whether the surviving mode has enough of the energy to be the only one."""
         return self.share >= WINNER_ENERGY_MIN
 
     @property
     def indecision(self) -> str:
-        """The doubt that no mode wins, by the share of the one that holds most; "" where one does."""
+        """The doubt that no mode survives alone, with the share of the strongest; "" if one does."""
         if self.is_won:
             return ""
         return f"no mode wins: the one that holds most has {100 * self.share:.3g} % of the energy"
@@ -173,8 +173,8 @@ class Prediction(Displayed):
 def predict(scene: Scene, start: State | None = None) -> Prediction:
     """The prediction for a self-excited scene from its own start or another, perturbed if it ends in an unstable state.
 
-    Raises ComputationError where nothing excites it or it is outside the scope of `nonlinear.averaging.equations`, for
-    a start at rest, and where drives are so strong that averaged amplitudes grow without bound.
+    Raise ComputationError if nothing excites it or it is outside the scope of `nonlinear.averaging.equations`, for a
+    start at rest, and where drives are so strong that averaged amplitudes grow without bound.
     """
     validate_scene(scene)
     require(scene, "a prediction of synchronization")

@@ -59,7 +59,7 @@ class SlowFlow(Displayed):
 
     @cached_property
     def share(self) -> Floats:
-        """Fraction of the energy in every row of the table, (R, T); all 0 where nothing moves."""
+        """Fraction of the energy in every row of the table, (R, T); all 0 if nothing moves."""
         energy = self.averaged.energies(self.z)
         total = energy.sum(axis=0)
         return np.asarray(np.divide(energy, total, out=np.zeros_like(energy), where=total > 0))
@@ -71,7 +71,7 @@ class SlowFlow(Displayed):
 
     @property
     def survivor(self) -> int:
-        """The row that holds most energy at the end, from 0."""
+        """The row with most energy at the end, from 0."""
         return int(self.share[:, -1].argmax())
 
     def locking_time(self, threshold: float = LOCKED) -> float | None:
@@ -80,7 +80,7 @@ class SlowFlow(Displayed):
 
 
 def below_for_good(times: Floats, values: Floats, threshold: float) -> float | None:
-    """The time from which values (T,) stay below the threshold, interpolated linearly; None where they end above it.
+    """The time from which values (T,) stay below the threshold, interpolated linearly; None if they end above it.
 
     A NaN counts as above the threshold, up to the next sample.
     """
@@ -257,7 +257,7 @@ def _advance(equations: AveragedEquations, stretches: Sequence[_Stretch], active
 
 
 def _pace(equations: AveragedEquations, z: Complexes, turning: Floats) -> float:
-    """Steps per second from these amplitudes (C, S) on; modes that are left out set no pace."""
+    """Steps per second from these amplitudes (C, S) on; modes that are omitted set no pace."""
     is_active, moving = equations.shapes.any(axis=0), z.any(axis=0)
     drift = float(np.abs(equations.detuning(turning)[is_active]).max()) / STEP_TURN_MAX
     if not moving.any():

@@ -29,7 +29,7 @@ PAPER_CART_MASS = 100.0
 
 
 def study(paper: str, *, quick: bool = False) -> ChaosStudy:
-    """The study of paper 000 or 001, or a short version of it; SceneError for any other paper."""
+    """The study of paper 000 or 001, or a short version of it; raise SceneError for any other paper."""
     if paper not in _STUDIES:
         raise SceneError([f"paper:{paper}: must be one of {', '.join(f'paper:{name}' for name in _STUDIES)}"])
     return _STUDIES[paper](quick)

@@ -2,12 +2,11 @@
 
     λ = lim ln(|v(t)| / |v(0)|) / t
 
-v obeys the tangent equations and is rescaled to length 1 again and again, its gains being added up
-[Benettin1980a], [Benettin1980b]; a kick of an escapement changes it by
-saltation (`nonlinear.integration.changes`).  Under forces and on a moved support y' depends on time; v does not change
-it, so that its own exponent, 0, is not among these.  A run of finite length cannot distinguish every λ from zero: in
-regular motion |v| grows like t, in natural units from 1 to about sqrt(g/l) t, which over T seconds looks like
-λ = ln(sqrt(g/l) t)/T.
+v obeys the tangent equations and is rescaled to length 1 again and again, its gains being added up [Benettin1980a],
+[Benettin1980b]; a kick of an escapement changes it by saltation (`nonlinear.integration.changes`). Under forces and on
+a moving support y' depends on time; v does not change it, so that its own exponent, 0, is not among these. A run of
+finite length cannot distinguish every λ from zero: in regular motion |v| grows like t, in natural units from 1 to about
+sqrt(g/l) t, which over T seconds looks like λ = ln(sqrt(g/l) t)/T.
 """
 
 from __future__ import annotations
@@ -66,7 +65,7 @@ CONFIDENCE = 0.95
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Exponent(TextResult):
-    """λ of E starts: `growth` (K, E) is the gain of ln |v| between the `times` (K + 1,) in s, the transient included.
+    """λ of E starts: `growth` (K, E) is the gain of ln |v| between the `times` (K + 1,) in s, including the transient.
 
     `energy_drift` is the largest change of energy over a run, relative to g Σ b; NaN in a scene with dampers.
     """
@@ -157,7 +156,7 @@ class Exponent(TextResult):
 
     @property
     def is_negative(self) -> bool:
-        """Whether λ is distinguishable from zero, and below it: motions that began nearby become one."""
+        """Whether λ is distinguishable from zero, and below it: nearby motions converge."""
         return self.value + self.half_width < -self.floor
 
     @property
@@ -255,7 +254,7 @@ def lyapunov_exponent(
     crew: Crew | None = None,
     report: Callable[[float], object] = silent,
 ) -> Exponent:
-    """λ of a plane scene from `duration` seconds, after a transient of half that length that is discarded.
+    """Compute λ of a plane scene from `duration` seconds, after a discarded transient of half that length.
 
     By default the duration is 200 sqrt(l/g) of the longest link, and the `starts` are `start`, by default the scene's
     own, and `members` − 1 more whose angles differ from it by up to `spread` (rad): in chaos they soon become
@@ -263,8 +262,8 @@ def lyapunov_exponent(
     simulated time, out of 1.5 times the duration.  A `crew` computes 256 starts at a time.  After Ctrl-C λ comes
     from the part measured so far, if that is long enough.
 
-    Raises SceneError for a scene in space, for motions of a support and forces that are no sines and for a duration
-    that is too short.
+    Raise SceneError for a scene in space, for motions of a support and forces that are no sines and for a duration that
+    is too short.
     """
     require(scene, "a Lyapunov exponent")
     frequencies_of(scene)
@@ -321,7 +320,7 @@ def nearby(state: State, members: int, spread: float, rng: np.random.Generator) 
 
 
 def validate_duration(scene: Scene, duration: float) -> None:
-    """SceneError for a duration (s) that is too short to tell growth from regular motion."""
+    """Raise SceneError for a duration (s) that is too short to tell growth from regular motion."""
     shortest = DURATION_TIMES_MIN / DURATION_TIMES * usual_duration(scene)
     if not shortest <= duration < float("inf"):
         words = f"must be at least {shortest:.3g} s for this scene, {DURATION_TIMES_MIN:g} sqrt(l/g)"
@@ -329,7 +328,7 @@ def validate_duration(scene: Scene, duration: float) -> None:
 
 
 def _refuse_endless(duration: float, rate: float, members: int) -> None:
-    """SceneError for more samples of the growth than can be kept."""
+    """Raise SceneError for more samples of the growth than can be kept."""
     if (samples := (1 + TRANSIENT) * duration * rate * members) > GROWTH_SAMPLES_MAX:
         longest = duration * GROWTH_SAMPLES_MAX / samples
         raise SceneError([f"duration {duration:g}: must be at most {longest:.3g} s for {members} starts of this scene"])

@@ -1,4 +1,4 @@
-"""What carries the first joints of pendula, at one instant: a structure, of which a fixed support and a cart are two.
+"""The supports of the first joints of pendula at one instant: a structure, a fixed support or a cart.
 
 Equations of motion ask a `Bearing` how the first joints move, hand over what hangs there group by group, and are given
 back accelerations.
@@ -96,7 +96,7 @@ class Bearing:
 
     @property
     def kinetic(self) -> Any:
-        """Kinetic energy (J) of the carriers, before anything has been taken."""
+        """Return the kinetic energy (J) of the supports."""
         energy: Any = 0.0
         for number, block in enumerate(self.blocks):
             rates = self.structure.part(number, self.rates)
@@ -137,7 +137,7 @@ class Bearing:
         return momentum
 
     def tensions(self, q: Any, v: Any) -> list[tuple[Ints, Tension]]:
-        """What springs between points do, with their numbers, kind by kind."""
+        """Return extensions, forces and energies of springs between points, with their numbers, kind by kind."""
         springs = self.carriers.springs
         return springs.tensions(q, v, self) if springs else []
 
@@ -147,13 +147,13 @@ class Bearing:
         return springs.forces(q, v, Bearing(self.carriers, q, v, bare=True)).on_links if springs else None
 
     def push(self, number: int, moving: Moving, force: Vector) -> None:
-        """A force (N), along the rail and down, on a point of a carrier that moves like this."""
+        """Apply a force (N), along the rail and down, to a point of a support with this motion."""
         first = self.structure.offsets[number]
         for k, (x, z) in enumerate(moving.slopes):
             self.right[first + k] = self.right[first + k] + (x * force[0] + z * force[1])
 
     def turn(self, number: int, torque: Any) -> None:
-        """A torque (N m) on a carrier; nothing on one that does not turn."""
+        """Apply a torque (N m) to a support; it has no effect on one that does not turn."""
         if (angle := self.structure.angle_of(number)) is not None:
             self.right[angle] = self.right[angle] + torque
 
@@ -163,7 +163,7 @@ class Bearing:
         return 0.0 if angle is None else (self.eta if values is None else values)[angle]
 
     def pivots(self, group: int) -> tuple[Vector, Vector]:
-        """How far (m) the first joints of a group are from where they are drawn, and their velocities."""
+        """Return displacements (m) of the first joints of a group from the drawn positions, and their velocities."""
         structure, places = self.structure, []
         for bundle in self.carriers.bundles[group]:
             where = self.carriers.where(bundle, self.eta)
@@ -179,7 +179,7 @@ class Bearing:
         return self.structure.carriers[end.carrier].displacement(end.where, eta), moving, moving.velocity(rates)
 
     def base(self, group: int) -> Base | None:
-        """Angles and rates of what carries the first joints of a group; None where nothing there turns."""
+        """Angles and rates of what carries the first joints of a group; None if nothing there turns."""
         bundles = self.carriers.bundles[group]
         if all(self.structure.carriers[bundle.carrier].turning is None for bundle in bundles):
             return None
@@ -207,7 +207,7 @@ class Bearing:
     def take(
         self, group: int, body: Any, links: Any, rates: Any, forces: Any, external: External | None, reaction: Any
     ) -> None:
-        """What a group answers, projected on the coordinates of its carriers."""
+        """Add the reaction of a group, projected on the coordinates of its supports."""
         response = body.response(links, rates, forces)
         pulls = [external.at_joints] if external is not None else []
         if external is not None:

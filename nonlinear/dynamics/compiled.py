@@ -143,7 +143,7 @@ def rate(  # type: ignore[no-untyped-def]
 
 @compiled
 def one_rate(y, scene, turns, derivative):  # type: ignore[no-untyped-def]
-    """The same for Python, of the `scene` of `Compiled`."""
+    """Return the same for Python, for the `scene` of `Compiled`."""
     rate(y, *scene, turns, derivative)
 
 

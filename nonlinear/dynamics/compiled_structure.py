@@ -57,12 +57,12 @@ _stretch_law, _slack, _eliminate = in_place(stretch_law), in_place(slack), in_pl
 class FlatStructure(NamedTuple):
     """A structure in flat arrays; the last are room for what is computed.
 
-    Of every coordinate `kind`, `length` of rods, and `law` (d, 3): stiffness, damping, carried weight; of
-    every carrier its first coordinate (c + 1,), the one that is its angle or −1, and `body` (c, 4): mass, inertia about
-    its origin, centre; of every pendulum its `carrier`, `where` (P, 2) it hangs, and whether its first joint moves as
-    that of the one before it; of every spring `spring` (E,), `numbers` (E, 5): k, d, Δ₀, |Δ₀|, and of its ends `ends`
-    (E, 2, 2): kind and number, for those between angles a coordinate or −1, with `points` (E, 2, 2); `pulls` tells
-    whether any ends at a link.
+    Of every coordinate `kind`, `length` of rods, and `law` (d, 3): stiffness, damping, carried weight; of every carrier
+    its first coordinate (c + 1,), the one that is its angle or −1, and `body` (c, 4): mass, inertia about its origin,
+    centre; of every pendulum its `carrier`, `where` (P, 2) it hangs, and whether its first joint moves as that of the
+    one before it; of every spring `spring` (E,), `numbers` (E, 5): k, d, Δ₀, |Δ₀|, and of its ends `ends` (E, 2, 2):
+    kind and number, for those between angles a coordinate or −1, with `points` (E, 2, 2); `pulls` says whether any ends
+    at a link.
     """
 
     kind: Ints
@@ -89,13 +89,13 @@ class FlatStructure(NamedTuple):
 
 
 def with_own_room(flat: FlatStructure) -> FlatStructure:
-    """The same with room that nobody else writes into."""
+    """Return the same with its own work arrays."""
     names = ("A", "right", "slopes", "turns", "bias", "joint_motion", "loads")
     return flat._replace(**{name: getattr(flat, name).copy() for name in names})
 
 
 def flat_of(system: System) -> FlatStructure:
-    """The arrays of a system on a structure; SceneError where the loops do not know how a support moves."""
+    """Return the arrays of a system on a structure; raise SceneError for unsupported kinds of supports."""
     carriers = Carriers(system)
     if unknown := [carrier for carrier in carriers.structure.carriers if not carrier.is_compiled]:
         raise SceneError([f"support.{each.name}: supports of kind {each.kind} are not compiled" for each in unknown])

@@ -71,7 +71,7 @@ def _watch(compilation: Callable[..., Any], *signature: Any) -> Any:
 
 
 def _has_place(function: Any) -> bool:
-    """Whether numba would keep it beside its source or under an absolute path, not in the folder of the moment."""
+    """Whether numba would keep it next to its source or under an absolute path, not in the folder of the moment."""
     if os.environ.get("NUMBA_CACHE_DIR"):
         return True
     folder = Path(inspect.getfile(function)).parent
@@ -126,7 +126,7 @@ def _is_own_group(number: int) -> bool:
 
 
 class KeptFile:
-    """What differs from numba's own files of one function, an index and one of data for each of its signatures.
+    """Differences from numba's own cache files of a function: an index, and one data file for each signature.
 
     Both begin with the SHA-256 of the rest.
     """
@@ -151,7 +151,7 @@ class KeptFile:
         return digest.hexdigest()
 
     def load(self, key: Any) -> Any:
-        """What is kept under a key, or None; files that cannot be used are removed."""
+        """Return what is cached under a key, or None; unusable files are removed."""
         try:
             return super().load(key)  # type: ignore[misc]
         except Exception:
@@ -159,7 +159,7 @@ class KeptFile:
             return None
 
     def save(self, key: Any, data: Any) -> None:
-        """Keep what was compiled, where that is possible."""
+        """Cache what was compiled, if possible."""
         try:
             status = os.stat(self._cache_path)
             if os.name == "posix" and status.st_uid == os.geteuid() and status.st_mode & OTHERS_WRITE:

@@ -1,4 +1,4 @@
-"""Which contacts stick: the complementarity problem of dry friction, in scalars.
+"""The complementarity problem of dry friction, which decides which contacts stick, in scalars.
 
 Of J contacts with γ'' = a + Gτ, G symmetric and positive definite, those at rest obey |τ| ≤ M: γ'' = 0 inside the
 limit, else γ'' is against τ.  The first contact that violates this changes its state until none does: finite for a
@@ -50,7 +50,7 @@ def friction_of(a: Any, G: Any, limit: Any, sign: Any, n: int) -> Any:
 
 
 def consistent(a: Any, G: Any, limit: Any, sign: Any, n: int) -> Any:
-    """The friction τ (n,) and the signs (n,) that contacts of sign 0 begin with; τ is empty where there are none."""
+    """The friction τ (n,) and the signs (n,) that contacts of sign 0 begin with; τ is empty if there are none."""
     rest, signs = [s == 0 for s in sign], [*sign]
     scale = []
     for i in range(n):

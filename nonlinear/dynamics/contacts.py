@@ -1,4 +1,4 @@
-"""Dry friction and escapements: where they act, and the laws that they obey.
+"""Dry friction and escapements: places and laws.
 
 At each of J contacts the velocity of sliding is γ' = (J v)_j, a difference of two neighbouring rates or the cart's
 velocity.  The torque or force τ_j of friction opposes it and is at most the limit M_j,
@@ -58,8 +58,8 @@ JAMMED = "the rail's friction has no consistent value: its coefficient is too la
 class Contacts:
     """The J contacts of a system from the cart down each pendulum, all arrays (J,).
 
-    `below` and `above` are the coordinates of v whose difference is γ', −1 standing for the support; `limit` is in
-    N m, or N on the rail, which comes first where `rail` is true; its limit is 0 where there is a `coefficient` μ.
+    `below` and `above` are the coordinates of v whose difference is γ', −1 standing for the support; `limit` is in N m,
+    or N on the rail, which comes first where `rail` is true; its limit is 0 if there is a `coefficient` μ.
     """
 
     below: Ints
@@ -103,7 +103,7 @@ def links_of_contacts(system: System) -> Ints:
 
 
 def jams(system: System, rates: Sequence[float], normal: float) -> bool:
-    """Whether N of a rail with a coefficient is beyond all weights and inertial forces (N), at `rates` of links (L,).
+    """Whether N of a rail with a coefficient exceeds all weights and inertial forces (N), at `rates` of links (L,).
 
     Before its friction has no value it grows as 1/(1 + s μ e n₀), and no integrator's steps, however short, reach
     that end.
@@ -290,7 +290,7 @@ class Sticking:
             self.hung.append((index, joints[::-1]))
 
     def apply_friction(self, reaction: Callable[[Any, bool], Any]) -> Rubbed:
-        """What friction makes of accelerations a (half,) without it; `reaction` is that of `Gripping.on_rail`."""
+        """Apply friction to accelerations a (half,) without it; `reaction` is that of `Gripping.on_rail`."""
         slides, push = 1.0 - self.sticks[0], 0.0
         if self.has_cart:
             push = self.sticks[0] * -self.a[0] - slides * (self.force / self.mass)

@@ -47,7 +47,7 @@ SINGULAR = "the mass matrix is singular in double precision"
 
 
 def loses_digits(group: Group, system: System) -> bool:
-    """Whether a carrier, a link above a heavier one or beside a rotor is so light that dense matrices lose digits."""
+    """Whether a support, a link above a heavier one or next to a rotor is so light that dense matrices lose digits."""
     heaviest = np.maximum.accumulate(group.block.mass[::-1])[::-1]
     least = CART_RATIO_MIN * sum(part.block.mass.sum((0, 1)) for part in system.groups)
     carriers = [carrier for carrier in system.suspension.carriers if carrier.size]
@@ -268,7 +268,7 @@ class Linked:
         self.solutions: list[tuple[Any, Floats]] = []
 
     def project_on_carrier(self, columns: Any, slopes: Sequence[Any], bias: tuple[Any, Any], move_alike: bool) -> Any:
-        """The inertia (lower half) and the force on each coordinate of what carries the pendula in these columns."""
+        """The inertia (lower half) and the force on each coordinate of the supports of the pendula in these columns."""
         body, theta, squares = self.body, self.angles[columns], self.squared[columns]
         sin, cos = np.sin(theta[:, 0]), np.cos(theta[:, 0])
         tops = np.array([(cos * x - sin * z, sin * x + cos * z) for x, z in (bias, *slopes)])

@@ -1,4 +1,4 @@
-"""Inputs of loops of feedback (`nonlinear.system.loops`): of a state in any arithmetic, and held between samples."""
+"""Inputs of feedback loops (`nonlinear.system.loops`) for a state in any arithmetic, and held between samples."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def _clip(value: Any, limit: Any) -> Any:
 
 
 class HeldInputs:
-    """The inputs of loops that are sampled, each taken as a motion arrives at its time and held until the next one."""
+    """The inputs of sampled loops, each computed at its sample time and held until the next one."""
 
     def __init__(self, loops: Sequence[ActingLoop]) -> None:
         self.loops = [loop for loop in loops if loop.sample_time]
@@ -44,7 +44,7 @@ class HeldInputs:
         self.inputs: list[list[float]] = [[] for _ in self.loops]
 
     def begin(self, start: float, end: float, most: int = 1_000_000) -> list[float]:
-        """Forget all; the times (s) of samples until the end, ascending; SceneError for too many."""
+        """Forget all; the times (s) of samples until the end, ascending; raise SceneError for too many."""
         self.inputs = [[] for _ in self.loops]
         counts = [(end - start) / loop.sample_time * (1 + NOISE_OF_SUM) for loop in self.loops]
         for loop, count in zip(self.loops, counts, strict=True):
@@ -67,7 +67,7 @@ class HeldInputs:
                 inputs[k:] = [float(input_of(loop, y))]
 
     def at(self, time: float) -> list[float]:
-        """What every loop holds at a time (s) of the motion; ComputationError where its samples are not known."""
+        """What every loop holds at a time (s) of the motion; raise ComputationError if its samples are not known."""
         held = []
         for loop, times, inputs in zip(self.loops, self.times, self.inputs, strict=True):
             k = bisect_right(times, time) - 1 - loop.delayed_samples

@@ -1,4 +1,4 @@
-"""Forces besides gravity and those of pivots: springs, dampers and drives of joints, drag, what acts from outside.
+"""Forces other than gravity and pivot forces: springs, dampers and drives of joints, drag, external loads.
 
 At a joint, or between cart and rail, they depend on the displacement γ from the relaxed position and on its rate:
 
@@ -57,11 +57,11 @@ class External(NamedTuple):
 
     @property
     def along_rail(self) -> Any:
-        """The force (N) along the rail on what carries the group, (...)."""
+        """The force (N) along the rail on the support of the group, (...)."""
         return self.at_joints[0].sum(0)
 
     def plus(self, other: External) -> External:
-        """Both together."""
+        """Return the sum of both."""
         return External(*(mine + its for mine, its in zip(self, other, strict=True)))
 
 
@@ -222,8 +222,8 @@ Base = tuple[Any, Any]
 def joint_torques(group: Group, angles: Any, rates: Any, base: Base | None = None) -> tuple[Any, Any]:
     """Generalized forces (N m) on the absolute angles, (n, P, ...) like these, and the power of dampers and drives.
 
-    The power (...) is what dampers drain and van der Pol torques supply (W).  A `base` that turns carries the first
-    joints.
+    The power (...) is that dissipated by dampers and supplied by van der Pol torques (W). First joints may be on a
+    rotating `base`.
     """
     torques, power = bending_torques(group, angles, rates, base)
     return _on_links(torques), power
@@ -276,7 +276,7 @@ def inertial_torques(group: Group, angles: Any, support: Any) -> Any:
 
 
 def inertial_law(b: Any, sin: Any, cos: Any, support: Any) -> Any:
-    """The torque (N m) of those of one link and all that hangs below it."""
+    """Return the torque (N m) of the inertial forces of one link and everything below it."""
     along, down = support
     return b * (down * sin - along * cos)
 
@@ -306,5 +306,5 @@ def bend(group: Group, angles: Any, base: Any = None) -> Any:
 
 
 def spread(constant: Any, like: Any) -> Any:
-    """Constants of links (n, P), or as many axes as they have, beside values (n, P, ...)."""
+    """Constants of links (n, P), or as many axes as they have, next to values (n, P, ...)."""
     return constant.reshape(*constant.shape, *[1] * (like.ndim - constant.ndim))

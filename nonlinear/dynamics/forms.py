@@ -1,4 +1,4 @@
-"""The text of the equations of a form of scene: what all scenes have in common that differ in their numbers alone.
+"""Generated equations of a form of scene, shared by all scenes that differ only in their numbers.
 
 The lines of `nonlinear.dynamics.minimal`, in space of `nonlinear.dynamics.spatial`, are run once with symbols in place
 of numbers, state and inputs, and what they leave on the tape is written (`nonlinear.dynamics.text`).  A number that is
@@ -41,17 +41,17 @@ Table = tuple[tuple[Any, ...], ...]
 
 @dataclass(frozen=True)
 class Form:
-    """What the text depends on; a `system` of this form.
+    """The properties on which the generated code depends; a `system` of this form.
 
     `chains` are the places of links and their directions at equilibrium group by group, and whether their equations are
-    solved by elimination; `present` tells which numbers (`nonlinear.system.numbers`) are not 0, `ends` which links have
+    solved by elimination; `present` says which numbers (`nonlinear.system.numbers`) are not 0, `ends` which links have
     their centre at their end, `ratios` which entries of the modal damping are not 0, `laws` the links that follow each
     law of a hoist; `directions` are those in which a support moves, `forces` where forces act and in which direction,
-    `constant_count` how many constants of what is prescribed and of `loops` are numbers, None without any;
-    equations have a load where `has_load`, `works` ones the work; `contacts` are the coordinates below and above each
-    contact with dry friction, none where that is left out, and on a rail that `presses` it has a coefficient; `spatial`
-    ones have three numbers a link.  `structure` is the shape of what carries the pendula (`shape_of`), `joint_laws`
-    that of the laws of joints.
+    `constant_count` how many constants of what is prescribed and of `loops` are numbers, None without any; equations
+    have a load where `has_load`, `works` ones the work; `contacts` are the coordinates below and above each contact
+    with dry friction, none where that is omitted, and on a rail that `presses` it has a coefficient; `spatial` ones
+    have three numbers a link. `structure` is the shape of the supports of the pendula (`shape_of`), `joint_laws` that
+    of the joint laws.
     """
 
     chains: tuple[tuple[Table, Table, bool], ...]
@@ -74,12 +74,12 @@ class Form:
 
     @property
     def first(self) -> int:
-        """How many coordinates there are before those of links."""
+        """The number of coordinates before those of links."""
         return self.system.first
 
     @property
     def count(self) -> int:
-        """How many numbers p there are."""
+        """The number of parameters p."""
         return sum(self.present) + sum(self.ratios) + (self.constant_count or 0)
 
     def numbers(self, entries: Sequence[Any], constants: Sequence[Any]) -> list[Any]:
@@ -99,8 +99,8 @@ def form_of(
 ) -> Form:
     """The form of a system with its own numbers or others, arrays where members differ.
 
-    `works` tells whether the work is counted, by default where there can be any; `frail` are groups whose dense
-    matrices lose digits.
+    `works` says whether the work is counted, by default where there can be any; `frail` are groups whose dense matrices
+    lose digits.
     """
     numbers = entries_of(system) if entries is None else entries
     motion_constants = constants_of(system) if constants is None else constants
@@ -135,7 +135,7 @@ def form_of(
 
 
 def _shape_of_term(term: JointTerm) -> tuple[Any, ...]:
-    """What of the laws of joints is not a number."""
+    """What of the joint laws is not a number."""
     return (
         type(term.law),
         term.order,

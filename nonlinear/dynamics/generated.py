@@ -1,4 +1,4 @@
-"""The equations of motion as they are written (`nonlinear.dynamics.forms`): of one scene, or of many members in lanes.
+"""Generated equations of motion (`nonlinear.dynamics.forms`) of one scene, or of many members in lanes.
 
 In every operation of NumPy a lane is a member, with its numbers in arrays; scenes of more links than are written go
 by the recursion, with arrays (n, P, S) for numbers.
@@ -29,7 +29,7 @@ InputFunction = Callable[[float, Sequence[float]], Sequence[float]]
 
 
 class Written(ABC):
-    """Equations that are written out: their `derivative` by what is written for floats and for arrays."""
+    """Generated equations: their `derivative` uses the code for floats and for arrays."""
 
     @property
     @abstractmethod
@@ -44,7 +44,7 @@ class Written(ABC):
     @property
     @abstractmethod
     def inputs_at(self) -> InputFunction | None:
-        """The inputs u at a time (s) and a state y; None where there are none."""
+        """The inputs u at a time (s) and a state y; None if there are none."""
 
     @property
     def is_time_only(self) -> bool:
@@ -75,7 +75,7 @@ class Written(ABC):
 
 @dataclass(frozen=True, eq=False)
 class Generated(Written, Arranged):
-    """The equations of `Minimal`, in space of `Spatial`, written out."""
+    """The generated equations of `Minimal`, in space of `Spatial`."""
 
     system: System
     load: Load | None = None
@@ -109,7 +109,7 @@ class Generated(Written, Arranged):
 
     @cached_property
     def inputs_at(self) -> InputFunction | None:
-        """The inputs u at a time (s) and a state y; None where there are none."""
+        """The inputs u at a time (s) and a state y; None if there are none."""
         if not self.inputs.count:
             return None
         if self.load is None:
@@ -155,17 +155,17 @@ class Lanes:
 
     @property
     def size(self) -> int:
-        """Length of y, with v where there is one."""
+        """Length of y, with v if there is one."""
         return self.layout.size * (1 + self.tangent)
 
     @cached_property
     def inputs(self) -> Inputs:
-        """What time brings."""
+        """The time-dependent inputs."""
         return Inputs(self.system, drags=self.numbers.has_drag)
 
     @cached_property
     def is_written(self) -> bool:
-        """Whether the equations are written out."""
+        """Whether the equations are generated."""
         return self.tangent or self.system.n_links <= WRITTEN_LINKS_MAX
 
     @cached_property

@@ -1,4 +1,4 @@
-"""Hamilton's equations, the comparison suggested at the end of paper 002: in the plane from T and V alone.
+"""Hamilton's equations, the comparison suggested at the end of paper 002; in the plane from T and V alone.
 
     p = ∂T/∂q'        q' = M⁻¹ p        p' = ∂T/∂q − ∂V/∂q + Q        H = T + V
 
@@ -97,7 +97,7 @@ class Hamiltonian(Generated):
 
     @cached_property
     def inputs_at(self) -> InputFunction | None:
-        """The inputs u at a time (s) and a y, whose velocities a load sees; None where there are none."""
+        """The inputs u at a time (s) and a y, whose velocities a load sees; None if there are none."""
         inputs, half = super().inputs_at, self.layout.half
         if inputs is None or self.load is None:
             return inputs
@@ -169,7 +169,7 @@ def hamilton_of(form: Form) -> Module:
 
 
 def without_springs(system: System) -> System:
-    """The same system, none of whose springs pulls."""
+    """Return the same system with unstressed springs."""
     groups, structure = [], system.suspension
     for group in system.groups:
         laws = tuple(replace(term, pulls=False) for term in group.laws)

@@ -1,4 +1,4 @@
-"""What time brings to the equations of motion, beside the state: a support's motion, lengths, applied forces.
+"""Time-dependent inputs of the equations of motion: support motions, lengths, applied forces.
 
 At one instant these are an `Instant`; as inputs u of what is written they are a list, in this order, each only where a
 scene has it:
@@ -56,10 +56,10 @@ class Lengths(NamedTuple):
 
 
 class Instant(NamedTuple):
-    """Accelerations (m/s²) and velocities (m/s) of a moved support along the rail and down, lengths, loads.
+    """Accelerations (m/s²) and velocities (m/s) of a moving support along the rail and down, lengths, loads.
 
-    `forces` are the sizes (N or N m) of those of the scene, `held` the inputs of loops that are sampled.
-    The friction of contacts that slide is applied; `gripping` tells which stick.
+    `forces` are the sizes (N or N m) of those of the scene, `held` the inputs of loops that are sampled. The friction
+    of contacts that slide is applied; `gripping` says which stick.
     """
 
     support: tuple[Any, Any] = (0.0, 0.0)
@@ -76,9 +76,9 @@ QUIET = Instant()
 
 @dataclass(frozen=True, eq=False)
 class Inputs:
-    """What time brings to a system under a load, with `contacts` (the coordinates below and above each).
+    """The time-dependent inputs of a system under a load, with `contacts` (the coordinates below and above each).
 
-    `drags` tells that others of its form, with numbers of their own, have drag.
+    `drags` says that others of its form, with numbers of their own, have drag.
     """
 
     system: System
@@ -117,7 +117,7 @@ class Inputs:
 
     @property
     def is_analytic(self) -> bool:
-        """Whether all that is prescribed is written out, of its constants and the time."""
+        """Whether all prescribed functions are plain expressions of constants and time."""
         return self.system.is_analytic
 
     def inputs_at(self, time: float, y: Sequence[float], layout: Layout) -> list[Any]:
@@ -151,7 +151,7 @@ class Inputs:
 
     @cached_property
     def polynomials(self) -> list[Polynomials] | None:
-        """Every input of time alone piece by piece; none where the time is the only one; None where any has none."""
+        """Every input of time alone piece by piece; none where the time is the only one; None if any has none."""
         if self.is_analytic and not self.laws:
             return []
         courses = [pieces for course in self.courses if (pieces := course.polynomials)]
@@ -322,7 +322,7 @@ def _bends(polynomials: Polynomials, threshold: float) -> set[float]:
 def smooth_window(pieces: Polynomials, breaks: Sequence[float], error: float) -> float:
     """The longest time (s) such that within it, wherever it begins, one such polynomial is right to an `error`.
 
-    Between the `breaks` (s); of windows that double; 0 where the shortest of them already has more to it.
+    Between the `breaks` (s); of windows that double; 0 if the shortest of them already has more to it.
     """
     knots = pieces.knots
     width = float(np.diff(knots).min()) / 2

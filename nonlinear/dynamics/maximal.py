@@ -156,7 +156,7 @@ class Maximal:
         return np.concatenate((half, half * rate, clock, [self.system.energy] * self.works))
 
     def drift(self, y: Floats) -> Drift:
-        """By how much y violates its constraints."""
+        """Return the constraint violation of y."""
         (q, v), pivots = self._halves(y), self._pivots_of(y)
         reach, gravity = pivots.reach, self.system.gravity
         return Drift(_widest(pivots.gaps(q)) / reach, _widest(pivots.opening(q, v)) / sqrt(gravity * reach))
@@ -164,7 +164,7 @@ class Maximal:
     def project(self, y: Floats) -> tuple[Floats, float]:
         """The nearest y that satisfies every constraint, and the largest violation removed, scaled as in `drift`.
 
-        ComputationError where Newton's method does not close the pivots.
+        Raise ComputationError if Newton's method does not close the pivots.
         """
         violation, pivots = max(self.drift(y)), self._pivots_of(y)
         if not self.corrects_drift:
@@ -220,7 +220,7 @@ class Pivots:
 
     @cached_property
     def above(self) -> Ints:
-        """The link that each link hangs from, −1 for the support, (L,)."""
+        """The link from which each link hangs, −1 for the support, (L,)."""
         upper = np.full(self.system.n_links, -1)
         for group in self.system.groups:
             upper[group.index[1:]] = group.index[:-1]
@@ -286,7 +286,7 @@ class Pivots:
         return gamma
 
     def closed(self, q: Floats) -> Floats:
-        """The q nearest to this one whose pivots have no gaps; ComputationError where Newton's method finds none."""
+        """The q nearest to this one whose pivots have no gaps; raise ComputationError if Newton's method finds none."""
         extent = self.reach + abs(q[0])
         for _ in range(CLOSING_ROUNDS):
             gaps = self.gaps(q)
@@ -341,7 +341,7 @@ class Saddle:
     def solve(self, angles: Floats, upper: Floats | float, lower: Floats | float) -> Floats:
         """The solution (q'', λ) with forces `upper` and accelerations `lower` on the right-hand side.
 
-        ComputationError where the motion is not determined.
+        Raise ComputationError if the motion is not determined.
         """
         right = np.empty(self.size)
         right[: self.coordinates], right[self.coordinates :] = upper, lower
@@ -380,7 +380,7 @@ def _masses(pivots: Pivots) -> tuple[Floats, Floats]:
 
 
 def _rotors(pivots: Pivots) -> tuple[Ints, Ints, Floats]:
-    """The entries of M beside its diagonal: angles of links with a rotor, those of the links above, and −J."""
+    """The entries of M next to its diagonal: angles of links with a rotor, those of the links above, and −J."""
     rotor = pivots.system.by_link("rotor")
     joined = np.flatnonzero((rotor != 0) & (pivots.above >= 0))
     return pivots.first + 3 * joined + 2, pivots.first + 3 * pivots.above[joined] + 2, -rotor[joined]

@@ -73,7 +73,7 @@ def chain_sums(
 
 
 def _as_columns(values: Any) -> Any:
-    """Values of first joints, (P, T) or of all alike (T,), beside those of links (T, n, P)."""
+    """Values of first joints, (P, T) or of all alike (T,), next to those of links (T, n, P)."""
     values = np.asarray(values)
     return values.T.reshape(values.shape[-1], 1, -1) if values.ndim else values
 
@@ -82,7 +82,7 @@ def _as_columns(values: Any) -> Any:
 class Mechanics(Displayed):
     """Quantities of T states, computed on demand.
 
-    Their `times` (T,) in s are needed where lengths change; `support` (T, d) are the places (m) of a moved support in
+    Their `times` (T,) in s are needed where lengths change; `support` (T, d) are the places (m) of a moving support in
     the laboratory.
     """
 
@@ -115,7 +115,7 @@ class Mechanics(Displayed):
 
     @cached_property
     def bearing(self) -> Bearing:
-        """What carries the pendula at all times, its numbers being (T,)."""
+        """The supports of the pendula at all times, with arrays (T,)."""
         return Bearing(carriers_of(self.system), *self._coordinates, bare=True)
 
     @property
@@ -234,7 +234,7 @@ class Mechanics(Displayed):
 
     @cached_property
     def momentum(self) -> Floats:
-        """Momentum (kg m/s) along the rail, (T,): conserved where nothing holds or drives the cart."""
+        """Momentum (kg m/s) along the rail, (T,): conserved for a free cart."""
         return np.asarray(self.bearing.momentum + self.speeds[..., 0] @ self.system.mass)
 
     @cached_property
@@ -251,7 +251,7 @@ class Mechanics(Displayed):
         """Force (N) on every link from above at its upper joint, (T, L, d).
 
         `accelerations` are those of first joints (`pivot_accelerations`), and the second derivatives of the unit
-        vectors (T, L, d), `support` the acceleration and the velocity of a moved support (T, d): Newton's second law
+        vectors (T, L, d), `support` the acceleration and the velocity of a moving support (T, d): Newton's second law
         for the link and all below it, on which their drag and springs act as well.
         """
         u, w = self.vectors

@@ -54,12 +54,12 @@ class GroupBody(Protocol):
     """Solver of one group of pendula."""
 
     def response(self, links: Any, rates: Any, torques: Any) -> Projection:
-        """What they answer to motions of their first joints, under generalized forces on the links."""
+        """Return their reaction to motions of their first joints, under generalized forces on the links."""
         ...
 
 
 class Projection(Protocol):
-    """What a group of pendula answers to what carries it, bundle by bundle in their order."""
+    """The reaction of a group of pendula on its supports, bundle by bundle in their order."""
 
     def project_on_carrier(self, columns: Any, slopes: Sequence[Any], bias: tuple[Any, Any], move_alike: bool) -> Any:
         """The inertia (lower half) and the force on each coordinate of the carrier of the pendula in these columns.
@@ -247,7 +247,7 @@ class Suspended(Arranged):
         return slopes, friction
 
     def forces(self, y: Any, instant: Instant) -> tuple[Any, Any]:
-        """The generalized forces Q (half, ...) of all that acts, weights left out, and the power (W)."""
+        """The generalized forces Q (half, ...) of all that acts, weights omitted, and the power (W)."""
         half, first = self.layout.half, self.layout.first
         v, groups, instant = y[half : 2 * half], self.system.groups, self.close_loops(y, instant)
         bearing, Q = self.bearing(y[:half], v, instant, massless=True), np.zeros_like(v)
@@ -363,7 +363,7 @@ class Suspended(Arranged):
 
 
 class Unanswering:
-    """A body without mass: what acts on a group goes to its bearing alone."""
+    """A body without mass: forces on a group act only on its supports."""
 
     def response(self, angles: Any, rates: Any, torques: Any) -> Unanswering:
         """None."""
@@ -404,7 +404,7 @@ class Recursion:
 
 
 class Recursed:
-    """Pendula on carriers, by their answer f = M ã + p at the first joint."""
+    """Pendula on supports, by their reaction f = M ã + p at the first joint."""
 
     def __init__(self, body: Recursion, answer: Answer, turns: Any, bias: Any) -> None:
         self.body, self.answer, self.turns, self.bias = body, answer, turns, bias
@@ -510,7 +510,7 @@ class Minimal(Suspended):
 
 
 def drained_power(system: System, q: Floats, v: Floats, support: tuple[Any, Any] = (0.0, 0.0)) -> Floats:
-    """The power (W), (S,), that dampers, drives of joints and drag bring to states side by side, q and v (half, S).
+    """Return the power (W), (S,), of dampers, joint drives and drag at states q and v (half, S).
 
     Drag is that in the laboratory, where the `support` moves at these velocities (m/s) along the rail and down.
     """

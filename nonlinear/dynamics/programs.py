@@ -1,4 +1,4 @@
-"""The laws of joints as programs for compiled loops: operations in order, each a row of numbers that holds its result.
+"""The joint laws as programs for compiled loops: operations in order, each a row of numbers that holds its result.
 
 A row is (operation, three rows that it takes, result).  The first two rows of a joint hold its bend and the rate of
 that, the last two what its laws give: the part that a potential accounts for, and what does work.  They are what the

@@ -125,7 +125,7 @@ def upward(
     torque: Sequence[Any],
     bias: Sequence[Bias] | None = None,
 ) -> tuple[Answer, list[Turn]]:
-    """The upward pass: the response at the first joint, and the `Turn` of every link, top first.
+    """Run the upward pass: return the response at the first joint, and the `Turn` of every link, top first.
 
     `torque` (N m) is the generalized force on each absolute angle, gravity excepted; `bias` is that of changing
     lengths, 0 for all links but bobs.
@@ -303,7 +303,7 @@ def link_acceleration(
 
 
 def lift_force(group: Group, angles: Any, rates: Any, turns: Any, winding: Any = None) -> Any:
-    """Σ b (sin θ α + cos θ w), the push up (N) that the turning of links takes, with α and w as in `tensions`."""
+    """Return Σ b (sin θ α + cos θ w), the upward force (N) for the rotation of links, with α and w as in `tensions`."""
     w = rates * rates
     if winding is not None:
         turns, w = turns + 2.0 * winding[0] * rates / group.block.length, w - winding[1] / group.block.length

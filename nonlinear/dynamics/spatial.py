@@ -243,7 +243,7 @@ class SpatialRecursed:
         self.body, self.answer, self.turns = body, answer, turns
 
     def project_on_carrier(self, columns: Any, slopes: Sequence[Any], bias: tuple[Any, Any], move_alike: bool) -> Any:
-        """The inertia (lower half) and the force on each coordinate of what carries the pendula in these columns."""
+        """The inertia (lower half) and the force on each coordinate of the supports of the pendula in these columns."""
         M, p = self.answer.M[:, :, columns], self.answer.p[:, columns]
         answer = Answer(*(part.sum(0) for part in (M[0, 0], M[0, 2], M[2, 2], p[0], p[2])))
         (fx, fz), pulls = answer.to(*bias), [driven(*answer[:3], *slope) for slope in slopes]

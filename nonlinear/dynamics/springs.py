@@ -27,7 +27,7 @@ Vector = tuple[Any, Any]
 
 
 class Carrying(Protocol):
-    """What is asked of carriers at an instant; groups of pendula are given by their numbers."""
+    """Interface of supports at an instant; groups of pendula are given by their numbers."""
 
     def pivots(self, group: int) -> tuple[Vector, Vector]:
         """Displacements (m) and velocities (m/s) of first joints, (P, ...) each."""
@@ -62,8 +62,8 @@ class Tension(NamedTuple):
 class Strained(NamedTuple):
     """What all springs do: generalized forces on the angles of links (L, ...), and on first joints of every group.
 
-    The latter are (2, P, ...) along the rail and down, None where no spring ends in a group; those `on_links` are
-    (2, L, ...), and `power` is in W.
+    The latter are (2, P, ...) along the rail and down, None if no spring ends in a group; those `on_links` are (2, L,
+    ...), and `power` is in W.
     """
 
     torques: Any

@@ -14,10 +14,9 @@ From the sums of `answered` over all chains, `railed` on a cart and `held` on a 
 the power; their y = (x, x', force on the cart, support's acceleration along the rail and down).
 
 The linear equations are the same steps followed by their derivatives: every argument and result has its changes behind
-it (`directional_derivatives`).  Drives and quadratic drag are left out of them, and rotors of all but `paired`: with
-rotors the equations are recorded whole, as are those of a structure.  `paired` are the bilinear forms of small motions
-x and z from equilibrium, y = (x, z, both of the link above): u = (speeds x, z, x'Mz, x'Kz, x'Dz) with its link's
-share.
+it (`directional_derivatives`). Drives and quadratic drag are omitted of them, and rotors of all but `paired`: with
+rotors the equations are recorded whole, as are those of a structure. `paired` are the bilinear forms of small motions x
+and z from equilibrium, y = (x, z, both of the link above): u = (speeds x, z, x'Mz, x'Kz, x'Dz) with its link's share.
 
 The equations of one structure are recorded whole.  The functions of `structure_steps` take the numbers p of the scene,
 y = (η, θ, η', θ', work), and u and v as follows:

@@ -1,4 +1,4 @@
-"""What carries pendula: carriers that move with coordinates η, at any angle; a fixed support has none, a cart one.
+"""Supports that move with coordinates η, at any angle; a fixed support has none, a cart one.
 
 The pivots r_p(η) have J_p = ∂r_p/∂η.  A chain answers an acceleration a of its pivot with the force R (a − g e_z) + p,
 found by one pass from its tip (`nonlinear.dynamics.recursion`), so that
@@ -117,7 +117,7 @@ def mounting_forces(carrier: CarrierNumbers, eta: Sequence[Any], rates: Sequence
 
 
 def stored(carrier: CarrierNumbers, eta: Sequence[Any]) -> Any:
-    """The carrier's energy (J) beside springs and weight, as a jet along each coordinate; None without any."""
+    """The carrier's energy (J) next to springs and weight, as a jet along each coordinate; None without any."""
     return carrier.path.forces(eta, carrier.values) if carrier.path and carrier.stores else None
 
 
@@ -130,13 +130,13 @@ def _product(row: Sequence[Any], values: Sequence[Any]) -> Any:
 
 @lru_cache(maxsize=16)
 def carriers_of(system: System) -> Carriers:
-    """What carries the pendula of a system, once for all instants."""
+    """Return the supports of a system, valid for all instants."""
     return Carriers(system)
 
 
 @dataclass(frozen=True, eq=False)
 class Carriers:
-    """What carries the pendula of a system, these in bundles."""
+    """The supports of a system with its pendula in bundles."""
 
     system: System
 

@@ -1,7 +1,7 @@
-"""What switches need of the equations of motion, as texts of a form (`nonlinear.dynamics.text`).
+"""Functions of the equations of motion for event handling, generated for a form (`nonlinear.dynamics.text`).
 
-Escapements kick joints `kicks`, dry friction acts at the `contacts` of a form.  Every switch has a value that passes
-from below to above 0 where it switches, and the rate of it along y' and the rates of the inputs:
+Escapements kick joints `kicks`, dry friction acts at the `contacts` of a form. Every switch has a value that passes
+from below to above 0 if it switches, and the rate of it along y' and the rates of the inputs:
 
     a kick on the right, then on the left   ±(γ − bent) − angle,  −FAR_BELOW on a side where none is possible
     a contact that slides to the side s     −s γ'

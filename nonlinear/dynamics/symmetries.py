@@ -5,8 +5,8 @@ pulls the cart as they do together.  A start in space in the vertical plane of t
 suffice; this is not used where joints have springs, for a joint in space does not wind up
 (`nonlinear.dynamics.spatial`).
 
-No force depends on whole turns of a joint without a spring, nor on the position of a cart without one: where these are
-so large that integrators would scale their tolerance by them, they are removed.  Masses and lengths so far from 1 that
+No force depends on full turns of a joint without a spring, nor on the position of a cart without one: where these are
+so large that integrators would scale their tolerance by them, they are removed. Masses and lengths so far from 1 that
 double precision cannot square m l² are rescaled by powers of two, relative to the largest; gravity scales with lengths,
 so that time is unchanged.
 
@@ -45,7 +45,7 @@ UNIT_POWER_MAX = 200
 class Symmetry:
     """An equivalent `system`: how to start it, how to recover the whole motion from it, and a description in `words`.
 
-    `ties` tells whether it holds together what would part under a small perturbation.
+    `ties` says whether it holds together what would part under a small perturbation.
     """
 
     system: System
@@ -97,7 +97,7 @@ def _angles(state: State) -> State:
 
 
 def synchronous(system: System, start: State) -> Symmetry | None:
-    """One pendulum for each set of equal pendula with equal starts; None where no two match."""
+    """One pendulum for each set of equal pendula with equal starts; None if no two match."""
     if system.n_pendula == len(system.groups):
         return None
     groups: list[Group] = []
@@ -172,7 +172,7 @@ def _flat(system: System, start: State) -> bool:
 
 
 def _is_mirror_symmetric(system: System, start: State) -> bool:
-    """Whether the scene and its start equal their mirror image, modulo whole turns."""
+    """Whether the scene and its start equal their mirror image, modulo full turns."""
     cart = system.cart
     if cart is None or start.cart * cart.stiffness or start.cart_rate * cart.damping:
         return False
@@ -195,7 +195,7 @@ def _is_mirror_symmetric(system: System, start: State) -> bool:
 
 
 def near_origin(system: System, start: State) -> Symmetry | None:
-    """The system without whole turns and with its cart at the origin; None where neither is far away."""
+    """The system without full turns and with its cart at the origin; None where neither is far away."""
     turns = np.zeros_like(start.links) if system.spatial else start.links - _unwind(system, start.links)
     travel = start.cart if system.cart and not system.cart.stiffness else 0.0
     if np.abs(turns).max() < TRAVEL_MAX and abs(travel) < TRAVEL_MAX * system.length:

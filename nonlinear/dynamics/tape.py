@@ -1,4 +1,4 @@
-"""Plain arithmetic recorded once, operation by operation, and its derivatives.
+"""Recording of plain arithmetic, operation by operation, and its derivatives.
 
 The equations of motion are plain arithmetic: run with symbols in place of numbers they leave their operations on a
 tape, each once, without those that involve only a 0.  The inputs have a kind: "p" (the numbers of a scene), "u" (what
@@ -34,7 +34,7 @@ class Tape:
         return self.known[operation]
 
     def inputs(self, kind: str, count: int) -> Any:
-        """So many more inputs of a kind, an array (count,)."""
+        """Add inputs of a kind and return them as an array (count,)."""
         at = self.sizes.get(kind, 0)
         self.sizes[kind] = at + count
         symbols = np.empty(count, dtype=object)

@@ -1,4 +1,4 @@
-"""What is on a tape, written: functions of (y, u, v) in Python and for compilers, with their constants in common.
+"""Code generation from a tape: functions of (y, u, v) in Python and for compilers, with shared constants.
 
 What depends on the numbers p of a scene alone is written apart and done once (`Module.constants`): for one scene in
 floats, for many at once in arrays.  The rest is straight-line code without arrays, matrices or loops; for few links
@@ -154,7 +154,7 @@ class Module:
         return [f"c{k}" for k in range(len(self.kept))]
 
     def components(self, name: str) -> list[str]:
-        """What a function returns, as words."""
+        """Return the results of a function as words."""
         return [self._lines[name].word(output) for output in self.functions[name]]
 
     @cache  # noqa: B019 - a module is kept with what is written of it

@@ -54,7 +54,7 @@ class Variational(Generated):
 
     @cached_property
     def inputs_at(self) -> InputFunction | None:
-        """The inputs u at a time (s) before those of contacts; None where there are none."""
+        """The inputs u at a time (s) before those of contacts; None if there are none."""
         force, inputs = self.force, super().inputs_at
         if force is None:
             return inputs
@@ -73,8 +73,8 @@ class Variational(Generated):
     def linearize(self, y: Any, u: Any = ()) -> tuple[Floats, Floats]:
         """The derivative y' (d, ...) and its Jacobian by y, (..., d, d), of one y (d,) or many side by side, (d, S).
 
-        `u` are the inputs (`nonlinear.dynamics.inputs`), (K,) or (K, S).  ComputationError where the mass matrix of one
-        y is singular.
+        `u` are the inputs (`nonlinear.dynamics.inputs`), (K,) or (K, S). Raise ComputationError if the mass matrix of
+        one y is singular.
         """
         y = np.asarray(y)
         target = "floats" if y.ndim == 1 else "arrays"

@@ -1,7 +1,7 @@
 """The attractors of a driven scene: the periodic motions in which its starts end, found from runs.
 
-Motions that repeat after as many periods of the drives, with as many whole turns and the same strobes, are one
-attractor.  They are numbered by period, then turns, then size, whatever engine ran them.
+Motions that repeat after as many periods of the drives, with as many full turns and the same stroboscopic samples, are
+one attractor. They are numbered by period, then turns, then size, whatever engine ran them.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ EQUAL_ANGLES_GAP = 1e-2
 class Attractor(Displayed):
     """A periodic motion that attracts: it repeats after `period` periods of the drives, links by whole `turns` further.
 
-    `largest_angle_deg` is that of any link, NaN where links turn over for ever; `state` is one of its strobes, at t = 0
-    of the drives.
+    `largest_angle_deg` is that of any link, NaN if links turn over forever; `state` is one of its stroboscopic samples,
+    at t = 0 of the drives.
     """
 
     what = "Attractor"
@@ -55,7 +55,7 @@ class Attractor(Displayed):
         return f"period {self.period}, turns {rates} a period"
 
     def record(self) -> dict[str, Any]:
-        """Everything, for JSON."""
+        """All contents, for JSON."""
         return {
             "name": self.name,
             "period": self.period,
@@ -77,10 +77,10 @@ def find_attractors(
     report: Callable[[float], object] = silent,
     **options: Any,
 ) -> tuple[Ensemble, tuple[Attractor, ...], Floats]:
-    """The members over a grid of starts, the attractors, and the number of each member's from 1, 0 for none, (S,).
+    """The members over a grid of starts, the attractors, and each member's attractor from 1, 0 for none, (S,).
 
-    Judged are the last 50 strobes of `duration` (s), by default of a transient of ten times the slowest decay.
-    SceneError for a shorter one, and where another number than one of the start is varied.
+    The last 50 stroboscopic samples of `duration` (s) are judged, by default of a transient of ten times the slowest
+    decay. Raise SceneError for a shorter one, and where another number than one of the start is varied.
     """
     if other := [axis.path for axis in axes if ".start." not in axis.path]:
         words = (
@@ -118,7 +118,7 @@ def find_attractors(
 
 
 def _order(attractors: list[Attractor]) -> list[int]:
-    """By period, turns and largest angle; equal ones by the angles of their strobe."""
+    """By period, turns and largest angle; equal ones by the angles of their sample."""
     sizes = np.nan_to_num([each.largest_angle_deg for each in attractors])
     rising = np.argsort(sizes, kind="stable")
     group = np.zeros(len(attractors), dtype=int)

@@ -1,4 +1,4 @@
-"""Which motion each start of a grid ends in: a measure over two numbers of a scene, above all over two starting angles.
+"""Basins of attraction: a measure over two parameters of a scene, usually two initial angles.
 
 Of a scene that excites itself that is the relative equilibrium (`nonlinear.averaging.equilibria`) that the end is one
 of, of one that is driven in time the attractor; of any other the time of the first turn over the top, whose map is a
@@ -67,7 +67,7 @@ class Basins(EnsembleResult):
 
     @property
     def axes(self) -> tuple[Variation, ...]:
-        """What is varied."""
+        """The varied parameters."""
         return self.ensemble.members.axes
 
     @cached_property
@@ -83,7 +83,7 @@ class Basins(EnsembleResult):
         )
 
     def shares(self) -> dict[str, float]:
-        """Which share of the starts ends where."""
+        """The shares of the outcomes."""
         known = self.values[~np.isnan(self.values)]
         total = max(known.size, 1)
         if self.names:
@@ -94,13 +94,13 @@ class Basins(EnsembleResult):
         return {}
 
     def records(self) -> Iterator[dict[str, Any]]:
-        """The two numbers that are varied and the measure, for every start."""
+        """The two varied parameters and the measure, for every start."""
         y, x = self.axes
         for (row, other), value in zip(product(y.values, x.values), self.values.ravel().tolist(), strict=True):
             yield {y.column: row, x.column: other, self.column: value}
 
     def parts(self, form: Form = "text") -> Iterator[ReportTable | str]:
-        """Which share of the starts ends where, and how long each ran."""
+        """The shares of the outcomes, and the durations."""
         yield ReportTable(
             ("starts (%)", "description"), [(f"{100 * share:.3g}", name) for name, share in self.shares().items()]
         )
@@ -149,11 +149,11 @@ def find_basins(
     report: Callable[[float], object] = silent,
     **options: Any,
 ) -> Basins:
-    """The measure over two numbers of a scene, by default the first angles of its first two pendula or links.
+    """Compute a measure over two parameters of a scene, by default the first angles of its first two pendula or links.
 
-    Where no start is given or varied, all begin in the usual one of the scene.  `measure` is one that `basins` takes in
+    Where no start is given or varied, all begin in the usual one of the scene. `measure` is one that `basins` takes in
     `nonlinear.measures`, NAME or NAME:N for so many seconds in place of a `duration`; `options` are those of
-    `ensemble`.  SceneError for anything else.
+    `ensemble`. Raise SceneError for anything else.
     """
     axes = grid_of(scene, vary)
     measure, duration = _measure_of(scene, measure, duration)
@@ -179,7 +179,7 @@ def find_basins(
 
 
 def _measure_of(scene: Scene, text: str | None, duration: float | None) -> tuple[str, float | None]:
-    """The name of the measure in a text, and for how long (s), None where nothing says so."""
+    """The name of the measure in a text, and for how long (s), None if nothing says so."""
     if text is None:
         return "configuration" if scene.is_driven else "first_turn", duration
     measure, seconds = parse_request("basins", text)
@@ -200,7 +200,7 @@ def _names(scene: Scene) -> tuple[str, ...]:
 
 @checked
 def grid_of(scene: Scene, vary: Sequence[str] | Sequence[Variation] = ()) -> tuple[Variation, ...]:
-    """The two numbers that are varied; SceneError where there are more or fewer."""
+    """The two numbers that are varied; raise SceneError if there are more or fewer."""
     wanted = vary or usual_axes(scene)
     texts = [axis for axis in wanted if isinstance(axis, str)]
     axes = parse_variations(texts) if texts else tuple(axis for axis in wanted if isinstance(axis, Variation))
@@ -211,7 +211,7 @@ def grid_of(scene: Scene, vary: Sequence[str] | Sequence[Variation] = ()) -> tup
 
 
 def usual_duration(scene: Scene, measure: str) -> float:
-    """So many times sqrt(l/g) of the longest link (s); for a rhythm as long as `sync` runs until one has won."""
+    """A multiple of sqrt(l/g) of the longest link (s); for a rhythm as long as `sync` runs until one survives."""
     if measure in SLOW and scene.is_driven:
         with suppress(ComputationError):
             return sync_duration(scene, theory_of_scene(scene, usual_start(scene)))

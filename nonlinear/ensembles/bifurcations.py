@@ -1,4 +1,4 @@
-"""Bifurcation diagrams: the last strobes of a driven scene at every value of one of its numbers.
+"""Bifurcation diagrams: the last stroboscopic samples of a driven scene at every value of a parameter.
 
 One point is a motion of the period of the drives, two and four those after doublings of the period, many chaos.
 """
@@ -40,7 +40,7 @@ VALUES_TOGETHER = 128
 
 @dataclass(frozen=True, eq=False, repr=False)
 class BifurcationDiagram(Drawable, Result):
-    """The last strobes of a scene at each of V values: `times` (V, K) in s, `states` as in `strobes`, (V, K, …).
+    """The last stroboscopic samples at each of V values: `times` (V, K) in s, `states` as in `strobes`, (V, K, …).
 
     `settle` (V,) in s is the transient before; values that failed are NaN, with their `reasons`; `shown` are the links
     that are drawn, from 0.
@@ -73,7 +73,7 @@ class BifurcationDiagram(Drawable, Result):
 
     @property
     def repeats(self) -> Ints:
-        """After how many periods the motion repeats, (V,); 0 where it does not within 16."""
+        """After how many periods the motion repeats, (V,); 0 if it does not within 16."""
         return repetition(natural_units(self.system, self.states), self.system.n_links)[0]
 
     def points(self, link: int) -> tuple[Floats, Floats]:
@@ -82,7 +82,7 @@ class BifurcationDiagram(Drawable, Result):
         return np.repeat(self.variation.values, angles.shape[1]), angles.ravel()
 
     def facts(self) -> dict[str, Any]:
-        """What is varied, and after how many periods the motion repeats."""
+        """The varied parameter, and after how many periods the motion repeats."""
         return {
             "place": self.variation.path,
             "unit": self.unit,
@@ -94,7 +94,7 @@ class BifurcationDiagram(Drawable, Result):
         }
 
     def records(self) -> Iterator[dict[str, Any]]:
-        """A row for each strobe: the value, after how many periods the motion repeats, the time and the state."""
+        """A row for each sample: the value, after how many periods the motion repeats, the time and the state."""
         repeats = self.repeats.tolist()
         for k, (value, times) in enumerate(zip(self.variation.values, self.times.tolist(), strict=True)):
             if k not in self.reasons:
@@ -103,7 +103,7 @@ class BifurcationDiagram(Drawable, Result):
                 yield from (of_value | {"time_s": time} | row for time, row in zip(times, strobes, strict=True))
 
     def parts(self, form: Form = "text") -> Iterator[ReportTable | str]:
-        """What motions of each period there are and at which values, and how they were looked at."""
+        """The periods of the motions at all values, and how they were sampled."""
         yield ReportTable(("repeats after (periods)", "values", "from", "to"), list(self._ranges()))
         values, settle = self.variation.values, self.settle[np.isfinite(self.settle)]
         lines = [
@@ -133,12 +133,12 @@ def find_bifurcations(
     report: Callable[[float], object] = silent,
     **options: Any,
 ) -> BifurcationDiagram:
-    """The last 50 strobes of a plane scene driven by sines at every value of one of its numbers.
+    """Compute the last 50 stroboscopic samples of a plane scene driven by sines at every value of a parameter.
 
     Every value has its own run, from the start of the scene: a transient of `settle` (s), by default ten times the
-    slowest decay of its modes and at least 200 periods, then 50 periods, looked at once in each at `phase_deg`.  `of`
-    names the links to draw, "theta_1_1".  `options` are those of `ensemble`; values of a share that others compute are
-    NaN.  SceneError where no value gives a motion.
+    slowest decay of its modes and at least 200 periods, then 50 periods, looked at once in each at `phase_deg`. `of`
+    names the links to draw, "theta_1_1". `options` are those of `ensemble`; values of a share that others compute are
+    NaN. Raise SceneError if no value gives a motion.
 
     >>> from modal import Bob, Pendulum, Scene
     >>> from modal.scene import SineForce
@@ -182,7 +182,7 @@ def _tails(system: System) -> list[tuple[int, ...]]:
 
 
 def _variation(scene: Scene, vary: str | Variation) -> Variation:
-    """What is varied; SceneError for no place, and for a number on which it depends how many links there are."""
+    """What is varied; raise SceneError for no place, and for a number on which it depends how many links there are."""
     variation = parse_variations([vary])[0] if isinstance(vary, str) else vary
     validate_variations(scene, (variation,))
     if variation.path.endswith(".count"):
@@ -191,7 +191,7 @@ def _variation(scene: Scene, vary: str | Variation) -> Variation:
 
 
 def _in_time(scene: Scene, variation: Variation, settle: float | None) -> tuple[Floats, Floats, dict[int, str]]:
-    """At every value the period and the transient (s), NaN where there is none, and why not."""
+    """At every value the period and the transient (s), NaN if there is none, and why not."""
     variable, reasons = Variable(scene, [variation.path]), dict[int, str]()
     seconds = np.full((2, len(variation.values)), np.nan)
     for k, value in enumerate(variation.values):
@@ -252,5 +252,5 @@ def _strobed(
 
 @checked
 def bifurcation_table(shown: BifurcationDiagram, form: Form) -> str:
-    """As text, csv (one line a strobe) or json, the `form`."""
+    """As text, csv (one line per sample) or json, the `form`."""
     return shown.report(form)

@@ -14,8 +14,8 @@ from nonlinear.ensembles.executors import KeptPool, WorkerPool, Workers
 def cluster(address: str, patience: float = 10.0) -> Iterator[WorkerPool]:
     """All workers of a scheduler such as tcp://192.168.0.2:8786; they need this package installed.
 
-    It has `patience` seconds to answer.  Raises MissingExtraError without the package `distributed`, ComputationError
-    where no scheduler answers or it has no workers.
+    It has `patience` seconds to answer. Raise MissingExtraError without the package `distributed`, ComputationError if
+    no scheduler answers or it has no workers.
     """
     try:
         from distributed import Client

@@ -1,4 +1,4 @@
-"""The engine compiled by numba (extra `fast`): `nonlinear.integration.kernels`, and what is measured beside it."""
+"""The engine compiled by numba (extra `fast`): `nonlinear.integration.kernels`, and what is measured next to it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A chunk of members, computed: by an engine side by side, or one by one by `simulate`."""
+"""Computation of a chunk of members: at once by an engine, or one at a time by `simulate`."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Engine = Callable[[Numbers, Floats, Wanted], MemberResults]
 class Chunk:
     """S members from `first` on: `columns` (S, ...), crossings apart; why some failed, by their numbers.
 
-    `differences` (rad) are those at the end of members that were also run by themselves; NaN where a member lies beyond
+    `differences` (rad) are those at the end of members that were also run by themselves; NaN if a member lies beyond
     its horizon.
     """
 
@@ -41,7 +41,7 @@ class Chunk:
 
 
 def engine_of(name: str) -> Engine:
-    """The engine of this name; MissingExtraError where what it needs is not installed."""
+    """Return the engine of this name; raise MissingExtraError if its requirements are not installed."""
     if name == LANES:
         return lanes.run
     from nonlinear.ensembles import compiled
@@ -50,7 +50,7 @@ def engine_of(name: str) -> Engine:
 
 
 def compute(question: EnsembleRequest, part: MemberPart) -> Chunk:
-    """A chunk of a question."""
+    """Compute a chunk of a request."""
     if question.engine == PLAIN:
         return _one_by_one(question, part)
     differing = {place: np.ones(1) for place in question.members.part(0, 1).places if "start" not in place}

@@ -1,4 +1,4 @@
-"""Roughly how long an ensemble takes by each engine, as benchmarks/ensembles.py finds it, and which to take."""
+"""Estimated time of an ensemble for each engine, from benchmarks/ensembles.py, and the choice of the engine."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ RECORDED = CAPABILITIES["engine numba"].unless["moved_support"]
 
 
 class Decision(NamedTuple):
-    """An engine, why it is taken, and what ones that are not ready would save."""
+    """An engine, the reason for it, and what engines that are not ready would save."""
 
     engine: str
     reason: str
@@ -66,7 +66,7 @@ def choose_engine(
     begun: str = "",
     anew: bool = False,
 ) -> Decision:
-    """The engine for these members; SceneError for one that cannot take them.
+    """The engine for these members; raise SceneError for one that cannot take them.
 
     Where the choice is free it is that of the engine by which a folder was `begun`; `anew` it does not depend on what
     is ready, so that processes that know nothing of each other choose alike.
@@ -144,7 +144,7 @@ def first_numbers(members: Members) -> Numbers:
 
 
 def code_of(name: str, numbers: Numbers, measures: Sequence[str] = ()) -> Code | None:
-    """What an engine compiles for members with such numbers, and how far it is; None where it compiles nothing.
+    """What an engine compiles for members with such numbers, and how far it is; None if it compiles nothing.
 
     Where exponents are measured it is the tangent equations, which come after the others.
     """

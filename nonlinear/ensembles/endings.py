@@ -1,4 +1,4 @@
-"""What many starts of a scene end in: each is run until its returns tell, up to a limit, then they are grouped.
+"""Outcomes of many starts: each is run until its returns are conclusive, up to a limit, then they are grouped.
 
 Runs go in rounds, each as long as all before it together: after a round the last of it is judged by
 `nonlinear.synchronization.attractors`, and what has not settled runs on, as does what repeats beside no orbit or beside
@@ -214,7 +214,7 @@ def _near(period: float | None, other: float | None) -> bool:
 
 
 def distinct_states(states: Iterable[State]) -> int:
-    """How many of these states, each on the section, differ by more than 0.01 rad in an angle."""
+    """Return how many of these states on the section differ by more than 0.01 rad in an angle."""
     seen: list[Floats] = []
     for state in states:
         turned = np.concatenate((np.sin(state.links), np.cos(state.links)))

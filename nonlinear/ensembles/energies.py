@@ -1,4 +1,4 @@
-"""Energies of many members at once, and how far they are from being kept."""
+"""Energies of many members at once, and their drift."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Accounts:
         return every._replace(cart_kinetic=every.cart_kinetic + none, cart_potential=every.cart_potential + none)
 
     def coasting(self, y: Floats) -> Floats | float:
-        """The speed (m/s) with which the centre of mass of a free cart and all that hangs there goes on for ever."""
+        """The speed (m/s) with which the centre of mass of a free cart and all that hangs there goes on forever."""
         system = self.numbers.arrays
         cart = system.cart
         if cart is None or not system.coasts:
@@ -44,7 +44,7 @@ class Accounts:
 
     @property
     def lowest(self) -> Floats:
-        """Potential energy (J) of links that all hang, springs left out."""
+        """Potential energy (J) of links that all hang, springs omitted."""
         system = self.numbers.arrays
         standing = sum(np.where(group.block.sigma < 0, group.block.b, 0.0).sum((0, 1)) for group in system.groups)
         return np.asarray(-2 * system.gravity * standing)

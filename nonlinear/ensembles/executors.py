@@ -1,4 +1,4 @@
-"""Workers: processes on this machine, or any other `concurrent.futures.Executor`, or what makes one.
+"""Workers: processes on this machine, any other `concurrent.futures.Executor`, or a factory of one.
 
 `Workers` have the `map` of an executor, for what is shared one by one: branches of orbits, fits, cases of a study.
 
@@ -62,8 +62,8 @@ def cores() -> int:
 def processes(count: int) -> Iterator[WorkerPool]:
     """A pool of `count` processes, each with one thread, started afresh on every platform and isolated from Ctrl-C.
 
-    An error or Ctrl-C in the block ends them at once, and so does the end of this process, however it comes.  Raises
-    ComputationError where they cannot start.
+    An error or Ctrl-C in the block ends them at once, and so does the end of this process, however it comes. Raise
+    ComputationError if they cannot start.
     """
     from concurrent.futures import ProcessPoolExecutor
     from multiprocessing import active_children, get_context
@@ -129,11 +129,11 @@ def computed(
     lost: Callable[[P], R],
     divided: Callable[[P], Sequence[P]] | None = None,
 ) -> Generator[R, None, None]:
-    """What a function makes of portions, as it comes, by a crew or by `count` processes of this machine.
+    """Yield a function's results for portions as they come, from a crew or `count` processes of this machine.
 
     Portions whose processes died are computed one by one by a new crew, and `divided`, if they can be, where they die
-    again; `lost` is what a part gives at which its process dies.  Raises ComputationError where an executor has died
-    that nobody makes anew, or the function fails.
+    again; `lost` is what a part gives at which its process dies. Raise ComputationError if an executor has died that
+    nobody makes anew, or the function fails.
     """
     if crew is not None and not callable(crew):
         if (yield from _shared(function, portions, crew)):
@@ -171,7 +171,7 @@ class Failure(NamedTuple):
 
 @dataclass(frozen=True)
 class WorkerCall(Generic[P, R]):
-    """A function whose errors are told from those of the executor that carries it."""
+    """A function whose errors are distinguished from those of its executor."""
 
     function: Callable[[P], R]
 
@@ -262,7 +262,7 @@ class NumberedResult(NamedTuple, Generic[R]):
 
 @dataclass(eq=False)
 class KeptPool:
-    """Processes that are started where they are first asked for, and lent again until one dies or a call fails."""
+    """Processes that are started on first request, and reused until one dies or a call fails."""
 
     stack: ExitStack = field(default_factory=ExitStack)
     pool: WorkerPool | None = None
@@ -284,7 +284,7 @@ class KeptPool:
 
 @dataclass(frozen=True, repr=False)
 class Workers(Displayed):
-    """Those who compute what is independent: `workers` processes, by default one per core, or the `crew`, an executor.
+    """Workers for independent tasks: `workers` processes, by default one per core, or the executor `crew`.
 
     Results are the same to the bit whoever computes them.  This process begins, and starts others once enough is left
     to do; as many workers as things are started at once.
@@ -307,8 +307,8 @@ class Workers(Displayed):
     def map(self, function: Callable[..., R], /, *things: Iterable[Any]) -> Iterator[R]:
         """What the function makes of each, in their order; the error of the first that fails is raised in its place.
 
-        Where this process works alone, things are asked for one by one.  Raises ComputationError for one at which
-        process after process dies.
+        Where this process works alone, things are requested one by one. Raise ComputationError for one at which process
+        after process dies.
         """
         tasks = (NumberedTask(number, arguments) for number, arguments in enumerate(zip(*things, strict=False)))
         begun, alone = monotonic(), self.crew is None and (self.pool is None or self.pool.pool is None)

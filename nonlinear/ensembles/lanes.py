@@ -1,4 +1,4 @@
-"""The engine that is always there: DOP853 over lanes, in NumPy."""
+"""The engine that is always available: DOP853 over lanes, in NumPy."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class Watches:
 
 
 def watches_of(layout: Layout, y: Floats, slope: Floats, wanted: Wanted) -> Watches:
-    """What is to be measured of members from y (size, S) on, with y' there."""
+    """Return the measurements of members from y (size, S) on, with y' there."""
     section = wanted.section
     return Watches(
         Samples(np.array(wanted.times), y) if wanted.times else None,

@@ -1,6 +1,6 @@
-"""How members side by side are measured, on the way or at their ends, so that nothing else need be kept.
+"""Measurement of members simulated at once, on the way or at their ends, without storing motions.
 
-What there is to measure is listed in `nonlinear.measures`.  A measure is asked for by its name, a section with what is
+What there is to measure is listed in `nonlinear.measures`. A measure is requested by its name, a section with what is
 passed: `section:theta[1,1]=0`.
 """
 
@@ -40,7 +40,7 @@ Columns = dict[str, Floats]
 
 @dataclass(frozen=True, eq=False)
 class Context:
-    """What a measure needs beside what was found: the scene, its form, the members' numbers and where they began."""
+    """Context of a measure: the scene, its form, the members' numbers and starts."""
 
     scene: Scene
     system: System
@@ -140,9 +140,9 @@ def own_amplitudes(context: Context, rows: Floats) -> tuple[Complexes, Floats]:
 
 @lru_cache(maxsize=4)
 def configurations(scene: Scene) -> tuple[RelativeEquilibrium, ...]:
-    """The stable relative equilibria of a scene, in the order of `sync`; ComputationError where there is no theory.
+    """The stable relative equilibria of a scene, in the order of `sync`; raise ComputationError if there is no theory.
 
-    Of several beside one and the same periodic orbit the first.
+    Of several next to one and the same periodic orbit the first.
     """
     stable = [state for state in relative_equilibria(average(scene)) if state.is_stable is not False]
     names = [(agreement(state), state.number) for state in stable]
@@ -165,7 +165,7 @@ def _modal(averaged: AveragedEquations, context: Context, rows: Floats) -> Compl
 
 @dataclass(frozen=True)
 class RequestedMeasures:
-    """The measures asked for, by their names, and the section."""
+    """The measures requested, by their names, and the section."""
 
     names: tuple[str, ...]
     section: Passing | None = None
@@ -177,7 +177,7 @@ class RequestedMeasures:
 
 
 def requested_measures(texts: Sequence[str], system: System) -> RequestedMeasures:
-    """The measures in texts; SceneError names every mistake."""
+    """The measures in texts; raise SceneError with every mistake."""
     if not isinstance(texts, list | tuple) or not all(isinstance(text, str) for text in cast("list[object]", texts)):
         raise SceneError([f"measures {texts!r}: must be a list of names, of {', '.join(taken_by('ensemble'))}"])
     names: list[str] = []
@@ -235,11 +235,11 @@ def columns_of_members(
 
 
 def why_one_by_one(names: Sequence[str]) -> str:
-    """Why members that are measured so go one by one; "" where they can go side by side."""
+    """Return why members with these measures are simulated one at a time; "" if they can be simulated at once."""
     alone = (name for name in names if not measure_for("ensemble", name).has("of_members"))
     return next((f"measure {name}, which is read off {WHOLE_MOTION}" for name in alone), "")
 
 
 def validate_measures(names: Sequence[str], scene: Scene, seconds: float | None = None) -> None:
-    """SceneError where a measure is none of such a scene, or not from so many seconds."""
+    """Raise SceneError if a measure is none of such a scene, or not from so many seconds."""
     validate(*(partial(measure_for("ensemble", name).require, scene, seconds) for name in names))

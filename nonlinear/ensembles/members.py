@@ -78,7 +78,7 @@ class MemberPart:
         return Variable(self.scene, self.values)
 
     def scene_of(self, place: int) -> Scene:
-        """The scene of one member; SceneError where its numbers cannot be."""
+        """The scene of one member; raise SceneError if its numbers cannot be."""
         return self._variable.at({path: float(numbers[place]) for path, numbers in self.values.items()})
 
     def state_of(self, place: int) -> State:
@@ -113,7 +113,7 @@ class MemberPart:
         return {place: values[members] for place, values in self._at.items() if "start" not in place}
 
     def numbers(self, good: Ints) -> Numbers:
-        """The numbers of the members at these places; SceneError where switches cannot be."""
+        """The numbers of the members at these places; raise SceneError if switches cannot be."""
         others = self._others(good)
         numbers = numbers_of(self.scene, others, modal=self._dampers(others, good))
         if (system := numbers.system).has_escapements or system.rubs:
@@ -185,7 +185,7 @@ class Members(Displayed):
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """How many there are along every axis."""
+        """The numbers along every axis."""
         if self.axes:
             return tuple(len(axis.values) for axis in self.axes)
         if self.states is not None:
@@ -199,12 +199,12 @@ class Members(Displayed):
 
     @property
     def paths(self) -> tuple[str, ...]:
-        """The places that are varied."""
+        """The varied places."""
         return (*(axis.path for axis in self.axes), *(self.lists or ()))
 
     @cached_property
     def varied(self) -> tuple[str, ...]:
-        """The features that some members may have by what is varied."""
+        """The features that some members may have because of the variation."""
         return tuple(sorted({name for path in self.paths for name in varied_features(path)}))
 
     @property
@@ -239,7 +239,7 @@ class Members(Displayed):
 
 
 def members_of(scene: Scene, starts: Starts | None, vary: Vary | None) -> Members:
-    """The members of a scene with these starts or variations; SceneError names every mistake."""
+    """The members of a scene with these starts or variations; raise SceneError with every mistake."""
     validate_scene(scene)
     if (starts is None) and not vary:
         raise SceneError([NONE_GIVEN])

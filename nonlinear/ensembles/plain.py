@@ -1,4 +1,4 @@
-"""The plain route: one member by `simulate`, for scenes that no engine takes side by side."""
+"""One member by `simulate`, for scenes that no engine supports."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ CARRIED = {"supports": "supports", "support_rates": "support_rates_per_s"}
 
 
 def validate_plain(measures: tuple[str, ...]) -> None:
-    """SceneError for measures that runs one by one cannot have."""
+    """Raise SceneError for measures that runs one by one cannot have."""
     if "lyapunov" in measures:
         raise SceneError(["lyapunov: needs members side by side in the plane"])
 
@@ -55,7 +55,7 @@ def state_columns(is_structured: bool) -> dict[str, str]:
 
 @reproducible()
 def columns(question: EnsembleRequest, scene: Scene, start: State) -> Columns:
-    """What is asked for of one member, each of shape (...); SimulationError where it cannot reach its end."""
+    """What is requested of one member, each of shape (...); raise SimulationError if it cannot reach its end."""
     wanted, spatial = replace(question.wanted, times=()), scene.space == "space"
     needed = sorted({0.0, *question.wanted.times, question.duration})
     if why_one_by_one(question.measures.names):  # a whole motion, as a sweep has it

@@ -1,4 +1,4 @@
-"""What is asked of an ensemble, and how its members are divided into chunks.
+"""The request to an ensemble, and the division of its members into chunks.
 
 A chunk depends on the question alone, so that it is the same whoever computes it and when.
 """
@@ -52,7 +52,7 @@ CHECKED_SEED = 19
 
 @dataclass(frozen=True, eq=False, repr=False)
 class EnsembleRequest(Displayed):
-    """Members, for how long (s), to which tolerance, what to keep and to measure, and by which engine.
+    """Members, duration (s), tolerance, quantities to store and to measure, and the engine.
 
     `times` (s) are samples that are kept, `keeps_end` says whether the last state is; `checked` are the numbers of the
     members that are run by themselves, too.
@@ -85,7 +85,7 @@ class EnsembleRequest(Displayed):
 
     @cached_property
     def wanted(self) -> Wanted:
-        """What an engine has to find."""
+        """The quantities that an engine must compute."""
         names = self.measures.names
         return Wanted(
             self.duration,
@@ -125,7 +125,7 @@ class EnsembleRequest(Displayed):
 
     @cached_property
     def fingerprint(self) -> str:
-        """The same for the same question only."""
+        """A checksum that identifies the request."""
         return sha256(json.dumps(self.header()).encode()).hexdigest()
 
 
@@ -151,7 +151,7 @@ def chunk_of(scene: Scene, duration: float, tolerance: float, samples: int, engi
 
 
 def refused(members: Members, duration: float, tolerance: float) -> str:
-    """Why these members go one by one through `simulate`; "" where they go side by side."""
+    """Return why these members are simulated one at a time; "" if at once."""
     scene = members.scene
     if why := one_by_one(scene, *members.varied):
         return why

@@ -1,4 +1,4 @@
-"""What an engine is asked for, and what it finds of some members."""
+"""Requests to engines, and their results for some members."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Passing:
 
 @dataclass(frozen=True)
 class Wanted:
-    """What to find of members until `duration` (s) at a tolerance: y at `times` (s), and what else happens."""
+    """Requested results of members until `duration` (s) at a tolerance: y at `times` (s), and events."""
 
     duration: float
     tolerance: float
@@ -37,7 +37,7 @@ Crossed = tuple[Ints, Floats, Floats]
 class MemberResults:
     """Of S members: y (size, S) at the end, estimated errors (rad) and horizons (s), (S,), why some failed, by member.
 
-    `rows` (S, K, size) at the times asked for, `first_turns` (L, S) in s, `largest` (S,) in rad, `stretching` (S,) of
+    `rows` (S, K, size) at the times requested, `first_turns` (L, S) in s, `largest` (S,) in rad, `stretching` (S,) of
     ln |v|, and the crossings, where they are wanted; `rubbed` is the work (J) of dry friction on each.
     """
 

@@ -1,4 +1,4 @@
-"""How maps of rhythms are found: the same starts at every value, what they end in, and the orbits of that followed."""
+"""Computation of maps of rhythms: the same starts at every value, their outcomes, and continuation of the orbits."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class MapTask:
         return groups_of(here, starts, self.limit, orbit_of, engine=self.engine, workers=1, **options)
 
     def orbit_of(self, value: float, ending: Ending) -> Beginning | None:
-        """The orbit beside a periodic ending at a value, None where there is none."""
+        """The orbit beside a periodic ending at a value, None if there is none."""
         start = ending.state, ending.period
         return next(beginnings(self.scene, self.variation, value, start, ORBIT_TOLERANCE), None)
 
@@ -87,12 +87,12 @@ def find_rhythms(
     crew: Crew | None = None,
     report: Callable[[float], object] = silent,
 ) -> RhythmMap:
-    """The rhythms of a scene with drives along a number: shares, orbits, births and deaths.
+    """Map the rhythms of a scene with drives along a parameter: shares, orbits, births and deaths.
 
     At each value the same `members` starts, drawn by `seed` with angles up to `largest_deg`, by default twice the
     drives' angle, run until they have settled, at most for `limit` (s), by default 4,096 periods of the slowest
-    pendulum.  Values that are done are kept in a `folder`, where a call that was killed goes on; a `crew` computes them
-    together.  `report` is called with the number of values done.  SceneError for a scene without limit cycles.
+    pendulum. Values that are done are kept in a `folder`, where a call that was killed goes on; a `crew` computes them
+    together. `report` is called with the number of values done. Raise SceneError for a scene without limit cycles.
     """
     variation = parse_variations([vary])[0] if isinstance(vary, str) else vary
     require_cycles(scene, variation)

@@ -1,4 +1,4 @@
-"""The map of rhythms: along a number, what a scene with drives can end in, how often, and where each is born and dies.
+"""Map of rhythms along a parameter: outcomes of a driven scene, their shares, and where each is born and dies.
 
 At every value the same starts are run until they tell what they end in (`endings`).  The orbit of a periodic motion is
 followed along the number, to both sides of the value where it was found, while it is stable.  Where that ends, at a
@@ -69,7 +69,7 @@ class RhythmEvent(Displayed):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Rhythm(Displayed):
-    """What `count` of the `total` starts end in at a value; `branch` is the number of its orbit's branch, from 0.
+    """The outcome of `count` of the `total` starts at a value; `branch` is the number of its orbit's branch, from 0.
 
     With a count of 0 it was found by continuation.  What has no orbit has a `state` on it.
     """
@@ -169,7 +169,7 @@ class RhythmMap(Drawable, Result):
             return ()
 
     def distance(self, threshold: AveragedThreshold) -> float | None:
-        """From a threshold of averaged equations to the nearest computed birth or death; None where there is none."""
+        """From a threshold of averaged equations to the nearest computed birth or death; None if there is none."""
         exact = [event.value for event in self.births if event.kind != UNDECIDED]
         return min((value - threshold.value for value in exact), key=abs, default=None)
 

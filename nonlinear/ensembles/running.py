@@ -1,4 +1,4 @@
-"""Many members of a scene integrated together, and what was found of them.
+"""Many members of a scene integrated together, and their results.
 
 >>> import modal
 >>> from nonlinear.ensembles import ensemble
@@ -54,7 +54,7 @@ Numbered = tuple[int, Chunk]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Ensemble(Displayed):
-    """What was found of S members, in chunks; `reason` says why this engine, `interrupted` whether all are done.
+    """The results of S members, in chunks; `reason` explains the engine, `interrupted` says whether it was cut short.
 
     >>> import numpy as np
     >>> from modal import load
@@ -81,7 +81,7 @@ class Ensemble(Displayed):
 
     @property
     def engine(self) -> str:
-        """What they were integrated by."""
+        """The engine that integrated them."""
         return self.question.engine
 
     @cached_property
@@ -90,7 +90,7 @@ class Ensemble(Displayed):
         return tuple(dict.fromkeys(name for chunk in self.chunks for name in chunk.columns))
 
     def column(self, name: str) -> Floats:
-        """One quantity of all members, (S, ...), NaN where it is not known; of crossings one after the other."""
+        """One quantity of all members, (S, ...), NaN if it is not known; of crossings one after the other."""
         if name not in self.columns:
             raise SceneError([f"{name}: was not kept; there are {', '.join(self.columns)}"])
         if name.startswith("crossing_"):
@@ -131,12 +131,12 @@ class Ensemble(Displayed):
 
     @property
     def largest_difference(self) -> float:
-        """The largest of them; NaN where none was checked within its horizon."""
+        """The largest of them; NaN if none was checked within its horizon."""
         return max((angle for angle in self.differences.values() if not isnan(angle)), default=float("nan"))
 
     @property
     def final(self) -> Motion:
-        """The last states of all members; SceneError where they were not kept."""
+        """The last states of all members; raise SceneError if they were not kept."""
         links, rates, cart, speed, *carried = self.states()
         return Motion(links, rates, cart, speed, np.full(self.size, np.nan), *carried)
 
@@ -158,7 +158,7 @@ class Ensemble(Displayed):
         return self
 
     def record(self) -> dict[str, Any]:
-        """How motions were found, for JSON."""
+        """The method, for JSON."""
         return {
             "motions": self.size,
             "duration_s": self.question.duration,
@@ -183,7 +183,7 @@ class Ensemble(Displayed):
     def to_xarray(self) -> Any:
         """What was kept as an `xarray.Dataset` over `member`, beside what was varied; chunks are read as they are used.
 
-        Crossings, which are not one of each member, are left out.  Raises MissingExtraError without xarray.
+        Crossings, which are not one of each member, are omitted.  Raise MissingExtraError without xarray.
         """
         first = next(iter(self.chunks), None)
         columns = {} if first is None else {name: values.shape[1:] for name, values in first.columns.items()}
@@ -193,7 +193,7 @@ class Ensemble(Displayed):
         return dataset(self.size, self.members.values, kept, self._rows, told)
 
     def _rows(self, name: str, members: Ints, each: tuple[int, ...]) -> Floats:
-        """One quantity of some members, of such a shape each, from their chunks alone; NaN where it is not known."""
+        """One quantity of some members, of such a shape each, from their chunks alone; NaN if it is not known."""
         numbers, rows = members // self.question.chunk, np.full((len(members), *each), np.nan)
         for number in np.unique(numbers).tolist():
             if (chunk := self._chunk(number)) is not None and name in chunk.columns:
@@ -215,7 +215,7 @@ class Ensemble(Displayed):
         return Summary(title, facts)
 
     def words(self) -> str:
-        """How many there are, by which engine, and how far to trust them."""
+        """The number of members, the engine and the accuracy."""
         drift, horizon = self.energy_drift, self.column("horizon_s")
         lost = f"{np.count_nonzero(self.beyond)} members past their predictability horizon"
         told = "horizons not estimated" if np.all(np.isnan(horizon)) else lost
@@ -235,7 +235,7 @@ class Ensemble(Displayed):
 
 
 class EnsembleResult(Drawable, Result):
-    """What an `ensemble` shows."""
+    """The displayed result of an `ensemble`."""
 
     ensemble: Ensemble
 
@@ -361,7 +361,7 @@ def _question(
     check: int,
     chunk: int | None,
 ) -> tuple[EnsembleRequest, Decision]:
-    """What is asked and why by this engine; SceneError names every mistake."""
+    """What is asked and why by this engine; raise SceneError with every mistake."""
     require(scene, "an ensemble")
     system = system_of(scene)
     members, wanted, times, *_ = validate(

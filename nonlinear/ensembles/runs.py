@@ -1,4 +1,4 @@
-"""Many scenes side by side, for whoever measures scenes one by one: their runs, or what an ensemble measures of them.
+"""Many scenes at once for callers that measure scenes one by one: their runs, or measures by an ensemble.
 
 Scenes of one form, the same pendula and links in number and the same joints, go together; each has the samples that
 `simulate` would keep.  Runs with kicks of escapements or dry friction go alone, since these belong to a trajectory.
@@ -37,7 +37,7 @@ REASON = "side by side with others of its form"
 
 
 def form_of(scene: Scene) -> Hashable:
-    """Equal for scenes that go together, None for one that goes alone."""
+    """Return a key equal for scenes that can be simulated together, None for one that cannot."""
     if one_by_one(scene) or refusals(scene, "an ensemble"):
         return None
     pendula = tuple(
@@ -64,14 +64,14 @@ def _carried(scene: Scene) -> Hashable:
 
 
 def _moved(scene: Scene) -> Hashable:
-    """What differs between motions of a support and forces, the numbers of sines and of constant forces left out."""
+    """What differs between motions of a support and forces, the numbers of sines and of constant forces omitted."""
     moved = tuple((part.direction, "sine") if part.kind == "sine" else part for part in scene.motions)
     acting = tuple((part.on, part.direction, part.kind) if part.kind in TIMED else part for part in scene.force)
     return moved, acting, scene.feedback
 
 
 def run_together(scenes: Iterable[Scene], duration: float) -> dict[Scene, Trajectory]:
-    """The runs of those scenes that can go together, from their usual starts; the others are left out."""
+    """The runs of those scenes that can go together, from their usual starts; the others are omitted."""
     scenes = validate_scenes(scenes if isinstance(scenes, Sequence) else [*scenes])
     runs: dict[Scene, Trajectory] = {}
     for group in _by_form([scene for scene in scenes if not _switches(scene)]).values():
@@ -103,7 +103,7 @@ def _switches(scene: Scene) -> bool:
 def measured_together(scenes: Sequence[Scene], seconds: float, name: str) -> dict[Scene, dict[str, float]]:
     """A measure of an ensemble, "first_turn" or "lyapunov", of every scene from its usual start, side by side.
 
-    Scenes that fail are left out; of one scene alone its error is raised.
+    Scenes that fail are omitted; of one scene alone its error is raised.
     """
     columns: dict[Scene, dict[str, float]] = {}
     groups = _by_form(scenes)

@@ -1,4 +1,4 @@
-"""Poincaré sections at an energy: where many motions of a conservative scene pass one value of one coordinate.
+"""Poincaré sections at an energy: crossings of many motions of a conservative scene through one value of a coordinate.
 
 Starts lie on the section and have the energy.  They are drawn at random: angles are even over all that it allows; the
 rates have the direction of a normal distribution, and are scaled so that kinetic energy makes up what potential energy
@@ -60,11 +60,11 @@ class PoincareSection(EnsembleResult):
 
     @property
     def orbit(self) -> Floats:
-        """Which motion crosses, from 0, (C,)."""
+        """The motion of each crossing, from 0, (C,)."""
         return self.ensemble.column("crossing_member")
 
     def facts(self) -> dict[str, Any]:
-        """Where motions cross, at which energy, and how they were found."""
+        """The section, the energy, and the method."""
         return {"section": self.coordinate, "energy_J": self.energy, **self.ensemble.record()}
 
     def records(self) -> Iterator[dict[str, Any]]:
@@ -75,7 +75,7 @@ class PoincareSection(EnsembleResult):
             yield {"motion": int(orbit) + 1, "time_s": time} | record
 
     def parts(self, form: Form = "text") -> Iterator[str]:
-        """How many crossings by how many motions, at which energy."""
+        """The numbers of crossings and motions, and the energy."""
         orbit, members = self.orbit, self.ensemble
         counts = np.bincount(orbit.astype(int), minlength=members.size)
         lines = [
@@ -110,10 +110,10 @@ def find_section(
     report: Callable[[float], object] = silent,
     **options: Any,
 ) -> PoincareSection:
-    """The section of a conservative plane scene at an energy (J), by default that of its usual start.
+    """Compute the section of a conservative plane scene at an energy (J), by default that of its usual start.
 
     `crossing` is a coordinate with what it passes, such as "theta[1,1]>0" (deg, or m of the cart), by default the first
-    angle upwards through 0.  SceneError for a scene that does not keep its energy, and where no start has it.
+    angle upwards through 0. Raise SceneError for a scene that does not keep its energy, and where no start has it.
     """
     require(scene, "a Poincaré section")
     checked_index("members", members, 1, MEMBERS_MAX)

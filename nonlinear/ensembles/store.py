@@ -1,7 +1,7 @@
-"""What is computed in chunks, on disk: a folder with a file for each, or one file that a process holds as its own.
+"""Storage of chunks on disk: a folder with a file for each, or one file locked by a process.
 
-In a folder each chunk is an NPZ file, written whole or not at all, beside a header that says of what question.  What is
-there is not computed again, so that an ensemble or a sweep goes on where it was killed.
+In a folder each chunk is an NPZ file, written completely or not at all, next to a header that says of what question.
+What is there is not computed again, so that an ensemble or a sweep goes on where it was killed.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ CROSSING = "crossing_"
 
 
 def engine_of_folder(folder: str | os.PathLike[str] | None) -> str:
-    """The engine by which a folder was begun; "" where there is no header that says so."""
+    """Return the engine with which a folder was begun; "" if its header does not say."""
     try:
         return str(json.loads(text_of(Path(folder or "") / HEADER))["engine"])
     except (ValueError, KeyError, TypeError, RecursionError):
@@ -56,7 +56,7 @@ def _is(path: Path, content: bytes) -> bool:
 def _refuse_unlike(
     columns: Columns, reasons: Mapping[int, str], differences: Mapping[int, float], part: MemberPart
 ) -> None:
-    """ValueError for columns that are no numbers of these members, and for members that are not among them."""
+    """Raise ValueError for columns that are no numbers of these members, and for members that are not among them."""
     if not {*reasons, *differences} <= {*range(part.first, part.first + part.size)}:
         raise ValueError
     if JUDGED not in columns and (columns or len(reasons) < part.size):
@@ -68,7 +68,7 @@ def _refuse_unlike(
 
 
 def validate_store(folder: object, share: object) -> None:
-    """SceneError for what names no folder, and for a share that cannot be."""
+    """Raise SceneError for what names no folder, and for a share that cannot be."""
     problems = []
     if folder is not None and not (isinstance(folder, str | os.PathLike) and os.fspath(folder)):
         problems.append(f"folder {folder!r}: must be the path of a folder")
@@ -86,7 +86,7 @@ def validate_store(folder: object, share: object) -> None:
 class ChunkFolder:
     """The chunks of a question in a folder, which is made if it is not there; `kind` is "ensemble" or "sweep".
 
-    Raises SceneError for a folder that holds another question, OSError where it cannot be written.
+    Raise SceneError for a folder that holds another question, OSError if it cannot be written.
     """
 
     def __init__(self, folder: str | os.PathLike[str], kind: str, fingerprint: str, header: Mapping[str, Any]) -> None:
@@ -138,7 +138,7 @@ class Parts(ChunkFolder):
         self.question = question
 
     def done(self, number: int) -> bool:
-        """Whether a chunk is there; SceneError where what is there is not that chunk."""
+        """Whether a chunk is there; raise SceneError if what is there is not that chunk."""
         return self.path(number).exists() and self.read(number).size > 0
 
     def keep(self, number: int, chunk: Chunk) -> None:
@@ -152,7 +152,7 @@ class Parts(ChunkFolder):
         self.write(number, header, chunk.columns)
 
     def read(self, number: int) -> Chunk:
-        """A chunk that is there; SceneError where it is damaged, or a chunk of another ensemble or place."""
+        """A chunk that is there; raise SceneError if it is damaged, or a chunk of another ensemble or place."""
         part = self.question.part(number)
 
         def made(header: dict[str, Any], columns: Columns) -> Chunk:
@@ -176,7 +176,7 @@ class Parts(ChunkFolder):
 
 @contextmanager
 def locked(name: str) -> Iterator[IO[bytes]]:
-    """A file to read and append to, created if missing; SceneError where another process holds it.
+    """A file to read and append to, created if missing; raise SceneError if another process holds it.
 
     The system releases it however its owner ends.  On a file system without locks it is opened without one.
     """

@@ -1,8 +1,8 @@
-"""Stroboscopic sections: a driven scene looked at once a period of its drives, and after how many periods it repeats.
+"""Stroboscopic sections: a driven scene sampled once per period of its drives, and after how many periods it repeats.
 
     t_k = (φ/360° + k) T,    y(t_{k+p}) = y(t_k) + 2π n
 
-A motion of period p comes back after p periods T, its links by n whole turns further: p points of the section; one that
+A motion of period p comes back after p periods T, its links by n full turns further: p points of the section; one that
 is quasi-periodic fills a curve, a chaotic one a strange attractor.
 """
 
@@ -48,7 +48,7 @@ def strobe_times(period: float, phase_deg: float = 0.0, *, settle: float = 0.0, 
 
 
 def settling_time(scene: Scene, period: float) -> float:
-    """Ten times the slowest decay of the modes (s), where they tell one, and no less than 200 periods."""
+    """Ten times the slowest decay of the modes (s), where they tell one, and at least 200 periods."""
     try:
         decay = [-float(value.real) for value in natural_modes(scene).eigenvalue if value.real < 0]
     except MultipendulaError:
@@ -57,7 +57,7 @@ def settling_time(scene: Scene, period: float) -> float:
 
 
 def repetition_words(period: Ints) -> str:
-    """How many motions have which period.
+    """Return how many motions have which period.
 
     >>> repetition_words(np.array([1, 2, 2, 0]))
     '1 motion has period 1, 2 motions have period 2, 1 motion does not repeat within 16, or not yet'
@@ -97,7 +97,7 @@ class StroboscopicSection(EnsembleResult):
 
     @property
     def states(self) -> list[Floats]:
-        """Angles of links and their rates, (S, K, L), place and speed of the cart, (S, K), at the strobes.
+        """Angles of links and their rates, (S, K, L), place and speed of the cart, (S, K), at the stroboscopic samples.
 
         On a structure its coordinates and their rates, (S, K, d), follow.
         """
@@ -105,7 +105,7 @@ class StroboscopicSection(EnsembleResult):
 
     @property
     def repeats(self) -> Ints:
-        """After how many periods each motion repeats, by its last strobes, (S,); 0 for none."""
+        """After how many periods each motion repeats, by its last samples, (S,); 0 for none."""
         states = [rows[:, -JUDGED_STROBES:] for rows in self.states]
         return repetition(natural_units(self.system, states), self.system.n_links)[0]
 
@@ -115,7 +115,7 @@ class StroboscopicSection(EnsembleResult):
         return within_a_turn(angle), rate
 
     def facts(self) -> dict[str, Any]:
-        """When motions are looked at, and how they were found."""
+        """The sampling times, and the method."""
         return {
             "period_s": self.period,
             "phase_deg": self.phase_deg,
@@ -126,7 +126,7 @@ class StroboscopicSection(EnsembleResult):
         }
 
     def records(self) -> Iterator[dict[str, Any]]:
-        """A row for each strobe: which motion from 1, the time, angles, rates and the cart."""
+        """A row for each sample: which motion from 1, the time, angles, rates and the cart."""
         times, states = self.times.tolist(), self.states
         for motion in range(self.ensemble.size):
             of_motion = state_records(self.system, [part[motion] for part in states])
@@ -134,7 +134,7 @@ class StroboscopicSection(EnsembleResult):
                 yield {"motion": motion + 1, "time_s": time} | record
 
     def parts(self, form: Form = "text") -> Iterator[str]:
-        """How many motions and when, and after how many periods they repeat."""
+        """The number of motions, the sampling times, and after how many periods they repeat."""
         motions, times = counted(self.ensemble.size, "motion", "motions"), counted(len(self.times), "time", "times")
         lines = [
             f"{motions} of {self.ensemble.question.duration:.4g} s, looked at once a period of {self.period:.6g} s, "
@@ -169,12 +169,12 @@ def find_strobes(
     report: Callable[[float], object] = silent,
     **options: Any,
 ) -> StroboscopicSection:
-    """The stroboscopic section of a plane scene that is driven by sines, from many starts.
+    """Compute the stroboscopic section of a plane scene driven by sines, from many starts.
 
     Each of `members` motions begins as the scene does, all but the first with angles up to `spread_deg` aside, drawn by
     `seed`, and is looked at once a period, at `phase_deg` of it, from `settle` (s) to the `duration` (s), by default
-    200 periods later.  `of` names the links to draw, "theta_1_1".  `options` are those of `ensemble`.  SceneError for a
-    scene without a common period of its drives, and where nothing would be seen.
+    200 periods later. `of` names the links to draw, "theta_1_1". `options` are those of `ensemble`. Raise SceneError
+    for a scene without a common period of its drives, and where nothing would be seen.
 
     >>> from modal import Bob, Pendulum, Scene
     >>> from modal.scene import SineForce
@@ -207,14 +207,14 @@ def find_strobes(
 
 
 def links_named(names: str | Sequence[str], system: System) -> tuple[int, ...]:
-    """The links, from 0, of names such as "theta_1_2", by default the first; SceneError names every mistake."""
+    """The links, from 0, of names such as "theta_1_2", by default the first; raise SceneError with every mistake."""
     names, known = texts_of(names, splits_commas=True), [f"theta_{place}" for place in places(system)]
     refuse_any(f"of {name}: must be one of {', '.join(known)}" for name in names if name not in known)
     return tuple(dict.fromkeys(map(known.index, names))) or (0,)
 
 
 def validate_strobes(*, phase_deg: float, spread_deg: float = 0.0, settle: float = 0.0) -> None:
-    """SceneError for a phase, a spread of starts or a transient that cannot be."""
+    """Raise SceneError for a phase, a spread of starts or a transient that cannot be."""
     problems = [] if isfinite(phase_deg) else [f"phase_deg {phase_deg!r}: must be a number of degrees"]
     for name, value in (("spread_deg", spread_deg), ("settle", settle)):
         problems += [] if 0 <= value < inf else [f"{name} {value!r}: must be at least 0"]
@@ -226,7 +226,7 @@ def validate_strobes(*, phase_deg: float, spread_deg: float = 0.0, settle: float
 
 @checked
 def strobes_table(section: StroboscopicSection, form: Form) -> str:
-    """As text, csv (one line a strobe) or json, the `form`."""
+    """As text, csv (one line per sample) or json, the `form`."""
     return section.report(form)
 
 

@@ -1,4 +1,4 @@
-"""Which law of damping a record calls for: the same fit with each, by information criteria and on data held back."""
+"""Comparison of damping laws for a record: the same fit with each, by information criteria and on held-out data."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def compare(
     report: Callable[[float], object] = silent,
     **options: object,
 ) -> list[ComparedLaw]:
-    """The candidates, the best by BIC first; `options` are those of `fit`.  SceneError for an unknown law.
+    """The candidates, the best by BIC first; `options` are those of `fit`.  Raise SceneError for an unknown law.
 
     A `crew` fits several laws at once; `report` is called with the part that is done.
     """
@@ -111,7 +111,7 @@ def _held_out(part_fit: Fit, recording: Recording) -> float:
 
 
 def independent(result: Fit) -> float:
-    """How many independent values the recording is worth, by the residuals' autocorrelation."""
+    """Return the effective number of independent values, from the residuals' autocorrelation."""
     total = 0.0
     for c, rho in enumerate(result.rho):
         count = sum(int(np.isfinite(segment.values[:, c]).sum()) for segment in result.recording.segments)
@@ -127,7 +127,7 @@ def _without(scene: Scene, free: Sequence[str]) -> Iterator[str]:
 
 
 def with_laws(scene: Scene, laws: Sequence[str]) -> tuple[Scene, list[str]]:
-    """The scene damped by these laws alone, and the places of their numbers."""
+    """Return the scene damped by these laws alone, and the places of their parameters."""
     names = [LAWS[law] for law in laws]
     values, places = {}, []
     spots = [

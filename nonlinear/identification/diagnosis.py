@@ -1,4 +1,4 @@
-"""What the residuals of a fit say that the model lacks."""
+"""Diagnosis of model errors from the residuals of a fit."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ WINDOWS_MIN = 8
 
 
 def diagnose(result: Fit, mistake: str = "") -> list[str]:
-    """Sentences on the record, the motion's misfit, numbers and residuals, each with a way out if there is one.
+    """Return sentences on the record, the misfit, parameters and residuals, each with a remedy if there is one.
 
     A `mistake` in how the record is read is said first.  From a motion that does not fit no number is judged.
     """
@@ -52,7 +52,7 @@ def _turns(result: Fit) -> Iterator[str]:
 
 
 def _outliers(result: Fit) -> Iterator[str]:
-    """Single readings far from those beside them."""
+    """Single readings far from those next to them."""
     for c, sensor in enumerate(result.recording.sensors):
         if result.misfit[c] > MISFIT_MAX:
             continue
@@ -259,7 +259,7 @@ def _turning(result: Fit) -> Iterator[str]:
 
 
 def turning_points(times: Floats, values: Floats, rate: float) -> float | None:
-    """The loss of amplitude (rad) a half swing where turning points fall on a straight line, None where they do not.
+    """The loss of amplitude (rad) a half swing where turning points fall on a straight line, None if they do not.
 
     `rate` (rad/s) is about that of the swing.
     """

@@ -1,6 +1,6 @@
-"""Fit the numbers of a scene to measured motions, by least squares on exact derivatives.
+"""Fits of a scene's parameters to measured motions, by least squares with exact derivatives.
 
-The unknowns beside the numbers (initial states, offsets, delays) are fitted with them, first to the beginning of every
+The unknowns next to the numbers (initial states, offsets, delays) are fitted with them, first to the beginning of every
 segment and then to ever longer parts, so that a motion that loses step with the record is never compared with it.
 Numbers that the record does not determine are held at the scene's values and named (`modal.identification`).
 """
@@ -83,14 +83,14 @@ def fit(
     window: float | None = None,
     report: Report = silent,
 ) -> Fit:
-    """The numbers at the places `free` that fit a recording best, from the scene's values on.
+    """Fit the parameters at the places `free` to a recording, starting from the scene's values.
 
     `priors` are texts such as "gravity=9.81±0.01"; `scale` frees the scale of every sensor; `shift` frees the
     delay of all behind the motions and forces that the scene prescribes, up to sqrt(l/g); `loss` is one of
     `scipy.optimize.least_squares`.  A long chaotic segment is fitted in windows of `window` seconds that join (multiple
     shooting; [Bock1984]).  `report` is called with the part that is done.
 
-    Raises SceneError for scenes that cannot be fitted and places that are not free numbers, ComputationError where no
+    Raise SceneError for scenes that cannot be fitted and places that are not free numbers, ComputationError if no
     motion of the scene comes near the record.
     """
     require_fittable(scene)
@@ -132,7 +132,7 @@ def fit(
 
 
 def _beginning(problem: FitProblem) -> float:
-    """The misfit of a fit to the first periods of some segments, infinite where none is found."""
+    """The misfit of a fit to the first periods of some segments, infinite if none is found."""
     part = 2 * PERIOD_PART * 2 * np.pi / problem.system.rate
     segments = [replace(segment, continued=False) for segment in problem.recording.segments[:3]]
     recording = replace(problem.recording, segments=tuple(segments)).until(part)
@@ -206,7 +206,7 @@ class Search:
         return u
 
     def join(self, u: Floats) -> Floats:
-        """Fitted in short windows that join more and more, all at once; states are read off every window's samples."""
+        """Fit all short windows at once, joined gradually; initial states come from every window's samples."""
         problem, layout = self.problem, self.problem.layout
         windows = replace(problem, recording=problem.recording.windows(self.span), tolerance=ROUGH_TOLERANCE)
         v = np.concatenate((u[: layout.delays.stop], initial_states(windows).ravel()))
@@ -221,7 +221,7 @@ class Search:
 
     @property
     def span(self) -> float:
-        """The duration (s) of short windows; infinite where they would be too many, or a coordinate has no sensor."""
+        """The duration (s) of short windows; infinite if they would be too many, or a coordinate has no sensor."""
         durations = [segment.times[-1] - segment.times[0] for segment in self.problem.recording.segments]
         period = 2 * np.pi / self.problem.system.rate
         span = max(PERIOD_PART / 2 * period, sum(durations) / max(WINDOWS_MAX - len(durations), 1))
@@ -248,7 +248,7 @@ class Search:
         return v
 
     def lengthen(self, u: Floats) -> Floats:
-        """Fitted to ever longer parts of all segments."""
+        """Fit ever longer parts of all segments."""
         problem = self.problem
         longest = max(segment.times[-1] - segment.times[0] for segment in problem.recording.segments)
         part = PERIOD_PART * 2 * np.pi / problem.system.rate
@@ -264,7 +264,7 @@ class Search:
         return u
 
     def finish(self, u: Floats) -> Fit:
-        """Fitted to the whole, with the noise that it leaves, and what is not determined held."""
+        """Fit the whole record with the estimated noise, undetermined parameters being held."""
         problem = self.problem
         u = self.solve(replace(problem, tolerance=ROUGH_TOLERANCE), u, rough=False)
         for turn in range(2):
@@ -325,7 +325,7 @@ class Search:
         return np.array(noise)
 
     def solve(self, problem: FitProblem, u: Floats, *, rough: bool) -> Floats:
-        """The unknowns after a search from u; ComputationError where it cannot begin.
+        """The unknowns after a search from u; raise ComputationError if it cannot begin.
 
         In a `rough` one a factor e of a number costs as much as one standard deviation of a reading.
         """

@@ -201,7 +201,7 @@ class Segments:
 def integrate_segments(
     segments: Segments, channels: Sequence[SensorChannel], tolerance: float, max_steps: int = MOTION_STEPS_MAX
 ) -> Readings:
-    """What channels read of all segments until their ends; ComputationError where one cannot be followed."""
+    """What channels read of all segments until their ends; raise ComputationError if one cannot be followed."""
     lanes, y = Lanes(segments.real, counts_work=False, target="columns"), segments.y
     size, count = y.shape[:2]
     absolute = np.repeat(tolerance * segments.scale[:, None], count, axis=1)

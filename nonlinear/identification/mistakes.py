@@ -1,4 +1,4 @@
-"""Mistakes in how a record is read that explain why no motion of the scene fits it.
+"""Mistakes in the interpretation of a record that explain why no motion of the scene fits it.
 
 Each mistake is the record read in another way: in other units, with a sensor that counts the other way, with two
 sensors exchanged.  The scene is fitted to the beginning of each; a mistake is named where that fits and the record as
@@ -32,7 +32,7 @@ CHANGED_SENSORS_MAX = 6
 
 @dataclass(frozen=True)
 class Mistake:
-    """The record read in another way, what is wrong in words, and the way out."""
+    """Another interpretation of the record, the mistake in words, and the remedy."""
 
     recording: Recording
     words: str
@@ -40,9 +40,9 @@ class Mistake:
 
 
 def find_mistake(scene: Scene, recording: Recording, misfit: Callable[[Recording], float]) -> str:
-    """The mistake without which the motion fits best, with the way out; "" where none helps.
+    """Return the mistake whose correction fits best, with the remedy; "" if none helps.
 
-    `misfit` is that of a fit to the beginning of a recording, infinite where there is none.
+    `misfit` is that of a fit to the beginning of a recording, infinite if there is none.
     """
     present = misfit(recording)
     attempts = [(misfit(mistake.recording), mistake) for mistake in possible(scene, recording)]
@@ -108,7 +108,7 @@ def _largest(recording: Recording, angles: list[int]) -> float:
 
 
 def require_radians(recording: Recording, rate: float, misfit: Callable[[Recording], float]) -> None:
-    """SceneError for angles that turn far faster than `rate` (rad/s) and in degrees fit from the beginning."""
+    """Raise SceneError for angles that turn far faster than `rate` (rad/s) and in degrees fit from the beginning."""
     angles = [c for c, sensor in enumerate(recording.sensors) if sensor.is_angle and not sensor.quantity]
     fast = [c for c in angles if _speed(recording, c) > 4 * rate]  # a pendulum from the top reaches 2 sqrt(g/l)
     if fast:
@@ -134,7 +134,7 @@ def _describe(mistake: Mistake, remainder: float) -> str:
 
 
 def require_seconds(scene: Scene, recording: Recording) -> None:
-    """SceneError for times a thousand times too long or too short: lines so far from the scene's frequencies."""
+    """Raise SceneError for times a thousand times too long or too short: lines so far from the scene's frequencies."""
     try:
         omega = natural_modes(scene).omega
     except ComputationError:

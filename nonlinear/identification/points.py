@@ -1,4 +1,4 @@
-"""What sensors read that are not coordinates: places of links' ends, and accelerations at points along links.
+"""Readings of sensors at points: positions of link ends, and accelerations at points along links.
 
 With x along the rail and y upwards, a link at angle θ from the downward vertical points along e_r = (sin θ, −cos θ),
 and its angle grows in the direction e_θ = (cos θ, sin θ).  A mark at the end of link i is at
@@ -78,7 +78,7 @@ class PointReading:
         return [entries[at + row] for row in self.links]
 
     def _support(self, order: int, times: Floats) -> tuple[Any, Any]:
-        """The displacement (m) of a moved support along the rail and upwards, or its second derivative."""
+        """The displacement (m) of a moving support along the rail and upwards, or its second derivative."""
         support = self.system.support
         if support is None:
             return 0.0, 0.0
@@ -97,6 +97,6 @@ def unreadable(system: System) -> str:
 
 
 def require_readable(system: System, names: Sequence[str]) -> None:
-    """SceneError for sensors of these names where points cannot be read."""
+    """Raise SceneError for sensors of these names where points cannot be read."""
     if names and (reason := unreadable(system)):
         raise SceneError([f"column {name}: {reason}, where angles and rates alone are read" for name in names])

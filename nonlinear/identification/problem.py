@@ -39,7 +39,7 @@ FITTED_LINKS_MAX = 32
 
 @dataclass(frozen=True)
 class Unknowns:
-    """Where the unknowns are: p numbers, C offsets, scales and delays, S states of `width`."""
+    """Arrangement of the unknowns: p parameters, C offsets, scales and delays, S states of `width`."""
 
     numbers: int
     sensors: int
@@ -73,7 +73,7 @@ class Unknowns:
 
 
 def require_fittable(scene: Scene, free: Sequence[Parameter] = ()) -> None:
-    """SceneError for a scene whose motions cannot be fitted, or not by these numbers, with every reason."""
+    """Raise SceneError for a scene whose motions cannot be fitted, or not by these numbers, with every reason."""
     reasons = refusals(scene, "a fit of motions")
     if scene.n_links > FITTED_LINKS_MAX:
         reasons.append(f"the scene has {scene.n_links} links: motions of at most {FITTED_LINKS_MAX} are fitted")
@@ -195,7 +195,7 @@ class FitProblem(Displayed):
 
     @property
     def is_read_by_motion(self) -> bool:
-        """Whether what angles leave open is read by other sensors, from the way in which the scene moves."""
+        """Whether other sensors determine, through the motion, what the angles do not."""
         return not self.is_seen and any(
             sensor.is_of_point or sensor.quantity == "rate" for sensor in self.recording.sensors
         )
@@ -232,14 +232,14 @@ class FitProblem(Displayed):
         return scene_with(self.scene, numbers_at(self.parameters, u[: self.layout.numbers]))
 
     def readings(self, u: Floats, with_derivatives: bool = False) -> list[Floats]:
-        """What the sensors would read, (K, C) for each segment; ComputationError where a motion cannot be followed.
+        """What the sensors would read, (K, C) for each segment; raise ComputationError if a motion cannot be followed.
 
         With `with_derivatives` these are computed along, as for `residuals`.
         """
         return self._readings(u, self._motions(u, with_derivatives))
 
     def misses(self, u: Floats, with_derivatives: bool = False) -> list[Floats]:
-        """What they would read less what they read, (K, C) for each segment."""
+        """Return predicted less measured readings, (K, C) for each segment."""
         readings = self.readings(u, with_derivatives)
         return [reading - segment.values for reading, segment in zip(readings, self.recording.segments, strict=True)]
 

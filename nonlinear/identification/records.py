@@ -127,10 +127,10 @@ class Sensor:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Segment(Displayed):
-    """A motion that was recorded in one go.
+    """A motion recorded without interruption.
 
-    `times` (K,) in s, ascending; `values` (K, C) in rad and m, NaN where a sensor has no value.  The next segment may
-    be its continuation.
+    `times` (K,) in s, ascending; `values` (K, C) in rad and m, NaN if a sensor has no value. The next segment may be
+    its continuation.
     """
 
     what = "Motion recorded in one go"
@@ -175,7 +175,7 @@ class Recording(Displayed):
         return replace(self, segments=tuple(self.segments[k] for k in which))
 
     def unwrap_angles(self) -> Recording:
-        """With angles that go on where those of a sensor jump by a turn (`unwrap`)."""
+        """Return the recording with unwrapped angles (`unwrap`)."""
         segments, names = [], dict.fromkeys(self.continued)
         for segment in self.segments:
             values = segment.values.copy()
@@ -187,7 +187,7 @@ class Recording(Displayed):
         return replace(self, segments=tuple(segments), continued=tuple(names)) if names else self
 
     def absolute(self) -> Recording:
-        """With angles from the vertical; SceneError where relative ones of links above are not recorded."""
+        """With angles from the vertical; raise SceneError if relative ones of links above are not recorded."""
         if not self.relative:
             return self
         at = {
@@ -356,7 +356,7 @@ def _has_no_cart(scene: Scene) -> bool:
 
 
 def _derived_rates(table: DataTable, meanings: Mapping[str, str], carriers: Carriers) -> set[str]:
-    """The columns of rates that stand beside the angle of their link, from which they are mostly computed.
+    """The columns of rates that stand next to the angle of their link, from which they are mostly computed.
 
     Those that `meanings` name are sensors.
     """
@@ -381,7 +381,7 @@ def _is_sensor(column: str, carriers: Carriers) -> bool:
 
 
 def _sensor(column: str, carriers: Carriers) -> Sensor | None:
-    """What a column reads, None where it is of no sensor.
+    """What a column reads, None if it is of no sensor.
 
     >>> _sensor("acceleration_along_1_2_m_per_s2@0.25", {})
     Sensor(pendulum=1, link=2, carrier='', quantity='along', radius=0.25)

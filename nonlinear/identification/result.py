@@ -1,4 +1,4 @@
-"""The result of a fit: numbers with their covariance, what is not determined, residuals."""
+"""The result of a fit: parameters with their covariance, undetermined combinations, residuals."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class Fit(FittedNumbers):
 
     @property
     def recording(self) -> Recording:
-        """What was fitted."""
+        """The fitted recording."""
         return self.problem.recording
 
     @cached_property
@@ -82,7 +82,7 @@ class Fit(FittedNumbers):
 
     @cached_property
     def misfit(self) -> Floats:
-        """What the motion leaves of every sensor's readings (C,), as a part of their standard deviation.
+        """The unexplained part of every sensor's readings (C,), relative to their standard deviation.
 
         Only what goes on from sample to sample counts, √(Σ e_k e_(k+1) / Σ e_k²) times the residuals' rms: noise and
         outliers do not.  Where residuals are nearly as large as the readings, all of them count.
@@ -108,12 +108,12 @@ class Fit(FittedNumbers):
 
     @property
     def fits(self) -> bool:
-        """Whether the motion fits the record so well that standard deviations mean anything."""
+        """Whether the motion fits the record well enough for standard deviations to be meaningful."""
         return bool(np.all(self.misfit < MISFIT_MAX)) and self.gap < 2 * SIGNIFICANCE
 
     @cached_property
     def covariance(self) -> Floats:
-        """Of the numbers (p, p), zero for those held, NaN where the motion does not fit the record."""
+        """Of the numbers (p, p), zero for those held, NaN if the motion does not fit the record."""
         count = len(self.parameters)
         cov = np.asarray(self.slopes[:, None] * self.cov[:count, :count] * self.slopes)
         if not self.fits:
@@ -122,7 +122,7 @@ class Fit(FittedNumbers):
 
     @cached_property
     def stds(self) -> Floats:
-        """Standard deviations of the numbers (p,), zero for those held, NaN where the motion does not fit."""
+        """Standard deviations of the numbers (p,), zero for those held, NaN if the motion does not fit."""
         return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
 
     what = "fit to measured motions"
@@ -212,7 +212,7 @@ class Fit(FittedNumbers):
 
     @cached_property
     def readings(self) -> list[Floats]:
-        """What the sensors read in the fitted motion: (K, C) for each segment."""
+        """The sensor readings of the fitted motion: (K, C) for each segment."""
         return self.problem.readings(self.unknowns)
 
     @cached_property

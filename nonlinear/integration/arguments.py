@@ -42,7 +42,7 @@ def validate(*actions: Callable[[], Any]) -> list[Any]:
 
 
 def validate_numbers(duration: float, tolerance: float, start_time: float) -> None:
-    """SceneError for an invalid duration, tolerance or start time."""
+    """Raise SceneError for an invalid duration, tolerance or start time."""
     checks = {
         f"duration {duration!r}: must be a positive number of seconds": _real(duration) and duration > 0,
         f"tolerance {tolerance!r}: must be from {TIGHTEST:g} to {LOOSEST:g}": _real(tolerance)
@@ -53,7 +53,7 @@ def validate_numbers(duration: float, tolerance: float, start_time: float) -> No
 
 
 def validate_whole(minimum: int, *, optional: bool = False, **values: object) -> None:
-    """SceneError that names every value that is no whole number from `minimum` on; None is allowed where `optional`."""
+    """SceneError that names every value that is not an integer from `minimum` on; None is allowed where `optional`."""
     wrong = [
         f"{name} {value!r}: must be a whole number from {minimum}"
         for name, value in values.items()
@@ -64,7 +64,7 @@ def validate_whole(minimum: int, *, optional: bool = False, **values: object) ->
 
 
 def validate_accuracy(accuracy: float | None) -> None:
-    """SceneError for an invalid accuracy."""
+    """Raise SceneError for an invalid accuracy."""
     if accuracy is None:
         return
     if not _real(accuracy) or not FINEST <= accuracy <= COARSEST:
@@ -101,14 +101,14 @@ def sample_times(
 
 
 def _shaking(scene: Scene) -> float:
-    """The fastest oscillation (rad/s) of a moved support and of forces, 0 without any."""
+    """The fastest oscillation (rad/s) of a moving support and of forces, 0 without any."""
     return pi / system_of(scene).shortest if scene.is_forced else 0.0
 
 
 def pace_of(breaks: Sequence[float] | Floats | None, max_step: float | None) -> Pace:
     """The pace of a run whose steps end at the times `breaks` (s), in any order, and are no longer than `max_step` (s).
 
-    SceneError for invalid arguments.
+    Raise SceneError for invalid arguments.
     """
     try:
         times = np.array([] if breaks is None else breaks, dtype=float)
@@ -124,13 +124,13 @@ def pace_of(breaks: Sequence[float] | Floats | None, max_step: float | None) -> 
 
 
 def validate_load(load: object) -> None:
-    """SceneError for a load that is no function."""
+    """Raise SceneError for a load that is no function."""
     if load is not None and not callable(load):
         raise SceneError([f"load {load!r:.60}: must be a function of the time and the state"])
 
 
 def validate_events(events: object) -> None:
-    """SceneError for what is no list of events."""
+    """Raise SceneError for what is no list of events."""
     if (
         isinstance(events, str)
         or not isinstance(events, Sequence)
@@ -140,7 +140,7 @@ def validate_events(events: object) -> None:
 
 
 def validate_observable(load: Load | None, accuracy: float | None, *hints: object) -> None:
-    """SceneError for an accuracy under a load where none of `hints` tells how soon the load changes."""
+    """Raise SceneError for an accuracy under a load where none of `hints` tells how soon the load changes."""
     if load is not None and accuracy is not None and all(hint is None for hint in hints):
         what = "a short one can fall between the steps of every run, so that all agree and are wrong"
         times = "the times at which it jumps as breaks, [] where it never does"
@@ -160,7 +160,7 @@ def _times_of(output: Any, duration: float) -> Floats:
 
 
 def validate_forces(load: Load | None, system: System, start: State, time: float) -> None:
-    """Evaluate a load once, at the start; SceneError for anything but `AppliedForces` that fit the scene."""
+    """Evaluate a load once, at the start; raise SceneError for anything but `AppliedForces` that fit the scene."""
     if load is None:
         return
     push, shape = load(time, start), (system.n_links, 3) if system.spatial else (system.n_links,)

@@ -1,9 +1,9 @@
-"""What happens at a switch, in scalars: kicks, contacts that stop, stick and break loose, and what columns make of it.
+"""Event handling in scalars: kicks, contacts that stop, stick and break loose, and the effect on columns.
 
 A segment's state are floats: the side of each joint's next kick (K), 0 where either is possible; the sign of every
-contact's sliding (J), 0 where it sticks; on a rail with a coefficient the sign e of N; then of every contact its
-firmness, its brief phases in a row, the time (s) of its last change, its place (rad or m) then, and the work (J) of
-friction until then.
+contact's sliding (J), 0 if it sticks; on a rail with a coefficient the sign e of N; then of every contact its firmness,
+its brief phases in a row, the time (s) of its last change, its place (rad or m) then, and the work (J) of friction
+until then.
 
 A contact that stops loses the remainder of its velocity by an impulse of friction, so that those already sticking stay
 at rest; which of all begin to slide then is the complementarity problem of `nonlinear.dynamics.complementarity`.
@@ -89,8 +89,8 @@ def changing(at: Places, texts: dict[str, Callable[..., Any]]) -> tuple[Callable
     `last` (K,); due(y, f, state, numbers) is the kick that is due there at once, at its angle on the way out, else −1;
     change(t, j, y, f, state, numbers, c, u, V, events) is y after switch j, in lists, the state and the columns V (k,
     size) being changed in place; a j beyond all switches decides anew which contacts stick, as inputs have jumped to u.
-    c are the constants of the texts.  What happens is appended as (time, switch, a, b):
-    impulse and energy of a kick; 1 where a contact begins to stick, 0 where it ends.
+    c are the constants of the texts. What happens is appended as (time, switch, a, b): impulse and energy of a kick; 1
+    where a contact begins to stick, 0 if it ends.
     """
     size, half, K, J, presses, input_count = at.size, at.half, at.K, at.J, at.presses, at.input_count
     kicks, contacts, E, F, B = at.kicks, at.contacts, at.e, at.firm, at.state_count
@@ -143,7 +143,7 @@ def changing(at: Places, texts: dict[str, Callable[..., Any]]) -> tuple[Callable
             state[K + i] = sign
 
     def halt(y: Any, resting: Any, columns: Any, G: Any) -> None:
-        """Take all velocity from these contacts by an impulse of friction."""
+        """Stop these contacts by a friction impulse."""
         speed = [relative(y, half, contacts[i]) for i in resting]
         push = solve_definite([G[i * J + k] for i in resting for k in resting], speed, len(resting))
         for i in range(half):

@@ -1,4 +1,4 @@
-"""Many members with escapements or dry friction side by side: their equations, and the switches of each."""
+"""Many members with escapements or dry friction at once: their equations, and the events of each."""
 
 from __future__ import annotations
 

@@ -104,7 +104,7 @@ class Drive:
         return record
 
     def _refuse_singular(self, record: RunRecord) -> None:
-        """ComputationError where the cart feels next to nothing of all masses."""
+        """Raise ComputationError if the cart feels next to nothing of all masses."""
         system, state = self.equations.system, self.equations.read(self.stepper.y[None])[0]
         pushes = np.eye(1, system.first + system.n_links)[0]
         with np.errstate(all="ignore"):

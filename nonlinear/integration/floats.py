@@ -75,7 +75,7 @@ class FloatStep(NamedTuple):
 class FloatDOP853(DOP853Solver):
     """The method for a `rate` of y and the `inputs` at a time and y, all lists of floats.
 
-    Inputs are None where there are none, and the time itself where `is_time_only`.  Steps end at the switches of
+    Inputs are None if there are none, and the time itself where `is_time_only`. Steps end at the switches of
     `switching`.
     """
 
@@ -186,7 +186,7 @@ class FloatDOP853(DOP853Solver):
         return self.rate(y, self.inputs(self.t, y)) if self.inputs else self.rate(y)
 
     def _next_step(self, y: Numbers, f: Numbers) -> FloatStep | None:
-        """The next step, None where it would be too short."""
+        """The next step, None if it would be too short."""
         t, switching = self.t, self.switching
         shortest = SHORTEST_STEP * abs(nextafter(t, self.t_bound) - t)
         length, is_retry = min(max(float(self.h_abs), shortest), self.max_step), False
@@ -319,7 +319,7 @@ class FloatStepper(DOP853Stepper[Written]):
         return isinstance(self.equations, Switched) and self.equations.rests
 
     def switch(self) -> Floats | None:
-        """The y after the switch at which the last step ended, from which it goes on; None where it did not."""
+        """The y after the switch at which the last step ended, from which it goes on; None if it did not."""
         solver = cast("FloatDOP853", self._solver)
         if solver.switching is None or solver.switching.met_switch is None:
             return None

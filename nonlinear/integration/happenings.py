@@ -1,4 +1,4 @@
-"""What happens within the steps of one run: its events, found as everything is that is seen in steps.
+"""Event detection within the steps of one run.
 
 A coordinate that passes a level is read off the interpolant of y, as in lanes.  Any other function of the state is
 looked at, at some points of every step.  Either is found on the interpolant first, then where the integrator says.
@@ -35,7 +35,7 @@ LOOK_ASIDE = 0.01
 
 
 class Happening(NamedTuple):
-    """What happens at a time (s): the event, the y of the run and the state, and how the run fails there."""
+    """An event at a time (s): the event, the y of the run and the state, and how the run fails there."""
 
     time: float
     event: Event
@@ -190,7 +190,7 @@ class Look:
     lane: int
 
     def value(self, part: float) -> float:
-        """The value on the interpolant; ComputationError where it is not finite."""
+        """The value on the interpolant; raise ComputationError if it is not finite."""
         motion = self.equations.read(self.inside.at(np.array([part])).T)
         value = float(self.event.value(motion[0]))
         if not isfinite(value):

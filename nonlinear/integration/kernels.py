@@ -1,8 +1,8 @@
 """DOP853 over lanes as a module of its own for every form of scene, written out for numba (extra `fast`).
 
 The equations and switches are the texts of `nonlinear.dynamics`, the method is `nonlinear.integration.method`, and what
-is done with them stands in `nonlinear.integration` as Python: `loops`, `meeting`, `changes`.  The module depends on the
-form alone, not on its numbers: it is kept on disk, where numba keeps what it compiles beside it.
+is done with them stands in `nonlinear.integration` as Python: `loops`, `meeting`, `changes`. The module depends on the
+form alone, not on its numbers: it is kept on disk, where numba keeps what it compiles next to it.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""DOP853 over lanes: segments side by side, each with its own steps and error; who is through leaves, others come in.
+"""DOP853 over lanes: many segments at once, each with its own steps and error; finished ones are replaced by others.
 
-A segment is a member's y (size, S), or y and k columns beside it, (size, S, 1 + k), which share its steps: derivatives
-V of y, or with complex numbers the same motion with imaginary parts.  Column 0 is the motion: its real part alone tells
-the error, unless the `whole` does.  A lane takes the steps that it would take alone.
+A segment is a member's y (size, S), or y and k columns next to it, (size, S, 1 + k), which share its steps: derivatives
+V of y, or with complex numbers the same motion with imaginary parts. Column 0 is the motion: its real part alone tells
+the error, unless the `whole` does. A lane takes the steps that it would take alone.
 
 A flow (`nonlinear.dynamics.Lanes` is one) gives, with `rates(numbers)` of the segments at hand, a function of y and of
 the times (s), an array like y without its first axis or one that broadcasts with it, for the rates (size, S, 1 + k);
@@ -100,7 +100,7 @@ class LaneTask:
 
     @cached_property
     def longest(self) -> float:
-        """The time (s) in which a moved support may change."""
+        """The time (s) in which a moving support may change."""
         return float(self.lanes.inputs.longest_step(float(self.relative.min())))
 
     @cached_property

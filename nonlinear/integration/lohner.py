@@ -1,4 +1,4 @@
-"""Sets that provably contain a motion, step by step: Taylor series in balls (python-flint), carried on.
+"""Sets that provably contain a motion, step by step: Taylor series in ball arithmetic (python-flint).
 
 At a time t the set is m + C r with m in many digits, C orthogonal and r a vector of balls [Lohner1988].  Within a step
 
@@ -171,7 +171,7 @@ class DiscSearch:
         return [acb(angle.cos(), angle.sin()) for angle in angles]
 
     def largest(self, c: Sequence[Sequence[Ball]], time: Ball, radius: float, deviations: Sequence[float]) -> Disc:
-        """The largest disc that is found where about this radius (s) is expected; UndecidedError where none is."""
+        """The largest disc that is found where about this radius (s) is expected; raise UndecidedError if none is."""
         with flint().ctx.workprec(53):
             return self._grown(c, time, radius, deviations)
 
@@ -312,7 +312,7 @@ class LohnerSet:
         self._rho = 0.1 / equations.system.rate
 
     def advance(self) -> LohnerStep:
-        """Carry the set on by a step; ComputationError where nothing encloses the motion any more."""
+        """Carry the set on by a step; raise ComputationError if nothing encloses the motion any more."""
         cap = flint().ctx.cap
         try:
             with flint().ctx.workprec(self.matrix_bits):

@@ -1,4 +1,4 @@
-"""The loop over steps of a module for numba: members take turns in WIDTH lanes, without a branch where vectors go.
+"""The step loop of a module for numba: members in WIDTH lanes, without branches in vectorized code.
 
 What stands here is the same for every form of scene: `nonlinear.integration.kernels` writes it into a module after the
 sizes and the texts of a form, of which these alone are compiled with sums in any order: what decides keeps to the
@@ -6,11 +6,11 @@ arithmetic that Python has.  A lane takes the steps that it would take alone, an
 in `nonlinear.integration.lanes`.  Steps in which something happens that is measured go into a buffer, to be looked at
 in NumPy.
 
-Of a lane `front` holds the TIME and the STEP to try (s), whether the last one was REFUSED, whether it is FRESH,
-with rates yet to be found, the sample DUE, the LARGEST angle (rad), ERROR (rad) and HORIZON (s), and how often each
-link has TURNED.  What belongs to switches are constants d of their texts, numbers a, a `state`, what beside y their
-values s take, values and rates V of these (5, 2 N, WIDTH) at the looks of a step, the one that is sought, `aim`, and
-the one that is due, `next`, −1 for none; the bracket low, high, and lengths (s) tried and usual.
+Of a lane `front` holds the TIME and the STEP to try (s), whether the last one was REFUSED, whether it is FRESH, with
+rates yet to be found, the sample DUE, the LARGEST angle (rad), ERROR (rad) and HORIZON (s), and how often each link has
+TURNED. What belongs to switches are constants d of their texts, numbers a, a `state`, what next to y their values s
+take, values and rates V of these (5, 2 N, WIDTH) at the looks of a step, the one that is sought, `aim`, and the one
+that is due, `next`, −1 for none; the bracket low, high, and lengths (s) tried and usual.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Where a step ends at a switch, whose value passes there from below to above 0: run by Python, compiled by numba.
+"""Location of an event within a step, where a value passes from below to above 0: run by Python, compiled by numba.
 
 V and R (looks, J) are the values and their rates at the parts `looks` of one step.  A passing that was seen within a
 step is met by another, shorter one, whose length Newton's method finds, kept within a bracket.
@@ -97,7 +97,7 @@ def passing(j: int, h: float, V: Any, R: Any, looks: Any) -> float:
 def meet(
     i: int, h: Any, V: Any, R: Any, looks: Any, which: Any, low: Any, high: Any, next_length: Any, usual: Any
 ) -> int:
-    """What becomes of a good step of segment i, of length h (s), whose next length would be `next_length`.
+    """Decide on an accepted step of segment i, of length h (s), whose next length would be `next_length`.
 
     `which` value it seeks to meet, -1 for none, lies between `low` and `high` (s); `usual` is the length to go on with
     afterwards.  All of these are lists or arrays by segment, and changed in place.

@@ -148,7 +148,7 @@ def sum_stages(shares: Shares, stages: Floats, total: Floats, work: Floats) -> N
 def advance(stage: int, start: Floats, length: Floats, stages: Floats, y: Floats, work: Floats) -> None:
     """The y at a stage, also a further one, from that `start` and the rates at stages before, in place.
 
-    Sums over columns beside motions, arrays (size, S, 1 + k), are products of BLAS: rounded otherwise, and faster.
+    Sums over columns next to motions, arrays (size, S, 1 + k), are products of BLAS: rounded otherwise, and faster.
     """
     if y.ndim < 3:
         sum_stages(SUMS[stage], stages, y, work)

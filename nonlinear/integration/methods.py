@@ -1,4 +1,4 @@
-"""The choice of equations, body and integrator for a run, with its reason: roughly what each takes.
+"""The choice of equations, body and integrator for a run, with its reason, from estimated costs.
 
 Times (s) are those of benchmarks/simulation.py.
 """
@@ -122,7 +122,7 @@ def validate_method(
 
 
 def _additions(system: System, driven: bool) -> list[str]:
-    """What a run has beside its scene."""
+    """What a run has next to its scene."""
     return [name for name, has in (("load", driven), ("hoist", system.hoisting)) if has]
 
 
@@ -140,7 +140,7 @@ def choose(
 ) -> Choice:
     """Choose whatever is "auto" for a motion of this size; SceneError lists every unknown or unsuitable value.
 
-    `system` is what is integrated, where that is less than the whole scene; `has_watches` tells whether something is
+    `system` is what is integrated, where that is less than the whole scene; `has_watches` says whether something is
     looked for in every step, which many steps of DOP853 together show, those of series one by one.
     """
     validate_scene(scene)

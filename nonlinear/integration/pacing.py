@@ -1,4 +1,4 @@
-"""Natural units, tolerances and first steps of many members, each as those of a run by itself.
+"""Natural units, tolerances and first steps of many members, each as in an individual run.
 
 The rules are those of `nonlinear.integration.steppers` and `nonlinear.integration.run`, for arrays of members.
 """

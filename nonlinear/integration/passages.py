@@ -1,4 +1,4 @@
-"""When a component of y passes a level: what counts, in every engine, and the passages within a step of lanes.
+"""Crossings of a level by a component of y: the rules for every engine, and the crossings within a step of lanes.
 
 A motion passes a level where it is on one side before, and after on the other or on the level.  At its start a motion
 passes a level that it is on, to rounding, if it has a rate there: its equations go back in time as well.  Released from
@@ -25,7 +25,7 @@ ACCELERATION_NOISE = 1e-13
 
 @dataclass(frozen=True)
 class Level:
-    """A level (rad or m) of a component of y, by its row; of an angle, which `turns`, also whole turns from it."""
+    """A level (rad or m) of a component of y, by its row; of an angle, which `turns`, also full turns from it."""
 
     row: int
     value: float
@@ -59,7 +59,7 @@ def level_of(layout: Layout, row: int, value: float) -> Level:
 class Starts(NamedTuple):
     """Of S members, whether each is `on` a level at its start, its `number`, and the `way` that it goes from there.
 
-    Upwards is 1, downwards −1, 0 where its rate and acceleration do not tell; `passes` where that is by its rate.
+    Upwards is 1, downwards −1, 0 if its rate and acceleration do not tell; `passes` where that is by its rate.
     """
 
     on: Booleans
@@ -126,7 +126,7 @@ def leaving(passages: Passages, starts: Starts) -> Booleans:
 
 
 def passages(step: Step, level: Level, among: Booleans | None = None) -> Passages | None:
-    """What passes a level within a step that was taken, also there and back; None where nothing does."""
+    """What passes a level within a step that was taken, also there and back; None if nothing does."""
     low, high = step.reach(level.row)
     possible = (
         (level.number_below(low) != level.number_below(high)) | (level.number_above(low) != level.number_above(high))

@@ -1,4 +1,4 @@
-"""Compiled code: whether it is loaded in this process or kept on disk, what it still costs, and when that pays.
+"""Compiled code: whether it is loaded in this process or cached on disk, its remaining cost, and when that pays off.
 
 Compiled code runs many times as fast as what is always there, once it is loaded, which takes fractions of a second, or
 compiled, which takes seconds where nothing is kept.  How much is still to come nobody knows: so a process rents until
@@ -51,7 +51,7 @@ _saved_seconds: defaultdict[str, float] = defaultdict(float)
 
 @contextmanager
 def reproducible(runs: int = 0) -> Iterator[None]:
-    """A block in which choices, and so results to the bit, depend on no process.
+    """Make choices, and so results to the bit, independent of the process within the block.
 
     Single runs take nothing compiled, or pay one part of so many `runs` of what it costs where nothing is ready.
     """
@@ -70,7 +70,7 @@ def has_package(package: str) -> bool:
 
 @dataclass(frozen=True)
 class Code:
-    """What a package compiles, under a name of its own; the seconds that this takes, and how far it is.
+    """Compiled code of a package under its own name; its compile time (s) and state.
 
     `function` gives numba's, once its module is imported; `expected` are the seconds before anything was measured,
     `words` what it is called.
@@ -87,7 +87,7 @@ class Code:
 
     @property
     def owed(self) -> float:
-        """Seconds until it runs in this process; inf where its package is not installed, or runs are reproducible."""
+        """Seconds until it runs in this process; inf if its package is not installed, or runs are reproducible."""
         if share := _reproducible_share.get():
             return self.anew * share
         if not (self.is_ready or has_package(self.package)):
@@ -117,7 +117,7 @@ class Offer:
 
     @property
     def seconds(self) -> float:
-        """What it takes in all."""
+        """The total time."""
         return self.running + (self.code.owed if self.code else 0.0)
 
     def price(self, *, anew: bool = False) -> float:
@@ -128,7 +128,7 @@ class Offer:
 
 
 def best_of(offers: Mapping[str, Offer], *, anew: bool = False) -> str:
-    """The name of the way to take."""
+    """Return the name of the best offer."""
     return min(offers, key=lambda name: offers[name].price(anew=anew))
 
 
@@ -170,7 +170,7 @@ def folder() -> Path:
 
 
 def made_private(path: Path) -> Path:
-    """A folder that is there and its owner's alone; OSError where it cannot be, or is somebody else's."""
+    """A folder that is there and its owner's alone; raise OSError if it cannot be, or is somebody else's."""
     path.mkdir(mode=S_IRWXU, parents=True, exist_ok=True)
     if os.name == "posix":
         status = path.stat()
@@ -183,7 +183,7 @@ def made_private(path: Path) -> Path:
 
 @cache
 def temporary() -> Path:
-    """The one temporary folder of this process, removed when it ends; OSError where there is none."""
+    """The one temporary folder of this process, removed when it ends; raise OSError if there is none."""
     path, process = Path(mkdtemp(prefix="multipendula-")), os.getpid()
 
     def remove() -> None:
@@ -246,7 +246,7 @@ def _version(package: str) -> str:
 def look_up(
     package: str, name: str, expected_seconds: float, words: str, function: Callable[[], Any] = lambda: None
 ) -> Code:
-    """Code of this name, as far as this process knows it, or the notes beside the kernels.
+    """Code of this name, as far as this process knows it, or the notes next to the kernels.
 
     Compiling takes as long as it took here last; where it never did, as much longer than `expected_seconds` (s) as what
     the package compiled last.
@@ -286,7 +286,7 @@ def make_ready(code: Code) -> Iterator[Callable[[], AbstractContextManager[objec
 
 
 def compiled_in(code: Code) -> float:
-    """The seconds in which this process has compiled it, 0 where it was loaded or not needed."""
+    """The seconds in which this process has compiled it, 0 if it was loaded or not needed."""
     return _compile_seconds[code.name]
 
 

@@ -84,7 +84,7 @@ class Prepared:
         report: Callable[[float], object] = silent,
         watching: Watching | None = None,
     ) -> Trajectory:
-        """Run once, to the end or as far as possible; SimulationError where the integrator fails."""
+        """Run once, to the end or as far as possible; raise SimulationError if the integrator fails."""
         system, watches = self.equations.system, list[Watch]()
         if watching is not None:
             slope = self.equations.derivative(self.stepper.time, self.stepper.y)
@@ -142,7 +142,7 @@ def prepare(
 ) -> Prepared:
     """The equations of a scene with the chosen integrator, for a motion of this size (`extent`).
 
-    ComputationError where the motion cannot begin.
+    Raise ComputationError if the motion cannot begin.
     """
     validate_scene(scene)
     begun = float(times[0])
@@ -212,7 +212,7 @@ class Request:
 
     @cached_property
     def size(self) -> float:
-        """The size of the motion, at most 1; 1 where a load drives it, on a moved support at least its push over g."""
+        """The size of the motion, at most 1; 1 where a load drives it, on a moving support at least its push over g."""
         if self.system.prescribed_motions and not self.load:
             return extent(self.start, self.system, self.times)
         return 1.0 if self.load else extent(self.start, self.system)
@@ -251,7 +251,7 @@ class Request:
             return prepare(self.scene, equations, choice, self.start, self.times, self.size, self.before, pace)
 
     def run(self, choice: Choice) -> Trajectory:
-        """The motion computed with this choice; SimulationError where the integrator fails."""
+        """The motion computed with this choice; raise SimulationError if the integrator fails."""
         with rent(choice.forgone):
             return self.prepare_run(choice).go(self.events, self.report, self.watching)
 
@@ -281,7 +281,7 @@ def _stepper(
 
 
 def _slope(equations: Equations, time: float, y: Floats) -> Floats:
-    """The derivative at the start, (size,), checked to be finite: else integrators would seek a first step for ever."""
+    """The derivative at the start, (size,), checked to be finite: else integrators would seek a first step forever."""
     with np.errstate(all="ignore"):
         slope = equations.derivative(time, y)
     if not np.all(np.isfinite(slope)):

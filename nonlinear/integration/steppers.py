@@ -51,7 +51,7 @@ class Pace:
     landing: Callable[[float, Any], object] = silent
 
     def stretch(self, time: float) -> tuple[float, float]:
-        """The breaks on either side of a time, a break at that time counting as before it; infinite where none."""
+        """The breaks on either side of a time, a break at that time counting as before it; infinite if none."""
         at = bisect_right(self.breaks, time)
         return (self.breaks[at - 1] if at else -inf), (self.breaks[at] if at < len(self.breaks) else inf)
 
@@ -151,7 +151,7 @@ class Stepper(Protocol):
         ...
 
     def step(self) -> None:
-        """Take one step; ComputationError where that fails."""
+        """Take one step; raise ComputationError if that fails."""
         ...
 
     def inside(self, times: Floats) -> Floats:
@@ -181,8 +181,8 @@ class Sweeper(Stepper, Protocol):
     ) -> tuple[Floats, Sequence[tuple[float, Sequence[float] | Floats]], int]:
         """Take some steps, at least one and at most `limit`, towards the last of these times (ascending).
 
-        Returns the y (T, size) at those times that are reached, (s, y) at `all_ends` of steps or at the last, and
-        the number of steps.  ComputationError where not even the first step succeeds.
+        Returns the y (T, size) at those times that are reached, (s, y) at `all_ends` of steps or at the last, and the
+        number of steps. Raise ComputationError if not even the first step succeeds.
         """
         ...
 

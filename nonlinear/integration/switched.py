@@ -1,4 +1,4 @@
-"""The equations of one motion in the phase that its escapements and its dry friction are in."""
+"""The equations of one motion in the current phase of its escapements and dry friction."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ class Switched(Written):
     ) -> list[float]:
         """The y after the switch that was met at y, where y' = f; columns V (k, size) are changed in place.
 
-        ComputationError where friction has none: nothing has changed then.
+        Raise ComputationError if friction has none: nothing has changed then.
         """
         columns = [] if V is None else V
         u = inputs(time, y)[: self.switches.places.input_count] if inputs else ()
@@ -106,7 +106,7 @@ class Switched(Written):
         return after  # type: ignore[no-any-return]
 
     def land(self) -> None:
-        """Inputs have jumped: which contacts stick is decided anew."""
+        """Decide again which contacts stick after a jump of inputs."""
         if self.met_switch is None and self.switches.places.J:
             self.met_switch = self.switches.count
 
@@ -135,7 +135,7 @@ class Switched(Written):
         return self.switches.places.presses
 
     def record(self, time: float, y: Sequence[float]) -> Friction:
-        """What friction did until this time."""
+        """Return the friction record until this time."""
         return self.switches.friction_record(time, y, self.state)
 
     # ------------------------------------------------------------------------------------------------- the equations
@@ -162,7 +162,7 @@ class Switched(Written):
 
     @cached_property
     def inputs_at(self) -> InputFunction | None:
-        """The inputs u at a time (s) and a state y; None where there are none."""
+        """The inputs u at a time (s) and a state y; None if there are none."""
         time_inputs = self.free.inputs_at
         if not self.switches.places.J:
             return time_inputs

@@ -1,4 +1,4 @@
-"""Switches: escapements and dry friction, of one motion or of many members side by side."""
+"""Events of escapements and dry friction, for one motion or many members at once."""
 
 from __future__ import annotations
 
@@ -182,7 +182,7 @@ class Switches:
         return Kicks(time, which, impulse, energy)
 
     def friction_record(self, t: float, y: Sequence[float], state: Sequence[float]) -> Friction:
-        """What friction did until this time."""
+        """Return the friction record until this time."""
         at, contacts = self.places, range(2 * self.places.K, 2 * self.places.K + self.places.J)
         phases, rest = [], nan
         for j in contacts:

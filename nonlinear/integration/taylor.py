@@ -58,7 +58,7 @@ def takes(system: System) -> bool:
 
 
 def first_step(omega: float) -> float:
-    """The limit (s) on the first step, from the fastest natural frequency (rad/s); inf where nothing oscillates."""
+    """The limit (s) on the first step, from the fastest natural frequency (rad/s); inf if nothing oscillates."""
     return FIRST_STEP_PERIODS * 2 * pi / omega if omega else inf
 
 
@@ -66,7 +66,7 @@ class TaylorStepper:
     """Integration by Taylor series, one series per step.
 
     The first step is no longer than `pace.first` (s), meant to come from `first_step`; `tolerance` sets the order.
-    Raises MissingExtraError without heyoka, ComputationError under a load and where compiling for so many links would
+    Raise MissingExtraError without heyoka, ComputationError under a load and where compiling for so many links would
     take longer than another method takes to run.
     """
 
@@ -92,7 +92,7 @@ class TaylorStepper:
         return np.array(self.integrator.state)
 
     def step(self) -> None:
-        """Take one step, never beyond a break; ComputationError where the numbers overflow."""
+        """Take one step, never beyond a break; raise ComputationError if the numbers overflow."""
         start = self.time
         since, until = self._stretch()
         first = self.pace.first or inf if start == since else inf
@@ -151,7 +151,7 @@ class TaylorStepper:
         return since, until
 
     def _judge(self, outcome: Any, time: float) -> None:
-        """ComputationError for a failed step."""
+        """Raise ComputationError for a failed step."""
         if outcome.name not in GOES_ON:
             raise ComputationError(f"taylor stopped at {time:.9g} s: {GIVES_UP.get(outcome.name, outcome.name)}")
 
@@ -227,7 +227,7 @@ def code_of(form: Form, pieces: Sequence[Polynomials], tolerance: float) -> Code
 
 
 def pieces_of(equations: Arranged) -> Sequence[Polynomials]:
-    """The polynomials that are inputs; ComputationError where inputs are neither these nor the time alone."""
+    """The polynomials that are inputs; raise ComputationError if inputs are neither these nor the time alone."""
     if (pieces := equations.inputs.pieces) is None:
         raise ComputationError("Taylor series cannot follow this function of time: choose another method")
     return pieces

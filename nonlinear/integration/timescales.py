@@ -1,4 +1,4 @@
-"""How fast a scene oscillates and decays, estimated from its linear modes."""
+"""Time scales of oscillation and decay, estimated from the linear modes."""
 
 from __future__ import annotations
 

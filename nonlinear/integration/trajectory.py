@@ -31,8 +31,8 @@ class SolverInfo(Displayed):
     """How a trajectory was computed: the form of the equations, the method, and the reason; counts; why it ended.
 
     `drift` is the largest constraint violation before projection, relative to the lengths of the scene; `reduced`
-    describes what was integrated where that was less than the whole scene.  `error` is the estimated bound on the error
-    of any angle (rad) where an accuracy was requested, inf where it is unknown.
+    describes what was integrated where that was less than the whole scene. `error` is the estimated bound on the error
+    of any angle (rad) where an accuracy was requested, inf if it is unknown.
 
     >>> from modal import load
     >>> from nonlinear import simulate
@@ -63,8 +63,8 @@ class SolverInfo(Displayed):
 class Trajectory(TextResult):
     """A scene's motion at `times` (T,) in s, the events on the way, and how it was computed.
 
-    `kicks` are those of escapements, `friction` tells what dry friction did; `driven` tells whether anything acted from
-    outside, `equations` holds the equations of a run made in this process, which files and pickles leave out.
+    `kicks` are those of escapements, `friction` tells what dry friction did; `driven` says whether anything acted from
+    outside, `equations` holds the equations of a run made in this process, which files and pickles omit.
 
     >>> from modal import load
     >>> from nonlinear import simulate
@@ -186,8 +186,8 @@ class Trajectory(TextResult):
     def to_xarray(self) -> Any:
         """The motion as an `xarray.Dataset` over `time`, `pendulum` and `link`, with units in the attributes.
 
-        In space links have unit vectors over `axis` in place of angles.  Pendula with fewer links than others have NaN
-        below their last.  Raises MissingExtraError without xarray, the extra of that name.
+        In space links have unit vectors over `axis` in place of angles. Pendula with fewer links than others have NaN
+        below their last. Raise MissingExtraError without xarray, the extra of that name.
         """
         return deferred("nonlinear.postprocessing.datasets:dataset_of")(self)
 

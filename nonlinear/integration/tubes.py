@@ -1,4 +1,4 @@
-"""A tube around a motion: at every time balls that provably contain each coordinate and rate (extra `certified`)."""
+"""Tubes around a motion: balls at every time that provably contain each coordinate and rate (extra `certified`)."""
 
 from __future__ import annotations
 
@@ -150,7 +150,7 @@ class Tube(Result):
         return {**super().whole(), self.key: rows}
 
     def footnotes(self) -> Iterator[str]:
-        """What is proved."""
+        """Notes on what is proved."""
         yield (
             f"proved: the motion that begins with the stored numbers stays within {at_most(self.radius)} of these "
             "values at these times, in rad, m and their rates; digits that are not certain are left out."
@@ -175,7 +175,7 @@ def enclose_motion(
     report: Callable[[float], object] = silent,
     digits_max: int = 300,
 ) -> Tube:
-    """A tube that provably contains the motion of a scene over `duration` seconds, of at most this `radius`.
+    """Enclose the motion of a scene over `duration` seconds in a tube of at most this `radius`.
 
     Digits are added, from the beginning again, until the radius is met: of chaotic motion it grows exponentially
     [Lohner1988].
@@ -274,7 +274,7 @@ def _rows(carried: LohnerSet, times: Floats, radius: float, report: Callable[[fl
 
 
 def _decimal(ball: Any, radius: float) -> DecimalBall:
-    """A ball in decimal numbers around it, to a thousandth of its radius, or of the one asked for if that is more."""
+    """A ball in decimal numbers around it, to a thousandth of its radius, or of the one requested if that is more."""
     size, finest = abs(float(ball.mid())), max(float(ball.rad()), radius) / 1000
     digits = max(17, ceil(log10(size / finest))) if size else 17
     mid, rest, exponent = ball.mid_rad_10exp(digits)

@@ -1,8 +1,8 @@
 """Perturbed runs ("twins"): the same scene from a slightly different start, which breaks any symmetry.
 
-Equal pendula with equal starts pull the cart alike for ever, in numbers as in theory, and so do mirror images; where
-such motion is unstable real pendula part, and two runs that share the symmetry agree for longer than they are right.  A
-twin does not share it.  Of pendula that move as one only the first is perturbed: how fast it departs from the others
+Equal pendula with equal starts pull the cart alike forever, in numbers as in theory, and so do mirror images; where
+such motion is unstable real pendula part, and two runs that share the symmetry agree for longer than they are right. A
+twin does not share it. Of pendula that move as one only the first is perturbed: how fast it departs from the others
 does not depend on their number, and the twin needs at most two pendula of each kind.
 """
 
@@ -66,7 +66,7 @@ def slightly(system: System, start: State) -> float:
 
 
 def perturb_last_digits(request: Request) -> Request | None:
-    """The request with a start perturbed in its last digits; None where the start has no exact symmetry to break.
+    """The request with a start perturbed in its last digits; None if the start has no exact symmetry to break.
 
     Without a symmetry or an unstable equilibrium that rounding preserves, runs at two tolerances are as informative.
     """

@@ -1,4 +1,4 @@
-"""What is measured within the steps of lanes: samples, passages of an angle, largest angles, growth of errors.
+"""Measurements within the steps of lanes: samples, crossings of a level, largest angles, growth of errors.
 
 Each is a `Watch` of `nonlinear.integration.lanes`, keeps what it found by member, and asks for the motion inside a step
 only in lanes where something happens there.
@@ -87,7 +87,7 @@ class Samples:
 
 @dataclass(eq=False)
 class FirstTurns:
-    """The times (s) at which each link first goes over the top, θ = π + 2πk; (L, S), inf where it never does.
+    """The times (s) at which each link first goes over the top, θ = π + 2πk; (L, S), inf if it never does.
 
     Members begin with y and y' (size, S).
     """
@@ -225,7 +225,7 @@ class Growth:
 
 @dataclass(eq=False)
 class GrowthSamples:
-    """What ln |v| has gained until each of the `times` (K,) in s, `rows` (K, S), NaN where none came; `last` is y.
+    """What ln |v| has gained until each of the `times` (K,) in s, `rows` (K, S), NaN if none came; `last` is y.
 
     Tangent vectors are brought back to length 1 after every step.  `report` hears how far (s) the slowest has come.
     """

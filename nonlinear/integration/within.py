@@ -1,4 +1,4 @@
-"""One step of lanes, and the motion within it by the method's own interpolation: what watches read."""
+"""One step of lanes, and the motion within it by the method's dense output, as used by watches."""
 
 from __future__ import annotations
 
@@ -146,7 +146,7 @@ class Inside:
 
     @cached_property
     def motion(self) -> Inside:
-        """Without columns beside it."""
+        """Without columns next to it."""
         return self if self.before.ndim < 3 else Inside(self.before[..., 0].real, self.terms[..., 0].real)
 
     def at(self, part: Floats, rows: Any = ALL) -> Floats:
@@ -271,7 +271,7 @@ def spread(values: Floats, y: Floats) -> Floats:
 
 
 def sums_of_squares(rows: Floats) -> Floats:
-    """The sum of the squares of each column, row by row: the same for a column whatever stands beside it."""
+    """The sum of the squares of each column, row by row: the same for a column whatever stands next to it."""
     sums = rows[0] * rows[0]
     for row in rows[1:]:
         sums += row * row

@@ -8,7 +8,7 @@ and Floquet multipliers, and the special points between them.
 Start with `modes` (`held` along a number) for conservative scenes, with `cycles` for self-excited ones and with
 `forced` under drives of a period.  `symmetric` and
 `shooting` have the equations of orbits, `flow` integrates them with their variational equations,
-`continuation` follows their solutions, `floquet` tells stability, `special` where it changes, and `entering` what
+`continuation` follows their solutions, `floquet` the stability, `special` where it changes, and `entering` what
 leaves there.  `finite_swing` has the highest peak of a response over frequencies at large angles, `populations` the
 orbits on which every population of equal pendula moves as one.
 """

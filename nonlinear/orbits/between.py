@@ -1,11 +1,11 @@
-"""What happens to the stability of a branch between two of its orbits.
+"""Stability of a branch between two of its computed orbits.
 
 Two pairs of multipliers may collide and part again within one step, so that both ends are stable and orbits between
-them are not: a bubble of instability, as narrow as the coupling of the pairs is weak.  The margins of `floquet` see
-it as they dip below 0.  The map of disturbances itself has no narrow feature: it changes smoothly along the branch,
-and Lagrange's polynomials through the orbits nearby give it between them, with the difference of two orders as its
-doubt.  Where the margins of that map less their doubt fall below 0, the orbit there is computed, and the search goes
-on beside it.
+them are not: a bubble of instability, as narrow as the coupling of the pairs is weak. The margins of `floquet` see it
+as they dip below 0. The map of perturbations itself has no narrow feature: it changes smoothly along the branch, and
+Lagrange's polynomials through the orbits nearby give it between them, with the difference of two orders as its doubt.
+Where the margins of that map less their doubt fall below 0, the orbit there is computed, and the search goes on next to
+it.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Node:
 
     @property
     def map(self) -> Map:
-        """The map of disturbances."""
+        """The map of perturbations."""
         return self.point.orbit.floquet.map
 
 

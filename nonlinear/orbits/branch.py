@@ -30,7 +30,7 @@ class Branch(TextResult):
     """Orbits in the order of their continuation and the special points between them.
 
     `origin` says where it begins, `variation` along which number of the scene it goes, if any; it is `complete` where
-    it reaches what was asked for.  `linear` is the frequency (rad/s) of the mode in which it begins, if it does.
+    it reaches what was requested. `linear` is the frequency (rad/s) of the mode in which it begins, if it does.
     """
 
     origin: str
@@ -68,7 +68,7 @@ class Branch(TextResult):
 
     @property
     def returns(self) -> bool:
-        """Whether it leaves the range of its number where it began, behind a fold."""
+        """Whether it leaves the range of its parameter where it began, after a fold."""
         first, last = float(self.value[0]), float(self.value[-1])
         return self.complete and self.variation is not None and isclose(first, last, rel_tol=1e-9)
 
@@ -82,9 +82,9 @@ class Branch(TextResult):
         return by_column(list(deferred("nonlinear.orbits.report:orbit_rows")(self)))
 
     def plot(self, theme: str = "") -> Figure:
-        """A matplotlib figure of the branch in a theme, light or dark, beside the linear mode in which it begins.
+        """A matplotlib figure of the branch in a theme, light or dark, next to the linear mode in which it begins.
 
-        Raises ComputationError for a branch that goes along nothing and begins in no mode.
+        Raise ComputationError for a branch that goes along nothing and begins in no mode.
         """
         scene = self.orbits[0].scene
         mode = None
@@ -99,7 +99,7 @@ class Branch(TextResult):
         return figure
 
     def text(self) -> str:
-        """The branch as `orbits` prints it, with its orbits, special points and what is left out."""
+        """The branch as `orbits` prints it, with its orbits, special points and omissions."""
         words: str = deferred("nonlinear.orbits.report:orbits_text")(self.orbits[0].scene, [self], self.linear)
         return words
 

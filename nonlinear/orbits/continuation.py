@@ -70,7 +70,7 @@ class OrbitPoint(Displayed):
 def correct(
     problem: OrbitProblem, guess: Floats, row: Floats | None = None, rcond: float | None = None
 ) -> tuple[Floats, Floats] | None:
-    """The solution near a guess, in the plane through it across `row` where there is one, and ∂r/∂u (k, N) there.
+    """The solution near a guess, in the plane through it across `row` if there is one, and ∂r/∂u (k, N) there.
 
     Directions whose singular values are below `rcond`, relative, are left as guessed.  None where Newton's method does
     not converge.
@@ -102,7 +102,7 @@ def tangent_of(J: Floats, direction: Floats) -> Floats:
 
 
 def point(problem: OrbitProblem, guess: Floats, row: Floats, rcond: float | None = None) -> OrbitPoint | None:
-    """The point of a branch across `row` from a guess, None where there is none."""
+    """The point of a branch across `row` from a guess, None if there is none."""
     if (solution := correct(problem, guess, row, rcond)) is None:
         return None
     u, J = solution

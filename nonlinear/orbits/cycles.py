@@ -1,4 +1,4 @@
-"""Limit cycles of driven and damped scenes, and motions under a periodic force."""
+"""Limit cycles of self-excited and damped scenes, and forced oscillations."""
 
 from __future__ import annotations
 
@@ -56,11 +56,11 @@ def periodic_orbit(
     tolerance: float = ORBIT_TOLERANCE,
     segments: int = 2,
 ) -> Orbit:
-    """The periodic orbit close to a motion from a start, by Newton's method.
+    """Find the periodic orbit close to a motion from a start, by Newton's method.
 
     Under a `force`, a function of the time (s) that gives the generalized forces (cart first, then all links: N, N m),
     the `period` (s) is kept; otherwise it is the first guess, and the link that moves furthest turns back at the start.
-    Raises ComputationError where the method finds none.
+    Raise ComputationError if the method finds none.
     """
     checked_number("tolerance", tolerance, TOLERANCE_MIN, TOLERANCE_MAX)
     checked_index("segments", segments, 1, SEGMENTS_MAX)
@@ -75,7 +75,7 @@ def periodic_orbit(
 
 
 def solve_orbit(problem: Shooting, y: Floats, period: float, value: float | None = None) -> Orbit:
-    """The orbit close to the motion from y; ComputationError where Newton's method finds none."""
+    """The orbit close to the motion from y; raise ComputationError if Newton's method finds none."""
     return problem.orbit(solution(problem, y, period, value))
 
 
@@ -118,7 +118,7 @@ def turning(problem: Shooting, y: Floats, period: float) -> tuple[Floats, int]:
 def last_swing(times: Floats, motion: Motion) -> float:
     """The time (s) between the last two passages of the widest link to the right through its mean angle.
 
-    Raises ComputationError where it does not pass twice.
+    Raise ComputationError if it does not pass twice.
     """
     late = motion.links[len(times) // 2 :]
     widest = int(np.ptp(late, axis=0).argmax())
@@ -149,7 +149,7 @@ def averaged_start(problem: Shooting, equilibrium: RelativeEquilibrium) -> tuple
 
 @checked
 def cycle_of(scene: Scene, equilibrium: RelativeEquilibrium, *, tolerance: float = ORBIT_TOLERANCE) -> Orbit:
-    """The limit cycle close to an averaged configuration; ComputationError where there is none."""
+    """The limit cycle close to an averaged configuration; raise ComputationError if there is none."""
     problem = shooting(scene, tolerance=tolerance)
     y, period, leader = averaged_start(problem, equilibrium)
     return solve_orbit(replace(problem, leader=leader), y, period)
@@ -177,9 +177,9 @@ def is_same_orbit(cycle: Orbit, reference: Orbit) -> bool:
 
 
 def growth(orbit: Orbit) -> float:
-    """The largest growth rate (1/s) of disturbances, −∞ where there are no others.
+    """The largest growth rate (1/s) of perturbations, −∞ where there are no others.
 
-    The drift of a free cart that its damper brings to rest, by which no pendulum moves against another, is left out, as
+    The drift of a free cart that its damper brings to rest, by which no pendulum moves against another, is omitted, as
     is that of carriers that nothing holds.
     """
     rates = np.log(np.abs(orbit.floquet.others)) / orbit.period
@@ -223,13 +223,13 @@ def follow_cycles(
     crew: Crew | None = None,
     report: Report = silent,
 ) -> tuple[Branch, ...]:
-    """The limit cycles of a driven scene along a number, followed through their folds, within its range.
+    """Follow the limit cycles of a driven scene along a parameter, through folds, within its range.
 
-    They begin at both ends of the range beside the averaged configurations, or at its first value beside a motion given
-    by a `start` and an approximate period (s).  A `crew` follows branches from one end together: each is followed from
-    orbit to orbit.  `report` is called with the number of branches followed so far.  Raises
-    SceneError for a variation of fewer than two values or of a count, ComputationError where nothing excites the scene
-    or no limit cycle is found.
+    They begin at both ends of the range next to the averaged configurations, or at its first value next to a motion
+    given by a `start` and an approximate period (s). A `crew` follows branches from one end together: each is followed
+    from orbit to orbit. `report` is called with the number of branches followed so far. Raise SceneError for a
+    variation of fewer than two values or of a count, ComputationError if nothing excites the scene or no limit cycle is
+    found.
     """
     variation = variation_of(vary)
     require_cycles(scene, variation)
@@ -346,9 +346,9 @@ def is_known(orbit: Orbit, branches: Sequence[Branch]) -> bool:
 def first_special_point(
     scene: Scene, variation: Variation, equilibrium: RelativeEquilibrium, value: float, at: float
 ) -> Special | None:
-    """The first special point on the orbits that begin beside a configuration at a value of a number, towards `at`.
+    """The first special point on the orbits that begin next to a configuration at a value of a number, towards `at`.
 
-    None where there is none until four times as far; ComputationError where no orbit is found at the beginning.
+    None if there is none until four times as far; raise ComputationError if no orbit is found at the beginning.
     """
     y, period, leader = averaged_start(shooting(equilibrium.averaged.scene), equilibrium)
     problem = shooting(scene, leader=leader, variation=variation)

@@ -1,4 +1,4 @@
-"""Branches that leave another one at a special point.
+"""Branch switching at a special point.
 
 At a branch point the equations have two null vectors: the tangent of the branch and another one, along which the other
 branch leaves.  At a period doubling the same holds for the equations of twice the period.
@@ -38,9 +38,9 @@ LEAVES = ("branch point", "period doubling")
 
 
 def leaving_branch(branch: Branch, special: Special, *, max_orbits: int | None = None, step: float = 0.05) -> Branch:
-    """The branch that leaves at a branch point or a period doubling.
+    """Compute the branch that starts at a branch point or a period doubling.
 
-    It has up to `max_orbits` orbits, by default 100, of a forced motion 1,000.  Raises ComputationError at other points
+    It has up to `max_orbits` orbits, by default 100, of a forced motion 1,000. Raise ComputationError at other points
     and where no branch is found.
     """
     if special.kind not in LEAVES:

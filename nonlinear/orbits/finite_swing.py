@@ -1,7 +1,7 @@
 """The highest peak of a response at finite swing, by forced orbits over frequencies.
 
 A sine of one size pushes the scene at every frequency of a band; the size is that at which the largest angle of any
-link over the band is the one asked for.  Each orbit is the one beside the linear response, or where the motion from
+link over the band is the one requested. Each orbit is the one next to the linear response, or where the motion from
 there settles; where several motions coexist, others are not seen here, and `follow_forced_orbits` follows them.
 """
 
@@ -53,8 +53,8 @@ def finite_swing(
 ) -> FiniteSwing:
     """The highest peak of a coordinate under a sine at a point, where the largest angle of any link is `angle` (rad).
 
-    `column` is the coordinate's, a cart's 0 and links after it; `band` in Hz.  Raises SceneError for scenes without
-    forced orbits, ComputationError where an orbit is not found.
+    `column` is the coordinate's, a cart's 0 and links after it; `band` in Hz. Raise SceneError for scenes without
+    forced orbits, ComputationError if an orbit is not found.
 
     >>> from modal import Bob, Pendulum, Scene
     >>> scene = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0, damping=0.3)])])

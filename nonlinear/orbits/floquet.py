@@ -1,4 +1,4 @@
-"""Floquet multipliers of a periodic orbit, those that are 1 for a known reason taken out exactly.
+"""Floquet multipliers of a periodic orbit; the trivial ones are deflated exactly.
 
 A shift of time and, with nothing that holds the cart, a translation are carried into themselves: M v = v with v = f(y)
 and v = e_x.  Energy and momentum are conserved: wᵀM = wᵀ with their gradients w.  M acts on ker w / span v, where only
@@ -43,7 +43,7 @@ PAIR_SPLIT_MIN = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Map:
-    """A map M (d, d) of disturbances with its known eigenvectors, `right` (r, d) and `left` (l, d), of `deflate`.
+    """A map M (d, d) of perturbations with its known eigenvectors, `right` (r, d) and `left` (l, d), of `deflate`.
 
     It is C, above, where `half`, else the monodromy matrix.  All three change smoothly along a branch.
     """
@@ -100,7 +100,7 @@ def half_traces(M: Floats) -> Complexes:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Floquet(Displayed):
-    """The multipliers of an orbit: the `neutral` ones, which are 1, and the `others`, those of the `map`."""
+    """The multipliers of an orbit: the trivial (`neutral`) ones, which are 1, and the `others`, those of the `map`."""
 
     neutral: int
     others: Complexes
@@ -134,7 +134,7 @@ class Floquet(Displayed):
 
     @property
     def is_stable(self) -> bool:
-        """Whether no disturbance grows and, where energy is lost, all others decay."""
+        """Whether no perturbation grows and, where energy is lost, all others decay."""
         if not len(self.others):
             return True
         if self.half:

@@ -243,7 +243,7 @@ class Flow(Displayed):
         """What each of these steps does to V, (N, d, d).
 
         Where y hardly moves, as at an unstable equilibrium, its error says nothing of V: a step that errs in V is
-        divided.  ComputationError where that is so again and again, as where both ends of a spring meet.
+        divided. Raise ComputationError if that is so again and again, as where both ends of a spring meet.
         """
         if depth > STEP_DIVISIONS_MAX:
             raise ComputationError(UNFOLLOWED)

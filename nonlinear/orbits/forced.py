@@ -1,6 +1,6 @@
-"""Periodic motions under drives: their branches along a number, through folds, from the linear response.
+"""Forced oscillations: branches along a parameter, through folds, starting from the linear response.
 
-Their period is that of the drives.  A branch begins at an end of the range where Newton's method finds an orbit: beside
+Their period is that of the drives. A branch begins at an end of the range where Newton's method finds an orbit: next to
 the linear response, the steady solution of
 
     y' = A (y − y_e) + f(y_e, t),   A = mean of ∂f/∂y at y_e
@@ -63,7 +63,7 @@ class LinearResponse(Displayed):
 def linear_response(scene: Scene) -> LinearResponse:
     """The steady motion of the linear model under the drives of a scene.
 
-    Raises SceneError where there are none, or no common period, ComputationError where it has no value.
+    Raise SceneError if there are none, or no common period, ComputationError if it has no value.
 
     >>> from math import pi
     >>> from modal import Bob, Pendulum, Scene
@@ -103,10 +103,10 @@ def linear_response(scene: Scene) -> LinearResponse:
 def forced_orbit(
     scene: Scene, *, start: State | None = None, periods: int = 1, tolerance: float = ORBIT_TOLERANCE
 ) -> Orbit:
-    """The periodic motion of a scene under its drives, over so many `periods` of them together.
+    """Find the periodic motion of a scene under its drives with this number of common `periods`.
 
-    It is the one beside a `start` at the time 0, by default beside the linear response or where the motion from there
-    settles.  Raises SceneError where no drives have a common period, ComputationError where no orbit is found.
+    It is the one next to a `start` at the time 0, by default next to the linear response or where the motion from there
+    settles. Raise SceneError if no drives have a common period, ComputationError if no orbit is found.
 
     >>> from modal import Bob, Pendulum, Scene
     >>> from modal.scene import SineForce
@@ -132,13 +132,12 @@ def follow_forced_orbits(
     max_orbits: int = DENSE_BRANCH_ORBITS_MAX,
     report: Report = silent,
 ) -> tuple[Branch, ...]:
-    """The periodic motions of a scene under its drives along a number, followed through their folds, within its range.
+    """Follow the forced periodic motions of a scene along a parameter, through folds, within its range.
 
-    They have so many `periods` of the drives and begin at both ends of the range, or at its first value
-    beside a `start` at the time 0.  Neighbours differ by at most 2 % in amplitude and 0.1 in phase (`continuation`).
-    `report` is called with the number of branches followed so far.  Raises SceneError for a variation of fewer than two
-    values or of a count and where the drives have no common period, ComputationError where no orbit is found at either
-    end.
+    They have so many `periods` of the drives and begin at both ends of the range, or at its first value next to a
+    `start` at the time 0. Neighbours differ by at most 2 % in amplitude and 0.1 in phase (`continuation`). `report` is
+    called with the number of branches followed so far. Raise SceneError for a variation of fewer than two values or of
+    a count and where the drives have no common period, ComputationError if no orbit is found at either end.
     """
     variation = variation_of(vary)
     require_forced_orbits(scene, variation)
@@ -172,7 +171,7 @@ def require_forced_orbits(scene: Scene, variation: Variation) -> None:
 def _beginning(
     scene: Scene, variation: Variation | None, value: float | None, start: State | None, cycles: int, tolerance: float
 ) -> Beginning:
-    """An orbit at a value of the number; ComputationError where none is found."""
+    """An orbit at a value of the number; raise ComputationError if none is found."""
     varied_scene = scene if variation is None or value is None else vary(scene, {variation.path: value})
     problem = shooting(scene, tolerance=tolerance, variation=variation, cycles=cycles, segments=cycles)
     flow = problem.flow_at(value)
@@ -191,7 +190,7 @@ def _beginning(
 
 
 def _beginning_near(problem: Shooting, y: Floats, value: float | None, words: str) -> Beginning:
-    """The orbit beside the motion from y, whose links gain the whole turns that they gain there."""
+    """The orbit next to the motion from y, whose links gain the full turns that they gain there."""
     flow = problem.flow_at(value)
     layout, period = flow.equations.layout, problem.clock.period(value) if problem.clock else np.inf
     links, path = slice(layout.first, layout.half), flow(y, np.zeros((len(y), 0)), period).path

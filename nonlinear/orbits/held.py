@@ -1,4 +1,4 @@
-"""Symmetric orbits of one amplitude along a number of the scene.
+"""Symmetric orbits of constant amplitude along a parameter of the scene.
 
 To the equations of `symmetric` comes the largest angle of any link over the period, A(q) = A_0.  It is reached by one
 link at an instant t at which that link turns back, so that its derivative is that of the link's angle at t.

@@ -1,4 +1,4 @@
-"""Nonlinear normal modes: the family of periodic orbits that begins in a mode of the table, and its backbone."""
+"""Nonlinear normal modes: the family of periodic orbits that emanates from a linear mode, and its backbone."""
 
 from __future__ import annotations
 
@@ -52,13 +52,13 @@ def nonlinear_mode(
     locate: bool = True,
     report: Report = silent,
 ) -> Branch:
-    """The orbits from a `mode` of the table (from 1) up to a `largest_angle` (rad), which the last one has.
+    """Follow the orbits from a `mode` of the table (from 1) up to a `largest_angle` (rad), which the last one has.
 
     With an `energy` (J, above that of the equilibrium) the last one has this energy instead, if that comes first.
-    Dampers and drives are left out.  To `locate` special points, orbits are added where stability changes twice between
-    two others.  The branch ends before that where it ends by itself or after `max_orbits` (4,000) orbits,
-    and is then not `complete`.  Raises SceneError for a mode that the scene does not have or that is no oscillation
-    along the rail, ComputationError where no orbit is found beside the linear mode.
+    Dampers and drives are omitted. To `locate` special points, orbits are added where stability changes twice between
+    two others. The branch ends before that where it ends by itself or after `max_orbits` (4,000) orbits, and is then
+    not `complete`. Raise SceneError for a mode that the scene does not have or that is no oscillation along the rail,
+    ComputationError if no orbit is found next to the linear mode.
     """
     checked_number("largest_angle", largest_angle, ORBIT_TOLERANCE, ANGLE_MAX)
     checked_number("first", first, ORBIT_TOLERANCE, ANGLE_MAX)
@@ -71,7 +71,7 @@ def nonlinear_mode(
     steps = follow(problem, beginning(problem, modes, row, first), step=first, longest=longest)
 
     def excess(current: OrbitPoint) -> float:
-        """How far an orbit is beyond the largest angle or the energy asked for, whichever is nearer."""
+        """How far an orbit is beyond the largest angle or the energy requested, whichever is nearer."""
         over = current.orbit.amplitude - largest_angle
         return over if energy is None else max(over, current.orbit.energy / energy - 1)
 
@@ -118,7 +118,7 @@ def mode_orbit(scene: Scene, number: int, amplitude: float) -> Orbit:
 def orbit_where_off(scene: Scene, number: int, share: float = 0.01) -> Orbit | None:
     """The first orbit of mode `number` whose frequency is this share off the linear one.
 
-    None where there is none up to 170°; raises what `nonlinear_mode` does.
+    None if there is none up to 170°; raises what `nonlinear_mode` does.
     """
     modes, row = oscillating(scene, number)
     problem, linear = quarter_of(modes.scene, ORBIT_TOLERANCE), float(modes.omega[row])
@@ -133,7 +133,7 @@ def orbit_where_off(scene: Scene, number: int, share: float = 0.01) -> Orbit | N
 
 
 def at_amplitude(branch: Branch, amplitude: float) -> Orbit | None:
-    """The first orbit of a branch with this largest angle (rad), None where it has none."""
+    """The first orbit of a branch with this largest angle (rad), None if it has none."""
     larger = np.flatnonzero(branch.amplitude >= amplitude)
     if not larger.size or larger[0] == 0:
         return None
@@ -145,7 +145,7 @@ def at_amplitude(branch: Branch, amplitude: float) -> Orbit | None:
 def oscillating(scene: Scene, number: int) -> tuple[Modes, int]:
     """The modes of a scene without dampers and drives, and the index among them of this mode of its table (from 1).
 
-    SceneError where it is no oscillation along the rail.
+    Raise SceneError if it is no oscillation along the rail.
     """
     require(scene, "a periodic orbit of a mode")
     modes, conservative_modes = natural_modes(scene), natural_modes(scene.conservative)
@@ -167,7 +167,7 @@ def oscillating(scene: Scene, number: int) -> tuple[Modes, int]:
 
 
 def beginning(problem: Quarter, modes: Modes, row: int, amplitude: float) -> OrbitPoint:
-    """The orbit of this amplitude (rad) beside the linear mode of this index, with the tangent towards larger ones."""
+    """The orbit of this amplitude (rad) next to the linear mode of this index, with the tangent towards larger ones."""
     shape = modes.shape(row)
     phi = np.real(modes.column(shape)) / problem.flow.scale[: problem.half]
     phi = phi / np.abs(np.real(shape.angles)).max()

@@ -1,4 +1,4 @@
-"""A periodic orbit: its start, period and multipliers, and what is read off it."""
+"""A periodic orbit: its start, period and multipliers, and derived quantities."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ MIRROR_GAP_MAX = 1e-4
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Orbit(Displayed):
-    """A motion of `scene` that begins at y and closes after `period` (s), but for `residual` in natural units.
+    """A motion of `scene` that begins at y and closes after `period` (s) up to `residual` in natural units.
 
     `value` is that of the number along which it was continued, if any; `path` covers the period, or where `symmetric`
-    its first quarter, or its first half where it comes to rest at both ends of that.  A forced motion has so many
-    `cycles` of its drives in it, and links gain `turns` whole turns.
+    its first quarter, or its first half where it comes to rest at both ends of that. A forced motion has so many
+    `cycles` of its drives in it, and links gain `turns` full turns.
     """
 
     scene: Scene = field(repr=False)
@@ -59,7 +59,7 @@ class Orbit(Displayed):
 
     @property
     def is_stable(self) -> bool:
-        """Whether disturbances do not grow."""
+        """Whether perturbations do not grow."""
         return self.floquet.is_stable
 
     @property
@@ -69,7 +69,7 @@ class Orbit(Displayed):
 
     @cached_property
     def energy(self) -> float:
-        """Energy (J) at the start, from that of links that hang or stand straight; without that of constant forces."""
+        """Energy (J) at the start, above that of vertical links; without that of constant forces."""
         return float(Mechanics(self.flow.system, self.motion(self.y[None])).energy[0])
 
     @cached_property
@@ -91,9 +91,9 @@ class Orbit(Displayed):
     def phases(self) -> Floats:
         """By how much the fundamental of every link is ahead of the first drive (rad), (L,), in −π to π.
 
-        The fundamental of an angle θ of a forced motion is the part of θ at the frequency ω of the drive: with
-        c = 2/T ∫ θ e^(−iωt) dt it is |c| cos(ωt + arg c), and the drive's A sin(ωt + φ) is ahead by nothing of itself.
-        NaN where it is less than 1 % of the largest angle, as in a motion of twice the drive's period.
+        The fundamental of an angle θ of a forced motion is the part of θ at the frequency ω of the drive: with c = 2/T
+        ∫ θ e^(−iωt) dt it is |c| cos(ωt + arg c), and the drive's A sin(ωt + φ) is ahead by nothing of itself. NaN if
+        it is less than 1 % of the largest angle, as in a motion of twice the drive's period.
         """
         drive = next(iter(sines_of(self.scene).values()))
         times, q, _ = self._samples

@@ -1,13 +1,13 @@
-"""Populations that do the same, on the full equations: their periodic orbits, and the multipliers of every sector.
+"""Populations in identical motion in the full equations: periodic orbits, and the multipliers of every sector.
 
 The orbit is one of a few pendula that stand for all (`nonlinear.averaging.populations`), and Newton's method
 
     Eᵀ[φ_T(E c) − E c] = 0
 
 stays among the motions y = E c of its pattern, so that it goes through values at which neighbours in another sector
-begin to grow.  Sectors do not mix, so that the multipliers of each are the eigenvalues of FᵀVF, V = ∂φ_T/∂y and F its
+begin to grow. Sectors do not mix, so that the multipliers of each are the eigenvalues of FᵀVF, V = ∂φ_T/∂y and F its
 basis; those within a population are of one pendulum under the given motion of its support, and belong to N − 1
-disturbances of the whole scene.
+perturbations of the whole scene.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ class PatternOrbit(Displayed):
 
     @property
     def beats(self) -> tuple[float, ...]:
-        """The rate (rad/s) at which the fastest growing disturbance of every sector oscillates about the orbit."""
+        """The rate (rad/s) at which the fastest growing perturbation of every sector oscillates about the orbit."""
         return tuple(float(abs(np.angle(values[0])) / self.orbit.period) for values in self.multipliers)
 
     @property
@@ -81,7 +81,7 @@ class PatternOrbit(Displayed):
 
     @property
     def is_stable(self) -> bool:
-        """Whether disturbances of every sector decay."""
+        """Whether perturbations of every sector decay."""
         return max(self.growth) < 0
 
     @cached_property
@@ -97,9 +97,9 @@ class PatternOrbit(Displayed):
 def pattern_orbit(
     pattern: Pattern, near_by: AveragedPattern | PatternOrbit | None = None, *, tolerance: float = ORBIT_TOLERANCE
 ) -> PatternOrbit:
-    """The periodic orbit of a pattern beside an averaged one, or beside that of a scene with other numbers.
+    """The periodic orbit of a pattern next to an averaged one, or next to that of a scene with other numbers.
 
-    ComputationError where none is found, or it has died out.
+    Raise ComputationError if none is found, or it has died out.
     """
     require(pattern.few, "a periodic orbit")
     flow = Flow(pattern.system, tolerance)

@@ -79,12 +79,12 @@ def _parameter(branch: Branch, orbit: Orbit) -> float:
 
 
 def orbits_csv(branches: Sequence[Branch]) -> str:
-    """One line for every orbit, with its largest multiplier other than those that are 1 for a known reason."""
+    """Return one line for every orbit, with its largest non-trivial multiplier."""
     return as_csv([row for number, branch in enumerate(branches, 1) for row in orbit_rows(branch, number)])
 
 
 def orbit_rows(branch: Branch, number: int = 1) -> Iterator[dict[str, Any]]:
-    """What CSV has of every orbit of a branch of this number."""
+    """Return the CSV rows of every orbit of a branch with this number."""
     for orbit in branch.orbits:
         yield {
             **state_columns(
@@ -106,7 +106,7 @@ def orbit_rows(branch: Branch, number: int = 1) -> Iterator[dict[str, Any]]:
 
 
 def _columns(driven: dict[str, Any]) -> dict[str, Any]:
-    """The same as columns, whole turns separated by blanks."""
+    """The same as columns, full turns separated by blanks."""
     return driven | ({"whole_turns": " ".join(map(str, driven["whole_turns"]))} if driven else {})
 
 
@@ -135,7 +135,7 @@ def _parts(branches: Sequence[Branch], linear: float | None) -> Iterator[str]:
 
 
 def _quantities(branch: Branch, linear: float | None) -> Iterator[ReportColumn]:
-    """What the text tells of an orbit."""
+    """Return the text on an orbit."""
     if branch.variation:
         place = f"{branch.variation.path} ({branch.variation.unit or '–'})"
         yield ReportColumn(partial(_parameter, branch), None, place, ".6g")

@@ -4,11 +4,11 @@ The period T is divided into equal segments that begin at y_0, y_1, …:
 
     φ_{T/m}(y_k) = y_{k+1},   φ_{T/m}(y_{m−1}) = y_0
 
-with T unknown unless drives of that period set it; then angles may gain whole turns in it [Keller1976],
-[Seydel2010, ch. 7].  The phase of a free oscillation is chosen so that one link turns back at the start, or with dry
-friction, which stops there, passes its angle at rest to the right; a cart that nothing holds starts at 0, carriers at 0
-in the mean.  In a conservative scene these equations follow from each other in part, and solutions form families.  A
-number of the scene may be a further unknown.
+with T unknown unless drives of that period set it; then angles may gain full turns in it [Keller1976], [Seydel2010, ch.
+7]. The phase of a free oscillation is chosen so that one link turns back at the start, or with dry friction, which
+stops there, passes its angle at rest to the right; a cart that nothing holds starts at 0, carriers at 0 in the mean. In
+a conservative scene these equations follow from each other in part, and solutions form families. A number of the scene
+may be a further unknown.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ class FlowAt:
         return {attribute.name: getattr(self, attribute.name) for attribute in fields(self)}
 
     def __call__(self, value: float | None) -> Flow:
-        """The flow, kept for the values that were asked for last."""
+        """The flow, kept for the values that were requested last."""
         return self._cache(value)
 
     @cached_property
@@ -101,8 +101,8 @@ class Shooting:
     """The equations of periodic orbits: u = (y_0, …, y_{m−1} in natural units, T sqrt(g/l), place in the range).
 
     `flow_at` gives the flow for a value of the `variation` (None: of the scene itself); the `leader` (from 0) turns
-    back at the start, or passes rest there (`passes`).  With a `clock`, T is no unknown and there is no leader; it has
-    `cycles` periods of the drives, and links gain `turns` (L,) whole turns in it.
+    back at the start, or passes rest there (`passes`). With a `clock`, T is no unknown and there is no leader; it has
+    `cycles` periods of the drives, and links gain `turns` (L,) full turns in it.
     """
 
     scene: Scene
@@ -348,7 +348,7 @@ def shooting(
 
 
 def _clock(scene: Scene, variation: Variation | None, cycles: int) -> Clock:
-    """The clock of a scene's drives; SceneError where they have no common period or only some frequencies vary."""
+    """The clock of a scene's drives; raise SceneError if they have no common period or only some frequencies vary."""
     if variation is None:
         return Clock(cycles * drive_period(scene).seconds)
     value = variation.values[0]
@@ -364,7 +364,7 @@ def _clock(scene: Scene, variation: Variation | None, cycles: int) -> Clock:
 def _change(scene_at: Callable[[float], Scene], value: float, flow: Flow) -> NumberChange | None:
     """The derivative of the numbers of the equations by a number of the scene, by central differences.
 
-    None where a scene beside has another form, as a number is 0 there.
+    None if a scene next to has another form, as a number is 0 there.
     """
     samples, aside = [], float(np.finfo(float).eps ** (1 / 3)) * abs(value)
     reference = switching_of(flow.system)

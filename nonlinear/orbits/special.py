@@ -1,4 +1,4 @@
-"""Special points of a branch: where it turns, where other branches leave it and where stability changes."""
+"""Special points of a branch: folds, branch points and changes of stability."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def along_cycles(problem: Shooting, points: Sequence[OrbitPoint]) -> Iterator[Sp
 
 
 def passing(start: OrbitPoint, end: OrbitPoint, sign: int) -> Callable[[OrbitPoint], float] | None:
-    """A function that passes 0 where a multiplier passes 1 or −1 between two points; None where none is seen to.
+    """A function that passes 0 if a multiplier passes 1 or −1 between two points; None if none is seen to.
 
     It is det(R ∓ 1), or the margin of the outermost pair where two pass at once, as those of equal pendula do.
     """
@@ -138,7 +138,7 @@ def collisions(problem: OrbitProblem, start: OrbitPoint, end: OrbitPoint) -> Ite
 
 
 def _torus_point(problem: Shooting, start: OrbitPoint, end: OrbitPoint) -> OrbitPoint | None:
-    """Where a complex pair of multipliers passes the unit circle; None where a pair grew apart beyond it instead."""
+    """Where a complex pair of multipliers passes the unit circle; None if a pair grew apart beyond it instead."""
     if start.orbit.floquet.n_split_pairs == end.orbit.floquet.n_split_pairs:
         return None
     if start.orbit.floquet.closest_pair * end.orbit.floquet.closest_pair < 0:

@@ -1,4 +1,4 @@
-"""Stable orbits along a number: each followed to both sides while it is stable, with what ends it there.
+"""Stable orbits along a parameter: each is followed to both sides while it is stable.
 
 The end is a special point (`special`): a fold, a branch point, a Neimark–Sacker point or a period doubling.
 """
@@ -26,7 +26,7 @@ KINDS = {"torus": "Neimark–Sacker", "period doubling": "doubling"}
 
 @dataclass(frozen=True, eq=False, repr=False)
 class StableOrbits(Displayed):
-    """A stable orbit at the values of the number between its birth and its death, None where the range ends before."""
+    """A stable orbit at the values of the number between its birth and its death, None if the range ends before."""
 
     what, shows = "StableOrbits", "birth: birth; death: death"
 

@@ -8,8 +8,8 @@ release q and τ,
 
 a family of one parameter [Rosenberg1966].  Along a number of the scene, the energy is held.
 
-On structures left and right differ: springs between points pull along lines that turn, boards lift what hangs beside
-their axis.  There the equations are still the same backwards, so that a motion released from rest that comes to rest
+On structures left and right differ: springs between points pull along lines that turn, boards lift what hangs next to
+their axis. There the equations are still the same backwards, so that a motion released from rest that comes to rest
 again a time τ later repeats itself with the period 2τ: q'(τ; q) = 0 (`Half`).
 """
 
@@ -121,7 +121,7 @@ class Half(Quarter):
 def quarter_of(scene: Scene, tolerance: float) -> Quarter:
     """The equations of a conservative scene in the plane, on a structure those of `Half`.
 
-    ComputationError where it has none at the equilibrium.
+    Raise ComputationError if it has none at the equilibrium.
     """
     require(scene, "a periodic orbit of a mode")
     if is_singular(matrices(scene).M):

@@ -83,7 +83,7 @@ class Film(MovingFigure):
         _fit(low, 0.96)
 
     def show(self, frame: int) -> None:
-        """Update everything to a frame."""
+        """Update all artists to a frame."""
         self.scenery.show(frame)
         self.right.show(frame)
         self.clock.set_text(f"t = {self.times[frame]:.2f} s")
@@ -152,10 +152,10 @@ def animate(
     """Write a film of a trajectory as "gif", "mp4" or "html".
 
     `fps` is the frame rate (25 in a GIF, else 30; a GIF counts hundredths of a second and takes the nearest possible
-    rate), `speed` the seconds of motion per second of film, `seconds` the maximum length of the film (20).  Another
-    trajectory of the same duration may be shown `second` this one, instead of the energies.  `report` is called
-    with the seconds of film done.  Raises SceneError for invalid arguments, ComputationError where samples are too far
-    apart and for an MP4 without ffmpeg.
+    rate), `speed` the seconds of motion per second of film, `seconds` the maximum length of the film (20). Another
+    trajectory of the same duration may be shown `second` this one, instead of the energies. `report` is called with the
+    seconds of film done. Raise SceneError for invalid arguments, ComputationError if samples are too far apart and for
+    an MP4 without ffmpeg.
     """
     _check(form, fps, speed, seconds)
     rate = frame_rate(form, fps)

@@ -65,7 +65,7 @@ class Scenery:
 
     @property
     def moving(self) -> list[Artist]:
-        """What a frame draws anew, and over it the axis' own lines, if it shows any."""
+        """The artists redrawn in each frame, and over them the axis lines, if shown."""
         pieces = zip(self.drawn, self.stage.pieces, strict=True)
         return [
             *(artist for artist, piece in pieces if len(piece.points) > 1),

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 def branches_figure(branches: Branches) -> Figure:
     """Solid lines where a branch is stable, dash-dotted ones where it is not; circles are critical values.
 
-    Raises ComputationError for no branch and for more than HUES.
+    Raise ComputationError for no branch and for more than HUES.
     """
     if not 1 <= len(branches.branches) <= HUES:
         raise ComputationError(f"{len(branches.branches)} configurations do not fit in a figure: from 1 to {HUES}")

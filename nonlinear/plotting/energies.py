@@ -1,4 +1,4 @@
-"""Pictures of measures against energy: the median with its band of starts drawn at random, and the share of chaos."""
+"""Pictures of measures against energy: the median and band of random starts, and the chaotic fraction."""
 
 from __future__ import annotations
 

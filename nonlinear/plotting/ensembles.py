@@ -1,4 +1,4 @@
-"""Ensembles as pictures: maps of where starts end, Poincaré sections, bands of what tolerances do."""
+"""Pictures of ensembles: basins of attraction, Poincaré sections, uncertainty bands."""
 
 from __future__ import annotations
 
@@ -139,7 +139,7 @@ def _crossing(text: str) -> str:
 
 
 def spread_figure(spread: Spread) -> Figure:
-    """The deviation of every frequency with what explains it, and above it bands of the motion where there is one."""
+    """The deviation of every frequency with what explains it, and above it bands of the motion if there is one."""
     motion = spread.ensemble is not None
     figure, panels = stack(1 + motion)
     if motion:

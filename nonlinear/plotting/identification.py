@@ -1,4 +1,4 @@
-"""Fits as pictures: the record with the fitted motion, and what is left of it."""
+"""Pictures of fits: the record with the fitted motion, and the residuals."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Films of a periodic orbit beside the linear mode with which it begins."""
+"""Films of a periodic orbit next to the linear mode with which it begins."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def film_orbit(
     row: int = 0,
     report: Callable[[float], object] = silent,
 ) -> Shown:
-    """Write a film of four periods of an orbit, beside the mode of index `row` at the same largest angle."""
+    """Write a film of four periods of an orbit, next to the mode of index `row` at the same largest angle."""
     phase = np.linspace(0, 1, SOLVED_POINTS, endpoint=False)
     rows = np.tile(orbit.states_at(phase * orbit.period), (4, 1))
     times = (np.arange(4)[:, None] + phase).ravel() * orbit.period

@@ -38,7 +38,7 @@ BACKBONE_DEG = 170.0
 def orbits_figure(scene: Scene, branches: Sequence[Branch], mode: Mode | None = None) -> Figure:
     """Backbones of a `mode` with its linear and its κ curve, or branches along a number; solid where stable.
 
-    Raises ComputationError for more branches than a figure holds.
+    Raise ComputationError for more branches than a figure holds.
     """
     if not 1 <= len(branches) <= HUES:
         raise ComputationError(f"{len(branches)} branches do not fit in a figure: from 1 to {HUES}")
@@ -99,7 +99,7 @@ def _drawn(
 
 
 def _heights(orbit: Orbit) -> tuple[float, float, float]:
-    """Largest angle (°), frequency (rad/s) and growth rate (1/s; NaN where nothing can grow or decay)."""
+    """Largest angle (°), frequency (rad/s) and growth rate (1/s; NaN if nothing can grow or decay)."""
     from nonlinear.orbits import growth
 
     rate = growth(orbit)
@@ -107,7 +107,7 @@ def _heights(orbit: Orbit) -> tuple[float, float, float]:
 
 
 def _resonance(scene: Scene, branches: Sequence[Branch]) -> Figure:
-    """The largest angle and its phase along a number, with the linear response and the backbones of modes beside."""
+    """The largest angle and its phase along a number, with the linear response and the backbones of modes next to."""
     figure, (upper, lower) = stack(2, sharex=True, height_ratios=(3, 2))
     variation = branches[0].variation
     assert variation is not None
@@ -137,7 +137,7 @@ def _resonance(scene: Scene, branches: Sequence[Branch]) -> Figure:
 
 
 def _linear(scene: Scene, variation: Variation) -> tuple[Floats, Floats]:
-    """The largest angle (deg) of the linear response at so many values of a number; NaN where it has none."""
+    """The largest angle (deg) of the linear response at so many values of a number; NaN if it has none."""
     from nonlinear.orbits import linear_response
 
     space = np.geomspace if variation.log else np.linspace

@@ -25,7 +25,7 @@ SECTORS = {"own": "within its symmetry", "other": "towards the other motion"}
 def populations_figure(diagram: PopulationDiagram) -> Figure:
     """Growth rates of every motion: solid by Floquet multipliers, dashed by the averaged equations.
 
-    A thick line along 0 tells where the motion is stable; circles are thresholds, squares where it begins or ends.
+    A thick line along 0 shows where the motion is stable; circles are thresholds, squares where it begins or ends.
     """
     branches = [branch for branch in diagram.branches if len(branch.values)]
     if not branches:

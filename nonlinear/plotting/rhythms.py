@@ -1,4 +1,4 @@
-"""Maps of rhythms as pictures: shares of starts along a number, the most frequent rhythm over two."""
+"""Pictures of maps of rhythms: shares of starts along a parameter, the most frequent rhythm over two."""
 
 from __future__ import annotations
 

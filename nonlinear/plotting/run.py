@@ -80,7 +80,7 @@ class _DrawnLinks:
 def run_figure(trajectory: Trajectory) -> Figure:
     """The picture of a run; of many links it draws some and the range of all, as its caption says.
 
-    Links that move alike throughout are one curve with one name.  ComputationError for a run of a single instant.
+    Links that move alike throughout are one curve with one name.  Raise ComputationError for a run of a single instant.
     """
     require_type("trajectory", trajectory, "Trajectory")
     if len(trajectory.times) < 2:
@@ -216,7 +216,7 @@ def _draw_panel(axis: Axes, times: Floats, panel: _CurvePanel) -> None:
 
 
 def _carrier(axis: Axes, times: Floats, values: Floats, name: str) -> bool:
-    """The curve of what carries the pendula, in ink; whether it is a band."""
+    """The curve of the supports of the pendula, in ink; whether it is a band."""
     return draw_curves(axis, [(times, values)], names=[name], bands=True, color=ink(), lw=1.2)
 
 
@@ -307,7 +307,7 @@ def _spectrum(axis: Axes, trajectory: Trajectory, chosen_links: _DrawnLinks) -> 
 
 
 def _without(scene: Scene) -> str:
-    """What the marked modes do not know of, where it moves the peaks beside them."""
+    """What the marked modes do not know of, where it moves the peaks next to them."""
     if scene.is_hoisted:
         return " before the hoist"
     return " without dry friction" if scene.has_friction else ""

@@ -161,7 +161,7 @@ def _actor(links: tuple[AnyLink, ...], joints: Floats, centres: Floats, floor: f
 
 
 def energies_of(trajectory: Trajectory, at: Floats) -> FilmEnergies:
-    """The energies of the drawn pendula, then of what carries them, and of everything, at the times `at` (F,) in s."""
+    """The energies of the drawn pendula, then of their supports, and of everything, at the times `at` (F,) in s."""
     rows = max(1, ANGLES_AT_ONCE // trajectory.system.n_links)
     parts = [_energies(trajectory, at[first : first + rows]) for first in range(0, len(at), rows)]
     kinetic, potential = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
@@ -173,7 +173,7 @@ def energies_of(trajectory: Trajectory, at: Floats) -> FilmEnergies:
 
 
 def carrier_name(system: System) -> str:
-    """What has energy beside the pendula, in a word; "" where nothing has.
+    """What has energy next to the pendula, in a word; "" where nothing has.
 
     A structure has that of all springs between points.
     """

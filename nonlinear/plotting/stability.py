@@ -1,4 +1,4 @@
-"""Branches of steady and periodic motions: solid where stable, dash-dotted where not, their special points marked."""
+"""Branches of steady and periodic motions: solid if stable, else dash-dotted, with special points marked."""
 
 from __future__ import annotations
 

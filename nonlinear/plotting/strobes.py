@@ -1,4 +1,4 @@
-"""Driven scenes looked at once a period of their drives: stroboscopic sections and bifurcation diagrams."""
+"""Pictures of stroboscopic sections and bifurcation diagrams of driven scenes."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def strobes_figure(section: StroboscopicSection) -> Figure:
 
 
 def bifurcation_figure(diagram: BifurcationDiagram) -> Figure:
-    """The angles of every named link at the last strobes, over the number that is varied."""
+    """Draw the last stroboscopic angles of every named link over the varied parameter."""
     figure, axes = stack(len(diagram.shown), 1.5 * len(diagram.shown), sharex=True)
     for axis, link in zip(axes, diagram.shown, strict=True):
         values, angles = diagram.points(link)
@@ -44,7 +44,7 @@ def bifurcation_figure(diagram: BifurcationDiagram) -> Figure:
 
 
 def link_name(strobes: StroboscopicSection | BifurcationDiagram, link: int) -> str:
-    """How a figure calls a link: θ with its pendulum and number."""
+    """Return the label of a link in figures: θ with its pendulum and number."""
     return symbols_in(strobes.system.labels[strobes.system.first + link])
 
 

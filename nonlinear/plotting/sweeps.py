@@ -73,8 +73,8 @@ UNITS = (
 def sweep_figure(sweep: Sweep) -> Figure:
     """Every quantity of a sweep: curves over one parameter, maps over two; logarithmic where the variation is.
 
-    Points that failed are hatched.  Raises ComputationError where nothing is known, for three parameters, and for
-    more quantities than a picture holds.
+    Points that failed are hatched. Raise ComputationError if nothing is known, for three parameters, and for more
+    quantities than a picture holds.
     """
     validate_axes(sweep.study.variations)
     names = [name for name in sweep.columns if np.any(np.isfinite(sweep.values(name)))]
@@ -95,7 +95,7 @@ def sweep_figure(sweep: Sweep) -> Figure:
 
 
 def validate_axes(axes: Sequence[Variation]) -> None:
-    """ComputationError where a sweep over these cannot be drawn."""
+    """Raise ComputationError if a sweep over these cannot be drawn."""
     if len(axes) > 2 or any(len(variation.values) < 2 for variation in axes):
         raise ComputationError("a figure needs one or two parameters, each with two or more values")
 

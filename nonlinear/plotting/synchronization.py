@@ -40,7 +40,7 @@ from nonlinear.synchronization import Phases, Survival, find_survival, populatio
 
 
 def sync_figure(trajectory: Trajectory, phases: Phases) -> Figure:
-    """How pendula fall in step; ComputationError for a run of a single instant.
+    """Draw how pendula synchronize; raise ComputationError for a run of a single instant.
 
     Of many pendula only some are drawn, and their energies as a band; where the energy cannot be divided among modes
     the picture gives the reason.

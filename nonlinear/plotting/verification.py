@@ -39,7 +39,7 @@ def check_figure(check: Check) -> Figure:
     """|ω(a)/ω − 1| against the largest angle on logarithmic axes: marks are runs, dashed lines κa², wide ones orbits.
 
     The level of 1 % is marked, with the angle measured for it; hollow marks are frequencies that rise with amplitude.
-    Irregular runs are omitted.  Raises ComputationError where there is nothing to draw or too much.
+    Irregular runs are omitted. Raise ComputationError if there is nothing to draw or too much.
     """
     rows = [
         row
@@ -113,7 +113,7 @@ def _shifts(axis: Axes, row: ModeCheck, low: float, high: float, k: int) -> None
 def spectrum_figure(comparison: Comparison) -> Figure:
     """Amplitude spectra of the modal coordinates that move, the strongest of a mode's copies, on a logarithmic scale.
 
-    Dotted lines with numbers mark the table's frequencies.  Raises ComputationError where nothing oscillates.
+    Dotted lines with numbers mark the table's frequencies.  Raise ComputationError if nothing oscillates.
     """
     rows = _strongest(comparison)
     figure, (axis,) = stack(1)

@@ -28,7 +28,7 @@ def tradeoff_figure(work_precision: WorkPrecision) -> Figure:
     """The largest error (rad) of every candidate against its time (s) on logarithmic axes, one line per family.
 
     The broad line is the Pareto front; in the shaded part the reference cannot resolve errors, and candidates that
-    reach it are drawn on its edge.  Raises ComputationError where no candidate was measured.
+    reach it are drawn on its edge. Raise ComputationError if no candidate was measured.
     """
     rows = [row for row in work_precision.rows if row.candidate != work_precision.reference.candidate]
     if not rows:
@@ -90,7 +90,7 @@ def _decorate(figure: Figure, axis: Axes, work_precision: WorkPrecision) -> None
 def frequencies_figure(result: FrequencyTradeoff) -> Figure:
     """The largest relative error of all frequencies against the time (s) of every way, on logarithmic axes.
 
-    A way that gives up is left out; an error below the spacing of numbers is drawn there.
+    A way that gives up is omitted; an error below the spacing of numbers is drawn there.
     """
     rows = [row for row in result.rows if isfinite(row.error)]
     figure, (axis,) = stack(1, 2)

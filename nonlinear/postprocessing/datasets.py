@@ -25,8 +25,7 @@ AXES = ("x", "y", "z")
 def dataset_of(trajectory: Trajectory) -> Any:
     """The `xarray.Dataset` of `Trajectory.to_xarray`.
 
-    Raises MissingExtraError without xarray, ComputationError where pendula of very different length would fill it with
-    NaN.
+    Raise MissingExtraError without xarray, ComputationError if pendula of very different length would fill it with NaN.
     """
     xarray = _xarray()
     system, motion, run, scene = trajectory.system, trajectory.motion, trajectory.run, trajectory.scene
@@ -86,7 +85,7 @@ def dataset_of_rows(
     indexing, backends = (import_module(f"xarray.{name}") for name in ("core.indexing", "backends"))
 
     class ColumnOnDisk(backends.BackendArray):  # type: ignore[misc, name-defined]
-        """A column that is read where it is asked for."""
+        """A column that is read where it is requested."""
 
         def __init__(self, name: str) -> None:
             self.name, self.shape, self.dtype = name, (size, *columns[name]), np.dtype(float)
@@ -122,7 +121,7 @@ def _attributes(units: str, long_name: str) -> dict[str, str]:
 
 
 def _spread(values: Floats, place: tuple[Ints, Ints], counts: tuple[int, int]) -> Floats:
-    """Values (T, L, …) over pendula and links, (T, P, n, …), NaN where there is no link."""
+    """Values (T, L, …) over pendula and links, (T, P, n, …), NaN if there is no link."""
     spread = np.full((len(values), *counts, *values.shape[2:]), np.nan)
     spread[:, place[0], place[1]] = values
     return spread

@@ -1,4 +1,4 @@
-"""How far a motion goes: the extremes of its angles and of the cart between the samples, too.
+"""Extremes of the angles and of the cart's position in a motion, also between samples.
 
 Samples miss an extreme by up to the square of their distance, and in space, where an angle from the vertical passes its
 smallest value as |t| does, by their distance itself.  Where cubics between the samples come near an extreme, the motion

@@ -137,10 +137,10 @@ class _Signal:
 def line(times: ArrayLike, values: ArrayLike, near: float | None = None) -> SpectralLine:
     """The strongest line, or the strongest within a quarter of `near` (rad/s), with companion lines removed.
 
-    `times` (N,) in s, evenly spaced; `values` (N,).  `error` bounds the error of `omega` in practice: it sums the
+    `times` (N,) in s, evenly spaced; `values` (N,). `error` bounds the error of `omega` in practice: it sums the
     differences found with other windows (of order 2 and 4, the first and the last three quarters of the signal) and the
-    effect of the residual near the line.  Raises ComputationError where the signal is too short for the line (less than
-    4 periods), has none, or its frequency does not converge.
+    effect of the residual near the line. Raise ComputationError if the signal is too short for the line (less than 4
+    periods), has none, or its frequency does not converge.
     """
     return _strongest_lines(times, values, 1, near)[0]
 

@@ -133,7 +133,7 @@ class _InMotion:
     scene: Scene
 
     def validate(self, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> None:
-        """SceneError for a scene, inputs and outputs without such a model."""
+        """Raise SceneError for a scene, inputs and outputs without such a model."""
         require(self.scene, "a model along a motion")
         problems = [f"input {name}: in motion only its acceleration has a model" for name in inputs if name in CHANGING]
         if self.scene.has_modal_damping and "cart_acceleration" in inputs:

@@ -18,7 +18,7 @@ from nonlinear.system import Layout, Motion, numbers_of
 def reaction_forces_of(trajectory: Trajectory) -> Reactions:
     """The force at every pivot and that of the rail on the cart, at the sampled times.
 
-    On a structure, where there is no one rail, `normal` is NaN.  Raises ComputationError for a saved run with applied
+    On a structure, where there is no one rail, `normal` is NaN. Raise ComputationError for a saved run with applied
     forces, which are not saved, and for one with sampled feedback.
     """
     require_type("trajectory", trajectory, "Trajectory")

@@ -24,7 +24,7 @@ DEFECT_MAX = 0.25
 def resample(times: Floats, motion: Motion, at: Floats) -> Motion:
     """The motion at times `at` (F,) in s, within `times` (T,); unit vectors remain unit and orthogonal to their rates.
 
-    Raises ComputationError where the samples are too far apart to interpolate.
+    Raise ComputationError if the samples are too far apart to interpolate.
     """
     if len(times) < 2:
         raise ComputationError("the run has a single sample: there is no motion to draw")

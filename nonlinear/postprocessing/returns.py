@@ -1,4 +1,4 @@
-"""Returns of a motion to a section: whether it closes, and after how many of them, or has a second, slow frequency.
+"""Returns of a motion to a section: whether and after how many it closes, or whether it has a second, slow frequency.
 
 With y_n the states in which a motion passes the section, n = 0 … K − 1, it is periodic where y_{n+p} = y_n.  On a torus
 
@@ -113,7 +113,7 @@ def natural_units(system: System, states: Sequence[Floats]) -> Floats:
 
 
 def repetition(strobes: Floats, links: int, gap: float = REPEAT_GAP_MAX) -> tuple[Ints, Ints]:
-    """After how many strobes motions (S, K, D) repeat, (S,), 0 for none, and by how many turns each link, (S, links).
+    """Return after how many samples motions (S, K, D) repeat, (S,), 0 for none, and the turns of each link, (S, links).
 
     They repeat where no component differs by more than a `gap`.  One that still approaches a shorter period, as it does
     near a doubling, repeats after none.
@@ -159,14 +159,14 @@ def clustered(strobes: Floats, period: Ints, turns: Ints, gap: float = ATTRACTOR
 
 
 def _apart(strobes: Floats, other: Floats, links: int) -> Floats:
-    """The largest difference between strobes (S, p, D) and (p, D), angles modulo whole turns, (S,)."""
+    """The largest difference between stroboscopic samples (S, p, D) and (p, D), angles modulo full turns, (S,)."""
     change = strobes - other
     change[..., :links] -= 2 * np.pi * np.round(change[..., :links] / (2 * np.pi))
     return np.asarray(np.abs(change).max((1, 2)))
 
 
 def slow_rotation(record: Floats, residual: float = 1e-2) -> float | None:
-    """The ν of a record (K, D) of returns that is a function of one phase, None where none is seen.
+    """The ν of a record (K, D) of returns that is a function of one phase, None if none is seen.
 
     The strongest line, or one of which it is the second or third multiple, with its multiples leaves at most `residual`
     of the record's standard deviation: so much is left by an amplitude that changes by some 3 % over the record.  A

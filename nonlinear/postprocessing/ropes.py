@@ -1,12 +1,12 @@
-"""Where the link of a bob pushes: it is a massless rod there, since a rope in its place would be slack.
+"""Compression in the link of a bob: a rope in its place would be slack.
 
 The tension of a link without mass is the force on it from above along it, of which its bob tells at any state,
 
     S = −F · u,    F = Σ m (a − g) − drag − springs,  over the bob and all below it.
 
 Between samples the angles are the quintics through them, their rates and their accelerations; in space and where
-accelerations are computed one by one they are the cubics through samples and rates.  S is that of the equations of
-motion at these states, and its zeros are found on them.  Links that stand up at rest are no ropes and are left out.
+accelerations are computed one by one they are the cubics through samples and rates. S is that of the equations of
+motion at these states, and its zeros are found on them. Links that stand up at rest are no ropes and are omitted.
 """
 
 from __future__ import annotations
@@ -125,7 +125,7 @@ def pushing_links(trajectory: Trajectory) -> tuple[PushingLink, ...]:
 
 @checked
 def slack_words(trajectory: Trajectory) -> list[str]:
-    """A sentence for each link that pushes; why it cannot be told, where there are ropes and it cannot."""
+    """A sentence for each link that pushes; why it cannot be decided, where there are ropes and it cannot."""
     try:
         return words_of(pushing_links(trajectory), trajectory.scene)
     except ComputationError as error:

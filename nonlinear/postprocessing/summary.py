@@ -1,4 +1,4 @@
-"""A run in a few lines: the range of its motion, how it was computed, its drifts, and what its scene did not require.
+"""A run in a few lines: the range of the motion, the method, the drifts, and the savings.
 
 The report describes the equations that were integrated and the packages that the process has loaded.
 """
@@ -83,7 +83,7 @@ def _lines(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
 
 
 def _ropes(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
-    """Which links of bobs push, where that can be told."""
+    """Which links of bobs push, if that can be decided."""
     for number, words in enumerate(slack_words(trajectory)):
         yield ("" if number else "ropes"), words
 
@@ -207,7 +207,7 @@ class Inventory:
 
 
 def run_inventory(trajectory: Trajectory) -> Inventory:
-    """The inventory of a run made in this process; ComputationError for one that was read from a file."""
+    """The inventory of a run made in this process; raise ComputationError for one that was read from a file."""
     require_type("trajectory", trajectory, "Trajectory")
     system, equations = trajectory.system, trajectory.equations
     if trajectory.run.method == CLOSED:

@@ -40,7 +40,7 @@ DEFECT_SAFETY = 1.5
 class ErrorEstimate:
     """The error of a motion at `times` (T,) in s: `at` (T,) is the largest error of any link so far (rad).
 
-    `trustworthy` tells whether the second term of its series is small compared with the first; where it is not, the
+    `trustworthy` says whether the second term of its series is small compared with the first; where it is not, the
     error is large.
     """
 
@@ -62,7 +62,7 @@ class ErrorEstimate:
 def defect_error(motion: Superposition, duration: float) -> ErrorEstimate | None:
     """The error of a superposition with respect to the true motion within `duration` (s).
 
-    None where it cannot be estimated cheaply: for many coordinates, many oscillations or a singular mass matrix.
+    None if it cannot be estimated cheaply: for many coordinates, many oscillations or a singular mass matrix.
     """
     if any(len(plane.start[0]) > LARGEST for plane in motion.planes):
         return None

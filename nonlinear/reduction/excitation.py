@@ -1,4 +1,4 @@
-"""The shapes that a motion in a few others excites.
+"""Mode shapes excited by a motion in a few other shapes.
 
 Every shape s outside a motion in the span of some shapes feels the residual ρ of that motion in the full equations
 (`nonlinear.reduction.residual`), which is cubic in the amplitudes, and to first order obeys, with φᵀMφ = 1,
@@ -11,7 +11,7 @@ z = η' + iωη and f linear between samples h apart, E = exp(iωh),
 
     z_k = E z_{k−1} − (E − 1)/(iω) f_{k−1} − (E − 1 − iωh)/((iω)² h) (f_k − f_{k−1}),
 
-which is exact for a constant f however fast the shape.  Dampers are left out of it: they make the response smaller.
+which is exact for a constant f however fast the shape.  Dampers are omitted of it: they make the response smaller.
 """
 
 from __future__ import annotations

@@ -94,8 +94,8 @@ class ModalMotion(Displayed):
 def modal_motion(motion: Motion, modes: Modes, numbers: Sequence[int] | None = None) -> ModalMotion:
     """Project a motion in the plane on the modes with these indices (from 0; by default all), all copies of each.
 
-    For a scene in space the modes along the rail are used, which lie in the plane.  Raises ComputationError for a
-    motion out of the plane and for more coordinates than `modal.assembly.linearization` assembles.
+    For a scene in space the modes along the rail are used, which lie in the plane. Raise ComputationError for a motion
+    out of the plane and for more coordinates than `modal.assembly.linearization` assembles.
     """
     q, v = deflection(modes.scene, motion)
     linear = modes.matrices
@@ -171,8 +171,8 @@ def _project(M: Floats, D: Floats | None, value: complex, phi: Any, q: Floats, v
 def start_in_mode(scene: Scene, modes: Modes, number: int, copy: int = 0, amplitude: float = 0.1) -> State:
     """A start in the copy-th shape of the mode with index `number`, both from 0, with largest angle `amplitude` (rad).
 
-    It is at rest, except that a damped mode starts with its own velocities, Re λφ, to exclude other modes.  For a shape
-    without angles the cart is displaced by `amplitude` m.  Raises ComputationError for a shape across the rail.
+    It is at rest, except that a damped mode starts with its own velocities, Re λφ, to exclude other modes. For a shape
+    without angles the cart is displaced by `amplitude` m. Raise ComputationError for a shape across the rail.
     """
     checked_index("number", number, 0, len(modes) - 1)
     checked_index("copy", copy, 0, int(modes.multiplicity[number]) - 1)

@@ -1,4 +1,4 @@
-"""The motion predicted by the modes, in closed form, without integration.
+"""Modal superposition: the predicted motion in closed form, without integration.
 
 With the coordinate η of each mode at the start (`nonlinear.reduction.modal_coordinates`) and c = η − i (η' − σ η)/ω, λ
 = σ + iω,
@@ -151,8 +151,8 @@ class Superposition(Displayed):
 def superpose(scene: Scene, start: State, *, corrected: bool) -> Superposition:
     """The motion from this start as a function of times (T,) in s, amplitude-corrected or linear.
 
-    Raises ComputationError where the modes do not span the start, as where eigenvalues of damped modes coincide,
-    and for dry friction and quadratic drag.
+    Raise ComputationError if the modes do not span the start, as where eigenvalues of damped modes coincide, and for
+    dry friction and quadratic drag.
     """
     require(scene, "motion in closed form")
     if scene.space == "plane":

@@ -1,4 +1,4 @@
-"""Nonlinear motion in a few modes: which to retain, the run, and its error with respect to the whole scene.
+"""Nonlinear motion in a few modes: their selection, the run, and its error with respect to the full scene.
 
 The Lagrangian of a plane scene is even about its equilibrium: neglected modes respond at the third power of the
 amplitude and act back at the fifth, so a single mode already has the κ of ω(a) = ω (1 + κ a²).  As measured, the
@@ -100,7 +100,7 @@ class Truncation(Displayed):
 
     @property
     def frozen(self) -> float:
-        """The shortest period kept (s): all faster modes are frozen; infinite where nothing oscillates."""
+        """The shortest period kept (s): all faster modes are frozen; infinite if nothing oscillates."""
         fastest = float(self.omega.max())
         return 2 * np.pi / fastest if fastest else np.inf
 
@@ -199,11 +199,11 @@ def simulate_truncated(
 ) -> Truncation:
     """The motion of a plane scene over `duration` seconds in the lowest `modes` of the table without dampers.
 
-    All shapes that share a frequency are kept together, and the translation of a free cart always.  By default, `modes`
-    is the number that contain the start, plus a margin.  `method` is one of SciPy's; everything else is as in
-    `nonlinear.simulate`, except that `report` covers two runs.  Where Ctrl-C stops the second one the error is
-    infinite. Raises SceneError for a scene in space and for invalid arguments, ComputationError where the modes cannot
-    be computed, SimulationError where the integrator fails.
+    All shapes that share a frequency are kept together, and the translation of a free cart always. By default, `modes`
+    is the number that contain the start, plus a margin. `method` is one of SciPy's; everything else is as in
+    `nonlinear.simulate`, except that `report` covers two runs. Where Ctrl-C stops the second one the error is infinite.
+    Raise SceneError for a scene in space and for invalid arguments, ComputationError if the modes cannot be computed,
+    SimulationError where the integrator fails.
     """
     validate(
         lambda: validate_numbers(duration, tolerance, 0.0),
@@ -303,7 +303,7 @@ def _validate(scene: Scene, method: str) -> None:
 
 @checked
 def survey_modes(scene: Scene, system: System, start: State) -> Survey:
-    """The modes of the scene without its dampers, and the start in them; SceneError where they do not span it."""
+    """The modes of the scene without its dampers, and the start in them; raise SceneError if they do not span it."""
     conservative = scene.conservative
     modes = modes_of(conservative)
     phi = modes.matrix.real

@@ -1,4 +1,4 @@
-"""A motion in space as two motions in vertical planes, exact for small angles, and back.
+"""Conversion between a motion in space and two motions in vertical planes, exact for small angles.
 
 With θ from equilibrium and p = θ (cos φ, sin φ) along the rail and across it, s = sin θ/θ, σ = −1 for inverted links:
 

@@ -1,4 +1,4 @@
-"""The rows of a sweep that are computed, so that an interrupted sweep can resume: a journal, or a folder of chunks.
+"""Storage of finished rows, so that an interrupted sweep can resume: a journal, or a folder of chunks.
 
 To a journal rows are appended as they are computed.  The first line identifies the sweep; every other line is one row
 in JSON with its own checksum.  An incomplete last line, left by a crash, is dropped; any other damage is reported with
@@ -28,7 +28,7 @@ KNOWN = b'{"multipendula_journal"'
 
 
 class Checkpoint:
-    """The rows that are known already; of itself it keeps no others."""
+    """The finished rows, held in memory only."""
 
     def __init__(self, rows: Sequence[Row] = ()) -> None:
         self.rows = tuple(rows)
@@ -65,7 +65,7 @@ class RowFolder(Checkpoint):
         super().__init__([row for number in numbers for row in self._read(number) if not row.reason])
 
     def add(self, rows: Sequence[Row]) -> None:
-        """Write the chunk with these rows beside those that it had."""
+        """Write the chunk with these rows next to those that it had."""
         if not rows:
             return
         number = rows[0].index // self._study.chunk
@@ -101,8 +101,8 @@ class RowFolder(Checkpoint):
 def open_checkpoint(path: str | os.PathLike[str], study: Study, *, fresh: bool = False) -> Iterator[Checkpoint]:
     """The journal at a path, new or resumed; `fresh` restarts it, whatever sweep it belongs to.
 
-    Rows of points that failed are dropped, so that these are tried again.  Raises SceneError where the file is not a
-    journal, is damaged, belongs to another sweep or to one that is running, OSError where it cannot be written.
+    Rows of points that failed are dropped, so that these are tried again. Raise SceneError if the file is not a
+    journal, is damaged, belongs to another sweep or to one that is running, OSError if it cannot be written.
     """
     name, salt = os.fspath(path), study.fingerprint
     first = json.dumps({"multipendula_journal": JOURNAL_VERSION, "sweep": salt}).encode() + b"\n"

@@ -1,8 +1,8 @@
 """Sweeps on disk: NPZ has every number over the grid, CSV one row per point for other programs, JSON both and more.
 
-Both have a header in JSON, that of a CSV in a file beside it: the scene, the variations, the measures and the points
-that failed.  A column of an axis is named by its path and unit.  Both carry a checksum, and a file that has been
-altered is refused.
+Both have a header in JSON, that of a CSV in a file next to it: the scene, the variations, the measures and the points
+that failed. A column of an axis is named by its path and unit. Both carry a checksum, and a file that has been altered
+is refused.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ KINDS = ("npz", "csv", "json")
 
 
 def save(sweep: Sweep, path: str | os.PathLike[str]) -> None:
-    """Write a .npz, .csv or .json file atomically; SceneError for any other file name."""
+    """Write a .npz, .csv or .json file atomically; raise SceneError for any other file name."""
     if (kind := kind_of(path, KINDS)) == "csv":
         write_csv(path, _header(sweep), _rows(sweep))
         return

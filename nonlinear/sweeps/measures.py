@@ -1,4 +1,4 @@
-"""What a sweep gives the measures at a point: the modes of a scene, a run from its start, what members know of it.
+"""Inputs of the measures at a point of a sweep: the modes of a scene, a run from its start, results of members.
 
 The name of a quantity ends in its unit, `omega_1_rad_per_s`, unless it is dimensionless, `damping_ratio_1`.  Some are
 computed from the oscillating modes, Im λ ≠ 0, others from a run of some seconds from the scene's own start, or else,
@@ -46,7 +46,7 @@ Swinging = tuple[Values, tuple[int, ...]]
 
 
 class Portion:
-    """Scenes that are measured together; what measures need of them is computed of all when the first asks for it.
+    """Scenes that are measured together; inputs of measures are computed for all on first use.
 
     Modes are numbered as in the `table` of a scene.
     """
@@ -164,7 +164,7 @@ class Portion:
 
 @dataclass(frozen=True)
 class RequestedMeasure:
-    """A measure with its N, 0 where it chooses one itself; its class is at module level, for other processes."""
+    """A measure with its N, 0 if it chooses one itself; its class is at module level, for other processes."""
 
     measure: Measure
     number: float
@@ -214,12 +214,12 @@ def _those(numbers: list[int]) -> str:
 
 
 def validate_requests(requests: Sequence[RequestedMeasure], scene: Scene) -> None:
-    """SceneError where a scene has nothing of what is measured, before anything is computed."""
+    """Raise SceneError if a scene has nothing of what is measured, before anything is computed."""
     validate(*(partial(request.measure.require, scene, 0.0) for request in requests))
 
 
 def parse_measures(texts: Sequence[str], verb: str = "sweep") -> tuple[RequestedMeasure, ...]:
-    """The measures in texts such as "frequencies" or "frequencies:6"; SceneError names every mistake.
+    """The measures in texts such as "frequencies" or "frequencies:6"; raise SceneError with every mistake.
 
     >>> [request.text for request in parse_measures(["frequencies:6", "beat"])]
     ['frequencies:6', 'beat']

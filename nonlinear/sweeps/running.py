@@ -42,7 +42,7 @@ Rows = Generator[list[Row], None, None]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Sweep(Drawable, TextResult):
-    """The rows of a study, ascending; `interrupted` tells whether Ctrl-C came before the last."""
+    """The rows of a study, ascending; `interrupted` says whether Ctrl-C came before the last."""
 
     study: Study
     rows: tuple[Row, ...]
@@ -92,7 +92,7 @@ class Sweep(Drawable, TextResult):
         return tongues(study.scene, **values).boundaries
 
     def values(self, column: str) -> Floats:
-        """One quantity over the grid, in the study's shape, NaN where it is unknown."""
+        """One quantity over the grid, in the study's shape, NaN if it is unknown."""
         values = np.full(self.study.size, np.nan)
         for row in self.rows:
             values[row.index] = row.numbers.get(column, np.nan)
@@ -121,15 +121,14 @@ def sweep(
     crew: Crew | None = None,
     report: Report = silent,
 ) -> Sweep:
-    """All points of a grid: those already in a journal or a folder are taken from it, new ones are added to it.
+    """Compute all points of a grid; points already in a journal or a folder are reused, new ones are added to it.
 
-    What the grid is follows the scene, in the texts of the command, or is a `Study` in its place.
-    In a `folder` each chunk of points is a file; a `share` (k, n), with k from 0, is every n-th chunk alone, for n
-    processes that know nothing of each other.
-    `workers` is a number of processes, 1 to stay in this one; by default, all cores are used once the sweep has taken
-    half a second.  `crew` is any `concurrent.futures.Executor`, or that of `nonlinear.ensembles.cluster`.  Rows depend
-    on neither.  `report` is given the number of points done.  On Ctrl-C the rows found so far are returned.  Raises
-    ComputationError where workers cannot be started.
+    What the grid is follows the scene, in the texts of the command, or is a `Study` in its place. In a `folder` each
+    chunk of points is a file; a `share` (k, n), with k from 0, is every n-th chunk alone, for n processes that know
+    nothing of each other. `workers` is a number of processes, 1 to stay in this one; by default, all cores are used
+    once the sweep has taken half a second. `crew` is any `concurrent.futures.Executor`, or that of
+    `nonlinear.ensembles.cluster`. Rows depend on neither. `report` is given the number of points done. On Ctrl-C the
+    rows found so far are returned. Raise ComputationError if workers cannot be started.
     """
     require_type("scene", scene, "Study", "Scene")
     if isinstance(scene, Study):
@@ -296,7 +295,7 @@ def reasons(sweep: Sweep) -> Iterator[str]:
 
 
 def notes(sweep: Sweep) -> tuple[str, ...]:
-    """What frequencies and damping ratios leave out anywhere in the sweep, a sentence each."""
+    """Return a sentence for each effect that frequencies and damping ratios ignore anywhere in the sweep."""
     study = sweep.study
     if not any(request.measure.is_numbered and not request.runs for request in study.measures):
         return ()

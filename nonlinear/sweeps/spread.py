@@ -1,4 +1,4 @@
-"""Monte Carlo over tolerances: what frequencies and motion become where numbers of a scene are not known exactly.
+"""Monte Carlo over tolerances: distributions of frequencies and motion for uncertain parameters.
 
 A number is drawn from a normal distribution with a standard deviation, or evenly from an interval, all independent; the
 numbers of a fit are drawn from their joint normal distribution.  What several places share (`modal.scene.unknowns`) is
@@ -167,9 +167,9 @@ def _number(text: str, word: str) -> float:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Spread(Drawable, Result):
-    """Members with drawn numbers: `values` (S,) by path, `omega` (S, R) in rad/s, and their motion where asked for.
+    """Members with drawn numbers: `values` (S,) by path, `omega` (S, R) in rad/s, and their motion where requested.
 
-    `measured` has the columns of measures that were asked for: the scene's own number, and those of members (S,).
+    `measured` has the columns of measures that were requested: the scene's own number, and those of members (S,).
     """
 
     scene: Scene
@@ -186,7 +186,7 @@ class Spread(Drawable, Result):
     figure = "nonlinear.plotting.ensembles:spread_figure"
 
     def to_dict(self) -> dict[str, Floats]:
-        """What was drawn, every frequency in rad/s and what was measured, (S,)."""
+        """Return the drawn values, every frequency in rad/s and the measures, (S,)."""
         columns = {f"omega_{number}_rad_per_s": omega for number, omega in enumerate(self.omega.T, 1)}
         return {**self.values, **columns, **{name: numbers for name, (_, numbers) in self.measured.items()}}
 
@@ -249,7 +249,7 @@ class Spread(Drawable, Result):
 
     @property
     def words(self) -> str:
-        """What the members were drawn from, numbers with their standard deviations."""
+        """The distributions of the members, with standard deviations."""
         texts = [tolerance.around(self.scene) for tolerance in self.tolerances]
         if self.estimate is not None:
             texts.append(f"{counted(len(self.estimate.paths), 'fitted number', 'fitted numbers')} by their covariance")
@@ -282,7 +282,7 @@ class Spread(Drawable, Result):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the frequencies leave out, a sentence each."""
+        """A sentence for each effect that the frequencies ignore."""
         return left_out(self.scene)
 
     @cached_property
@@ -361,12 +361,12 @@ def find_spread(
     report: Callable[[float], object] = silent,
     **options: Any,
 ) -> Spread:
-    """Frequencies of so many members with numbers as `uncertain` as these texts say, and their motion.
+    """Compute frequencies, and optionally motions, of members with parameters `uncertain` as these texts say.
 
-    Fitted numbers are drawn by their `covariance`, an `Estimate` or the file of a report of `fit`.  The motion over a
+    Fitted numbers are drawn by their `covariance`, an `Estimate` or the file of a report of `fit`. The motion over a
     `duration` (s) is from `start`, if not from the scene's own; `measures`, NAME or NAME:N of those that `spread` takes
-    in `nonlinear.measures`, are computed of every member in this process, as a sweep computes them.  `options` are
-    those of `ensemble`.  SceneError names every mistake; ComputationError where no member can be.
+    in `nonlinear.measures`, are computed of every member in this process, as a sweep computes them. `options` are those
+    of `ensemble`. SceneError names every mistake; raise ComputationError if no member can be.
     """
     read: Callable[..., Estimate] = deferred("modal.identification:read_estimate")
     estimate = read(scene, covariance) if isinstance(covariance, str | os.PathLike) else covariance

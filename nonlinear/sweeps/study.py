@@ -1,9 +1,9 @@
 """The definition of a sweep: a scene, its variations, and the measures computed at every point.
 
-Measures against energy: the energy (J, above equilibrium) is varied as `start.energy`, alone or beside numbers of
-the scene.  At every energy starts are drawn at random, each is measured, and quantiles are kept.  Starts are those of
+Measures against energy: the energy (J, above equilibrium) is varied as `start.energy`, alone or next to numbers of the
+scene. At every energy starts are drawn at random, each is measured, and quantiles are kept. Starts are those of
 `nonlinear.ensembles.starts_at`, which draws them for sections, too; every point has its own random numbers, by the seed
-and its place in the sweep, whoever computes it.  How chaos changes with energy is the question with which paper 001
+and its place in the sweep, whoever computes it. How chaos changes with energy is the question with which paper 001
 begins.
 """
 
@@ -58,7 +58,7 @@ Measured = dict[str, float] | str
 
 @dataclass(frozen=True, repr=False)
 class Study(Displayed):
-    """A grid over one to three variations, the last one varying fastest; SceneError for an invalid one.
+    """A grid over one to three variations, the last one varying fastest; raise SceneError for an invalid one.
 
     Where `start.energy` is among them, `members` starts are drawn at every energy, by the `seed`
     (`measured_at`).
@@ -125,7 +125,7 @@ class Study(Displayed):
 
     @property
     def task(self) -> SweepTask:
-        """What a worker is told."""
+        """The task for a worker."""
         return SweepTask(self.scene, self.measures, self.size, self.members, self.seed)
 
     @cached_property
@@ -256,7 +256,7 @@ def _row(task: SweepTask, index: int, scene: Scene | Exception, portion: Portion
 
 
 def validate_energies(scene: Scene, requests: Sequence[RequestedMeasure], members: int, seed: int) -> None:
-    """SceneError where a scene does not keep its energy, or what is measured does not depend on the start."""
+    """Raise SceneError if a scene does not keep its energy, or what is measured does not depend on the start."""
     names = [request.name for request in requests]
     validate(
         lambda: require(scene, CAPABILITY),
@@ -273,7 +273,7 @@ def validate_energies(scene: Scene, requests: Sequence[RequestedMeasure], member
 
 
 def _of_starts(request: RequestedMeasure) -> None:
-    """SceneError for a measure that an ensemble does not take."""
+    """Raise SceneError for a measure that an ensemble does not take."""
     if why := request.measure.refused.get("ensemble"):
         raise SceneError([f"measure {request.name}: cannot be measured of starts drawn at an energy: {why}"])
 

@@ -1,12 +1,12 @@
-"""Synchronization: which pendula lock, predicted and simulated.
+"""Synchronization of pendula, predicted and simulated.
 
 In: a scene.  Out: a `SynchronizationStudy`: phases and amplitudes of every pendulum and the mode that has the
 energy; the branches of configurations along a parameter, and a report.
 
     η_p = |η_p| e^{iψ_p},    R = |Σ e^{iψ_p}|/N
 
-Equal pendula on the supports of a structure are populations: which of them lock (`populations`), which disturbances
-leave the motions in which they all do the same (`sectors`), and where (`thresholds`).  Start with `study`; `phases`
+Equal pendula on the supports of a structure are populations: which of them lock (`populations`), which perturbations
+leave the motions in which they all do the same (`sectors`), and where (`thresholds`). Start with `study`; `phases`
 measures, `continuation` follows branches, `report` words both.
 """
 

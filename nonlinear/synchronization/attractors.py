@@ -1,4 +1,4 @@
-"""What a motion of a scene with drives ends in, recognized by its returns to a section and by the orbit near them.
+"""The outcome of a motion of a driven scene, recognized by its returns to a section and by the orbit near them.
 
 Its first pendulum passes its angle at rest to the right once a swing.  A motion whose returns repeat to 1e-6, in
 natural units, is periodic, and its orbit is what Newton's method finds there (`ending_orbit`); one whose returns are a
@@ -73,7 +73,7 @@ class Ending(Displayed):
 
 
 def ending_of(returns: Returns, scene: Scene) -> Ending:
-    """What a motion ends in; "open" also where there are fewer than 50 returns."""
+    """Return the outcome of a motion; "open" also for fewer than 50 returns."""
     system = system_of(scene)
     links, rates, *others = returns.states
     record = natural_units(system, [part[None] for part in (from_rest(system, links), rates, *others)])[0]

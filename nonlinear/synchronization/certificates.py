@@ -1,4 +1,4 @@
-"""Configurations and critical values on the full equations: periodic orbits beside the averaged ones.
+"""Configurations and critical values on the full equations: periodic orbits next to the averaged ones.
 
 An averaged configuration is where Newton's method begins; the Floquet multipliers of the orbit that it finds tell the
 stability.  At a critical value of a branch the orbits are followed across it, and the fold, branch point or torus is
@@ -32,7 +32,7 @@ MARGINS = (0.01, 0.05, 0.2)
 
 
 def certified_orbit(scene: Scene, equilibrium: RelativeEquilibrium) -> Orbit | None:
-    """The periodic orbit of a configuration, None where none was found close to it."""
+    """The periodic orbit of a configuration, None if none was found close to it."""
     if not _periodic(scene, equilibrium):
         return None
     try:
@@ -51,7 +51,7 @@ def certified_orbit(scene: Scene, equilibrium: RelativeEquilibrium) -> Orbit | N
 def beside_distinct_orbits(
     pairs: Iterable[tuple[RelativeEquilibrium, Orbit | None]],
 ) -> tuple[tuple[RelativeEquilibrium, Orbit | None], ...]:
-    """Configurations with their orbits, and of several beside one and the same orbit the first."""
+    """Configurations with their orbits, and of several next to one and the same orbit the first."""
     first: list[tuple[RelativeEquilibrium, Orbit | None]] = []
     for state, orbit in pairs:
         if orbit is None or not any(neighbour and is_same_orbit(orbit, neighbour) for _, neighbour in first):
@@ -60,7 +60,7 @@ def beside_distinct_orbits(
 
 
 def orbit_at_the_end(trajectory: Trajectory, within: float = 0.05) -> Orbit | None:
-    """The stable periodic orbit in which a run ends, None where its end is not `within` this part of one.
+    """The stable periodic orbit in which a run ends, None if its end is not `within` this part of one.
 
     Newton's method begins at the last state, so that a motion which converges slowly need not be waited for; the
     multipliers of the orbit tell that it does converge.
@@ -103,7 +103,7 @@ def critical_point(
 ) -> Special | None:
     """The fold, branch point, period doubling or torus of the orbits next to a critical value of a branch.
 
-    None where none was found: where a branch dies out, or beside several frequencies.
+    None if none was found: where a branch dies out, or next to several frequencies.
     """
     span = abs(_coordinate(variation, variation.values[-1]) - _coordinate(variation, variation.values[0]))
     off = np.array([abs(_coordinate(variation, value) - _coordinate(variation, at)) for value in values])

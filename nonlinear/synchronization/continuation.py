@@ -1,14 +1,13 @@
-"""Configurations of a self-excited scene continued along a parameter: where each is stable, and where it ends.
+"""Continuation of the configurations of a self-excited scene along a parameter: stability and ends.
 
 A configuration at one value, as the physical motion q = Σ_r φ_r z_r, starts Newton's method at the next value, in
 the modes φ' of the scene there: z' = φ'ᵀ M' q.  Steps are halved where amplitudes change too fast, down to RESOLUTION
 of the range; a branch that cannot be continued further, or not back from there, is lost.  Where stability changes,
 intermediate values are inserted by bisection.
 
-At a critical value a branch meets another and both end ([Adler1946]: the critical detuning), or
-it joins one that continues, or dies out, or continues with a change of stability.  Each is located to RESOLUTION of the
-range, and beside it the point where the periodic orbits of the full equations do the same
-(`nonlinear.synchronization.certificates`).
+At a critical value a branch meets another and both end ([Adler1946]: the critical detuning), or it joins one that
+continues, or dies out, or continues with a change of stability. Each is located to RESOLUTION of the range, and next to
+it the point where the periodic orbits of the full equations do the same (`nonlinear.synchronization.certificates`).
 """
 
 from __future__ import annotations
@@ -62,8 +61,8 @@ Step = tuple[float, RelativeEquilibrium]
 class Change:
     """What happens to a branch at a critical value, as the parameter increases.
 
-    `kind` is one of appears, disappears, emerges from rest, dies out, becomes stable, loses stability.  Where stability
-    changes, `beat` is the rate (rad/s) at which growing perturbations oscillate, 0 where they grow monotonically, and
+    `kind` is one of appears, disappears, emerges from rest, dies out, becomes stable, loses stability. Where stability
+    changes, `beat` is the rate (rad/s) at which growing perturbations oscillate, 0 if they grow monotonically, and
     `rival` the mode that takes the energy in them, "" where they are of the motion's own mode.
     """
 
@@ -137,7 +136,7 @@ class EquilibriumBranch(Displayed):
         return float(abs(state.rates[0].imag)), rival if state.leaving[0] > LOCKED else ""
 
     def _end(self, at: int, faint: str, fold: str) -> Change | None:
-        """What happens at the first or last value, None where it is an end of the variation."""
+        """What happens at the first or last value, None if it is an end of the variation."""
         if self.values[at] == self.variation.values[at]:
             return None
         return Change(
@@ -166,7 +165,7 @@ class Branches(TextResult):
     def special_points(self) -> tuple[Special | None, ...]:
         """For every one of the `changes` where the periodic orbits of the full equations turn or change stability.
 
-        None where no such point was found beside it.
+        None if no such point was found next to it.
         """
         return tuple(_locate(self, at) for at in range(len(self.changes)))
 
@@ -180,10 +179,9 @@ def follow_branches(
 
     A `crew` follows those from one value together and locates their critical values, too.
 
-    Configurations are searched for at both ends of the range and, up to eight times, at the next value beyond
-    a point where a branch ends or loses stability.  Raises SceneError for a variation of fewer than two values or
-    of a count, ComputationError where nothing excites the scene or it is outside the scope of
-    `nonlinear.averaging.equations`.
+    Configurations are searched for at both ends of the range and, up to eight times, at the next value beyond a point
+    where a branch ends or loses stability. Raise SceneError for a variation of fewer than two values or of a count,
+    ComputationError if nothing excites the scene or it is outside the scope of `nonlinear.averaging.equations`.
     """
     variation = variation_of(vary)
     validate_variations(scene, [variation])
@@ -321,13 +319,13 @@ class Walk:
         return self._sharpen(first, (middle, state)) + self._sharpen((middle, state), second)
 
     def _next(self, step: Step, value: float) -> RelativeEquilibrium | None:
-        """The same configuration there, None where the way back leads elsewhere: that is another branch."""
+        """The same configuration there, None if the way back leads elsewhere: that is another branch."""
         state = self.move(step[1], value)
         back = self.move(state, step[0]) if state else None
         return state if back and is_same_motion(back, step[1], RETURN_DIFFERENCE_MAX) else None
 
     def move(self, state: RelativeEquilibrium, value: float) -> RelativeEquilibrium | None:
-        """The same configuration at another value, None where there is none nearby."""
+        """The same configuration at another value, None if there is none nearby."""
         equations = self.at(value)
         z = equations.dual.T @ (state.averaged.shapes @ state.z)
         energy = np.bincount(equations.band, weights=(equations.omega * np.abs(z)) ** 2)

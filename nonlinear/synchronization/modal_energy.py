@@ -1,4 +1,4 @@
-"""The mode that holds the energy of a run, and the time from which it does.
+"""The mode that contains the energy of a run, and from what time on.
 
 With the shapes φ_r of the scene without dampers and drives, φᵀMφ = 1, and q the motion about equilibrium,
 
@@ -43,7 +43,7 @@ MODAL_COORDINATES_MAX = 2000
 
 
 class Beat(NamedTuple):
-    """A share of the energy that rises and falls for ever between `low` and `high`, once in every `period` (s)."""
+    """A share of the energy that oscillates forever between `low` and `high` with a `period` (s)."""
 
     period: float
     low: float
@@ -88,7 +88,7 @@ class Survival(Displayed):
 
     @property
     def survivor(self) -> int:
-        """The row, from 1, with most energy at the end; ComputationError where nothing is left."""
+        """The row, from 1, with most energy at the end; raise ComputationError if nothing is left."""
         return int(self.row[self._place])
 
     @property
@@ -103,7 +103,7 @@ class Survival(Displayed):
 
     @property
     def survivor_share(self) -> float:
-        """The fraction of the energy that it holds at the end."""
+        """Its fraction of the energy at the end."""
         return float(self.share[-1, self._place])
 
     @cached_property
@@ -123,7 +123,7 @@ class Survival(Displayed):
 
     @cached_property
     def beat(self) -> Beat | None:
-        """The beat in which the late part of the run goes on: three slow periods alike; None where there is none."""
+        """The beat in which the late part of the run goes on: three slow periods alike; None if there is none."""
         if self.is_at_rest:
             return None
         periods = np.diff(self._rises)
@@ -158,7 +158,7 @@ class Survival(Displayed):
     def beating(self) -> tuple[int, ...]:
         """Places of the rows, strongest first, that share the energy steadily with frequencies of their own; else ().
 
-        A motion of several frequencies, as of pendula that beat for ever: no mode survives, and none is lost.
+        A motion of several frequencies, as of pendula that beat forever: no mode survives, and none is lost.
         """
         quarters = np.array_split(self.share, 4)
         earlier, late = (quarter.mean(axis=0) for quarter in quarters[2:])
@@ -192,7 +192,7 @@ class Survival(Displayed):
 def find_survival(trajectory: Trajectory, modes: Modes | None = None) -> Survival:
     """The energies of a run in the plane in the modes of its scene without dampers, which may be given.
 
-    Raises ComputationError for a motion in space, for more than 2,000 coordinates, and where no mode oscillates.
+    Raise ComputationError for a motion in space, for more than 2,000 coordinates, and where no mode oscillates.
     """
     scene = trajectory.scene.conservative
     size = scene.n_links + (scene.cart is not None)

@@ -111,8 +111,8 @@ class Phases(Displayed):
         """Mean frequency (rad/s) of each pendulum in the leading mode over the second half of the run, (N,).
 
         The slope of a straight line fitted to the phase with the weight 1 + cos πs, s from −1 to 1, which suppresses
-        ripples; NaN for a pendulum that is at rest at any time.  Raises ComputationError where the samples are too far
-        apart to follow phases.
+        ripples; NaN for a pendulum that is at rest at any time. Raise ComputationError if the samples are too far apart
+        to follow phases.
         """
         return self.mean_rates(0.5)
 
@@ -158,7 +158,7 @@ class Phases(Displayed):
 def phases_of(trajectory: Trajectory) -> Phases:
     """The phases of a run in the plane, driven or not.
 
-    Raises ComputationError for a motion in space, for pendula that do not oscillate about equilibrium on a fixed
+    Raise ComputationError for a motion in space, for pendula that do not oscillate about equilibrium on a fixed
     support, and for chains too long for dense matrices.
     """
     require_type("trajectory", trajectory, "Trajectory")
@@ -182,7 +182,7 @@ def phases_of(trajectory: Trajectory) -> Phases:
 
 
 def from_rest(system: System, links: Floats) -> Floats:
-    """Angles (T, L) from equilibrium (rad), modulo whole turns."""
+    """Angles (T, L) from equilibrium (rad), modulo full turns."""
     aside = links - np.where(system.by_link("sigma") > 0, 0.0, pi)
     return np.asarray(aside - 2 * pi * np.round(aside / (2 * pi)))
 
@@ -190,8 +190,8 @@ def from_rest(system: System, links: Floats) -> Floats:
 def own_shapes(group: Group, gravity: float, count: int) -> OwnShapes:
     """The `count` slowest fixed-base modes of every pendulum of a group.
 
-    With K = LLᵀ the largest eigenvalues of L⁻¹AL⁻ᵀ are the smallest ω⁻².  Raises ComputationError where K is not
-    positive definite, or the matrices do not fit.
+    With K = LLᵀ the largest eigenvalues of L⁻¹AL⁻ᵀ are the smallest ω⁻². Raise ComputationError if K is not positive
+    definite, or the matrices do not fit.
     """
     if group.n * group.index.size > 2 * ARRAY_ENTRIES:
         raise ComputationError(

@@ -1,4 +1,4 @@
-"""Populations as text and as numbers: the verdict, order and rates, who leaves the symmetric motions, thresholds."""
+"""Populations as text and as numbers: verdict, order and rates, stability of the symmetric motions, thresholds."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def population_sections(phases: PopulationPhases, motions: tuple[SymmetricMotion
 
 
 def _rows(phases: PopulationPhases) -> list[tuple[Any, ...]]:
-    """Of every population its number, itself, R, rate, spread and phase (deg), NaN where none is held."""
+    """Of every population its number, itself, R, rate, spread and phase (deg), NaN if none is held."""
     angles = np.degrees(phases.phase) if phases.is_held else np.full(len(phases.populations), np.nan)
     columns = (phases.late_order, phases.rate, phases.spread, angles)
     return list(zip(count(1), phases.populations, *(np.asarray(column).tolist() for column in columns), strict=False))
@@ -121,7 +121,7 @@ def _reasons(motions: tuple[SymmetricMotion, ...]) -> Iterator[str]:
 
 
 def leaves(sector: str) -> str:
-    """What happens where disturbances in a sector grow."""
+    """What happens where perturbations in a sector grow."""
     if sector.startswith("within"):
         return f"breaks up {sector}"
     return {"own": "changes into another motion of its symmetry", "other": "gives way to the other motion"}.get(

@@ -1,4 +1,4 @@
-"""Populations of equal pendula on a structure: which of them are locked, each by itself and to each other.
+"""Populations of equal pendula on a structure: locking within and between them.
 
 With the phases ψ_p of the pendula (`nonlinear.synchronization.phases`) population s of N pendula has
 
@@ -203,6 +203,6 @@ def _list(numbers: Ints) -> str:
 
 
 def population_phases(phases: Phases) -> PopulationPhases | None:
-    """The phases of a run by populations; None where the scene is not structured."""
+    """The phases of a run by populations; None if the scene is not structured."""
     scene = phases.trajectory.scene
     return PopulationPhases(phases, populations_of(scene)) if scene.is_structured else None

@@ -74,7 +74,7 @@ LISTED_FREQUENCIES_MAX = 6
 
 
 def sync_text(study: SynchronizationStudy, *, words: bool = False, elsewhere: str = "") -> str:
-    """The report for a terminal: the verdict, the steady motions, what both leave out, and the sentence `elsewhere`.
+    """The report for a terminal: the verdict, the steady motions, what both omit, and the sentence `elsewhere`.
 
     `words` adds everything about the prediction and the simulation in sentences.
     """

@@ -1,8 +1,8 @@
-"""Which symmetric motion of populations lasts, which disturbances leave it, and why.
+"""Stability of the symmetric motions of populations, by sectors of perturbations, with reasons.
 
-Every population as one pendulum, in phase or in antiphase, is a motion of any such scene.  Its disturbances fall into
+Every population as one pendulum, in phase or in antiphase, is a motion of any such scene. Its perturbations fall into
 sectors (`nonlinear.averaging.populations`), and each has a growth rate: by the Floquet multipliers of the periodic
-orbit and by the averaged equations.  Within a population of pendula with van der Pol drives that rate follows from the
+orbit and by the averaged equations. Within a population of pendula with van der Pol drives that rate follows from the
 trace and the determinant of one averaged block of two rows, of which the trace vanishes where the amplitude is 1/√2 of
 that of a free pendulum: half its energy is drained.
 """
@@ -44,12 +44,12 @@ class SymmetricMotion(Displayed):
 
     @property
     def is_stable(self) -> bool:
-        """Whether its orbit exists, and disturbances of every sector decay."""
+        """Whether its orbit exists, and perturbations of every sector decay."""
         return self.orbit is not None and self.orbit.is_stable
 
     @cached_property
     def drained(self) -> float | None:
-        """The amplitude of the first population over that of a free pendulum; None where that has no meaning."""
+        """The amplitude of the first population over that of a free pendulum; None if that has no meaning."""
         if self.orbit is None or not self.is_van_der_pol:
             return None
         free = free_amplitude(self.pattern.scene, self.pattern.populations[0].pendulum)
@@ -64,7 +64,7 @@ class SymmetricMotion(Displayed):
         )
 
     def reason(self, sector: int) -> str:
-        """Why disturbances of a sector within a population grow or just do not: the trace or the determinant."""
+        """Why perturbations of a sector within a population grow or are marginal: the trace or the determinant."""
         if self.orbit is None or not self.is_van_der_pol or not self.names[sector].startswith("within"):
             return ""
         if not self.orbit.turns[sector]:
@@ -83,7 +83,7 @@ class SymmetricMotion(Displayed):
 
 
 def symmetric_motions(scene: Scene, report: Callable[[float], object] = silent) -> tuple[SymmetricMotion, ...]:
-    """The patterns of a structured scene with their growth rates; ComputationError where populations have none.
+    """The patterns of a structured scene with their growth rates; raise ComputationError if populations have none.
 
     `report` is called with the part of them that is done.
     """

@@ -57,13 +57,13 @@ class Theory(Displayed):
 
     @cached_property
     def orbits(self) -> tuple[Orbit | None, ...]:
-        """The periodic orbit of every configuration in the full equations, None where none was found beside it."""
+        """The periodic orbit of every configuration in the full equations, None if none was found next to it."""
         scene = self.prediction.averaged.scene
         return tuple(certified_orbit(scene, state) for state in self.configurations)
 
     @cached_property
     def ending(self) -> Orbit | None:
-        """The stable orbit of the full equations in which the predicted motion ends, None where none was found."""
+        """The stable orbit of the full equations in which the predicted motion ends, None if none was found."""
         state = self.prediction.ending
         if state is None:
             return None
@@ -78,7 +78,7 @@ class Theory(Displayed):
 
     @cached_property
     def distinct(self) -> tuple[tuple[RelativeEquilibrium, Orbit | None], ...]:
-        """Every configuration with its orbit, and of several beside one and the same orbit the first."""
+        """Every configuration with its orbit, and of several next to one and the same orbit the first."""
         return beside_distinct_orbits(zip(self.configurations, self.orbits, strict=True))
 
     @property
@@ -129,8 +129,8 @@ class SynchronizationStudy(TextResult):
     def agrees(self) -> bool | None:
         """Whether the simulated survivor is the predicted one with its share of the energy, within 5 %.
 
-        None where one of them is missing, or the run too short: where it has not settled, or the predicted one has not
-        locked by its end.  A beat is what is predicted where no mode wins.
+        None if one of them is missing, or the run too short: where it has not settled, or the predicted one has not
+        locked by its end. A beat is what is predicted where no mode wins.
         """
         if self.theory is None or self.survival is None or self.theory.prediction.motion.dies:
             return None
@@ -158,7 +158,7 @@ class SynchronizationStudy(TextResult):
 
     @property
     def verdict(self) -> str:
-        """What the run ends in: "settles", "beats", "rests", or "undecided"; "" where energies were not measured."""
+        """The outcome of the run: "settles", "beats", "rests", or "undecided"; "" where energies were not measured."""
         if self.survival is None:
             return ""
         if self.survival.is_at_rest:

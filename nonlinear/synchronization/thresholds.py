@@ -1,4 +1,4 @@
-"""Symmetric motions of populations along a number of the scene, and where any of them changes its stability.
+"""Symmetric motions of populations along a parameter of the scene, and the changes of their stability.
 
 The growth rates of every sector are computed at the values of the variation; between two at which one has opposite
 signs its root is found (Brent's method), by the Floquet multipliers and by the averaged equations.  So is the value at
@@ -34,8 +34,8 @@ Report = Callable[[int], object]
 class Threshold:
     """A value at which disturbances of a `sector` of a motion begin to grow (`rises`) or to decay, as the number grows.
 
-    `averaged` is the same by the averaged equations, None where they have none beside it; `beat` (rad/s) the rate at
-    which the disturbance oscillates about the orbit, and `reason` a sentence.  A `sector` "" is the motion itself: it
+    `averaged` is the same by the averaged equations, None if they have none next to it; `beat` (rad/s) the rate at
+    which the perturbation oscillates about the orbit, and `reason` a sentence. A `sector` "" is the motion itself: it
     emerges from rest or dies out.
     """
 
@@ -71,7 +71,7 @@ class MotionBranch(Displayed):
         return self.motions[0].names if self.motions else ()
 
     def growth(self, sector: str) -> Floats:
-        """The growth rate (1/s) of a sector at every value, (K,); NaN where the motion has no such sector."""
+        """The growth rate (1/s) of a sector at every value, (K,); NaN if the motion has no such sector."""
         return np.array([self._of(motion, sector, motion.orbit) for motion in self.motions])
 
     def averaged_growth(self, sector: str) -> Floats:
@@ -84,7 +84,7 @@ class MotionBranch(Displayed):
 
     @cached_property
     def is_stable(self) -> tuple[bool, ...]:
-        """Whether all disturbances decay, at every value."""
+        """Whether all perturbations decay, at every value."""
         return tuple(motion.is_stable for motion in self.motions)
 
     @cached_property
@@ -155,7 +155,7 @@ def follow_populations(
 
     A `crew` follows several motions at once.
 
-    Raises SceneError for a variation of fewer than two values or of a count, ComputationError where nothing excites the
+    Raise SceneError for a variation of fewer than two values or of a count, ComputationError if nothing excites the
     scene or populations have no symmetric motions.
     """
     variation = variation_of(vary)
@@ -188,7 +188,7 @@ def _root(growth: Callable[[float], float], a: float, b: float) -> float:
 
 
 class PopulationWalk:
-    """Symmetric motions at the values of a variation, each found beside the one before."""
+    """Symmetric motions at the values of a variation, each found next to the one before."""
 
     def __init__(self, scene: Scene, variation: Variation) -> None:
         self.scene, self.variation = scene, variation
@@ -257,7 +257,7 @@ class PopulationWalk:
     def _averaged_root(
         self, name: str, sector: int, low: tuple[float, SymmetricMotion], high: tuple[float, SymmetricMotion]
     ) -> float | None:
-        """The same by the averaged equations, within the range; None where there is none."""
+        """The same by the averaged equations, within the range; None if there is none."""
         (a, motion), (b, _) = low, high
         neighbour = motion.averaged
         assert neighbour is not None

@@ -96,11 +96,11 @@ class Kicks(NamedTuple):
 
 
 class Friction(NamedTuple):
-    """What dry friction did in a run: K phases of sticking in order of their beginning, and its work.
+    """Record of dry friction in a run: K phases of sticking in order of their beginning, and the work.
 
     `link` (K,) is the one below the joint (from 0), −1 for the rail; `begin` and `end` (K,) are times (s), a phase that
-    lasts ending with the run.  `work` (J,) is the work (J) at each of the J contacts, those of links `places` (J,).
-    `rest` (s) is when everything had come to rest for good, NaN where it has not.
+    lasts ending with the run. `work` (J,) is the work (J) at each of the J contacts, those of links `places` (J,).
+    `rest` (s) is when everything had come to rest for good, NaN if it has not.
     """
 
     link: Ints
@@ -187,7 +187,7 @@ def turning_point(system: System, coordinate: str, *, stop: bool = False) -> Eve
 
 
 def reading_of(system: System, coordinate: str, level: float = 0.0, *, rate: bool = False) -> CoordinateReading:
-    """A coordinate of a system by its name, or its rate, less a level; SceneError where there is none."""
+    """A coordinate of a system by its name, or its rate, less a level; raise SceneError if there is none."""
     if coordinate not in system.labels:
         raise SceneError([f"event {coordinate}: must be one of {', '.join(system.labels[:12])}"])
     if system.spatial and coordinate != "x":

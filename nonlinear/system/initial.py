@@ -28,7 +28,7 @@ NO_START = (
 def has_start(scene: Scene) -> bool:
     """Whether a simulation knows where to begin: a pendulum or a support has a start, or something drives it from rest.
 
-    That is a moved support, the ground's motion, or a force that changes in time.
+    That is a moving support, the ground's motion, or a force that changes in time.
     """
     validate_scene(scene)
     has_support_start = any(getattr(support, "start", None) for support in scene.supports)
@@ -73,7 +73,7 @@ def initial_state(scene: Scene) -> State:
 
 
 def _on_supports(scene: Scene, state: State) -> State:
-    """The same state with what carries the pendula where it starts."""
+    """The same state with the supports at their starts."""
     if not scene.is_structured:
         (start,) = (getattr(support, "start", None) for support in scene.supports)
         return state if start is None else replace(state, cart=start.displacement, cart_rate=start.rate)

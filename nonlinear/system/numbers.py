@@ -1,12 +1,11 @@
 """The numbers of a scene as a list, of which many members may each have their own.
 
 The list is gravity, then of every link in the order of the file its mass, length, centre, inertia, the reflected
-inertia of its rotor, damper, spring and drag, field by field; then those of what carries the pendula: of every
-carrier its place, mass, inertia, rods, centre, springs and dampers (of a modal one M, K, D and its points), of
-every entry of pendula where it hangs, of every spring its two numbers and its ends; last the parameters of laws of
-joints, term by term.  Beside it
-stand the entries of D_modal and the constants of sines that move the support, and of sines and constants that act as
-forces.  Where members differ an entry is an array (S,), elsewhere one number.
+inertia of its rotor, damper, spring and drag, field by field; then those of the supports of the pendula: of every
+carrier its place, mass, inertia, rods, centre, springs and dampers (of a modal one M, K, D and its points), of every
+entry of pendula where it hangs, of every spring its two numbers and its ends; last the parameters of joint laws, term
+by term. Beside it stand the entries of D_modal and the constants of sines that move the support, and of sines and
+constants that act as forces. Where members differ an entry is an array (S,), elsewhere one number.
 """
 
 from __future__ import annotations
@@ -40,8 +39,8 @@ Values = Mapping[Place, Floats]
 class Numbers(Displayed):
     """The numbers of S members with the form of a `system`: `entries` are numbers or arrays (S,).
 
-    So are `constants`, the entries of D_modal, row by row, where there is one, and constants of motions and forces;
-    and `switching`, those of escapements and dry friction (`nonlinear.integration.switches`), empty without them.
+    So are `constants`, the entries of D_modal, row by row, if there is one, and constants of motions and forces; and
+    `switching`, those of escapements and dry friction (`nonlinear.integration.switches`), empty without them.
     """
 
     what = "Numbers of members with the form of one system"

@@ -1,7 +1,7 @@
-"""Populations: equal pendula on one support, and the scene in which a few of them stand for all.
+"""Populations: equal pendula on one support, and the scene in which a few represent all.
 
 Where N equal pendula hang from points that move alike and do the same, their pulls on the support add up: two pendula
-of N/2 times the masses, dampers, springs and drives pull as much and swing alike.  Of their small disturbances the mean
+of N/2 times the masses, dampers, springs and drives pull as much and swing alike. Of their small perturbations the mean
 moves the support, and the difference does not, which is what any of N − 1 differences within the population does.
 """
 
@@ -28,7 +28,7 @@ from modal.types import Ints
 class Population(Displayed):
     """Equal pendula on one support: its index and its name, and their numbers `pendula` in the order of the file.
 
-    `are_alike` tells whether all their first joints move alike.
+    `are_alike` says whether all their first joints move alike.
 
     >>> from modal import load
     >>> from nonlinear.system import populations_of
@@ -52,7 +52,7 @@ class Population(Displayed):
 
     @property
     def halves(self) -> int:
-        """How many pendula stand for it in the scene of `representatives`."""
+        """The number of pendula that represent it in the scene of `representatives`."""
         return min(self.size, 2)
 
 
@@ -145,7 +145,7 @@ def representation_obstacles(scene: Scene) -> Iterator[str]:
 def representatives(scene: Scene) -> Scene:
     """The scene in which two pendula stand for every population, or one for one: the order is that of populations.
 
-    Raises ComputationError where none can.
+    Raise ComputationError if none can.
 
     >>> from modal import load
     >>> from nonlinear.system import representatives

@@ -1,6 +1,6 @@
-"""What time prescribes: forces on points of a scene, and a support that moves.
+"""Prescribed functions of time: forces on points of a scene, and the motion of a support.
 
-The scene is described in the frame of its support, which accelerates with it.  There every mass m feels, besides
+The scene is described in the frame of its support, which accelerates with it.  There every mass m has, besides
 gravity, the force −m a; positions in the laboratory are those in the frame plus the support's displacement.  Vectors
 have the components (along the rail, down), in space (along, across, down).
 """
@@ -94,7 +94,7 @@ class MovingSupport:
         return tuple(direction for direction, _ in self.motions)
 
     def components(self, sizes: Any) -> tuple[Any, Any]:
-        """The components along the rail and down of one number for each motion; 0.0 where none has any."""
+        """The components along the rail and down of one number for each motion; 0.0 if none has any."""
         along, down = 0.0, 0.0
         for (x, z), size in zip(self.directions, sizes, strict=True):
             along = along + x * size if x else along

@@ -103,7 +103,7 @@ class Motion(Displayed):
 
 
 def apart(motion: Motion, other: Motion) -> Floats:
-    """The largest angle (rad) between the links of two motions at every time, (T,), modulo whole turns."""
+    """The largest angle (rad) between the links of two motions at every time, (T,), modulo full turns."""
     if motion.links.ndim == 3:
         chord = np.linalg.norm(motion.links - other.links, axis=-1)
         return np.asarray(2 * np.arcsin(np.minimum(chord / 2, 1.0)).max(axis=1))
@@ -176,8 +176,8 @@ class Equations(Protocol):
 class Layout:
     """The arrangement of y: `width` numbers per link, `first` coordinates before those of links.
 
-    `works` tells whether the work is the last component of y, `is_structured` whether the first coordinates are those
-    of a structure, not of one cart.
+    `works` says whether the work is the last component of y, `is_structured` whether the first coordinates are those of
+    a structure, not of one cart.
     """
 
     links: int
@@ -219,7 +219,7 @@ class Layout:
         return np.hstack([head, links, rate, rates, *[motion.work[:, None]] * self.works])
 
     def carrier_coordinates(self, motion: Motion) -> tuple[Floats, Floats]:
-        """The coordinates of what carries the pendula, and their rates, (T, first) each."""
+        """The coordinates of the supports of the pendula, and their rates, (T, first) each."""
         if self.is_structured:
             return motion.supports, motion.support_rates
         return motion.cart[:, None][:, : self.first], motion.cart_rate[:, None][:, : self.first]

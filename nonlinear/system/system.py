@@ -61,7 +61,7 @@ class Excitation:
 
 
 def excitation_of(pendula: Sequence[Pendulum]) -> Excitation | None:
-    """The kicks of pendula with equally many links, one column each; None where there are none."""
+    """The kicks of pendula with equally many links, one column each; None if there are none."""
     drives = [[link.drive for link in pendulum.links for _ in range(link.count)] for pendulum in pendula]
     numbers = [
         [(drive.impulse, radians(drive.angle_deg)) if isinstance(drive, Escapement) else (0.0, 0.0) for drive in chain]
@@ -138,7 +138,7 @@ class JointTerm:
 
 
 def _beside(number: Any, like: Any) -> Any:
-    """A number of every joint beside values with further axes."""
+    """A number of every joint next to values with further axes."""
     return number.reshape(*number.shape, *[1] * (np.ndim(like) - np.ndim(number)))
 
 
@@ -158,7 +158,7 @@ def joint_terms(pendula: Sequence[Pendulum], where: str = "placed_laws") -> tupl
 
 
 def _link_numbers(pendula: Sequence[Pendulum], name: str) -> Floats | None:
-    """A number of every link, (n, P), of pendula with equally many links; None where all are 0."""
+    """A number of every link, (n, P), of pendula with equally many links; None if all are 0."""
     numbers = np.array([[getattr(link, name) for link in pendulum.chain] for pendulum in pendula]).T
     return np.ascontiguousarray(numbers) if numbers.any() else None
 
@@ -168,8 +168,8 @@ class Group:
     """P pendula of n links: their arrays (n, P), the position of every link in the file (n, P), their numbers (P,).
 
     `excitation` are the kicks of their joints, `friction` their dry friction (N m) and `quadratic_drag` (N s²/m²) that
-    of their links, both (n, P); each may be None.  `laws` act at their joints beside springs and dampers,
-    `point_forces` on their centres beside drag.
+    of their links, both (n, P); each may be None. `laws` act at their joints next to springs and dampers,
+    `point_forces` on their centres next to drag.
     """
 
     block: Block
@@ -251,14 +251,14 @@ class Rail(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class System(Displayed):
-    """Gravity, what carries the pendula and the groups of these, in SI units.
+    """Gravity, the supports of the pendula and the groups of these, in SI units.
 
     `modal_damping` (n, n) is the D_modal of a plane scene's damping ratios in the coordinates (x, links), or None;
     `hoisting` the lengths that change in time, of which the groups hold the first; `support` the motion of a support
     that moves as prescribed, in whose frame the scene is then described; `rail` the dry friction on the rail; `forces`
-    act on points of links and on the cart.  The `suspension` is what carries the pendula: of no coordinates on a fixed
-    support, of one on a cart, and where the scene `is_structured` any `structure`, of whose springs `slack` tells which
-    have no length as drawn.  `loops` of feedback act like forces, by what they measure.
+    act on points of links and on the cart. The `suspension` holds the supports of the pendula: no coordinates for a
+    fixed support, one for a cart, and if the scene `is_structured` any `structure`, of whose springs `slack` says which
+    have no length as drawn. `loops` of feedback act like forces, by what they measure.
 
     >>> from modal import load
     >>> from nonlinear import system_of
@@ -346,7 +346,7 @@ class System(Displayed):
 
     @cached_property
     def total_mass(self) -> float:
-        """Total mass of all links and of what carries them, modal carriers excepted (kg)."""
+        """Total mass of all links and of their supports, modal carriers excepted (kg)."""
         return float(self.mass.sum()) + sum(float(carrier.mass) for carrier in self.suspension.carriers)
 
     @cached_property
@@ -434,7 +434,7 @@ class System(Displayed):
 
     @property
     def acting(self) -> tuple[ActingForce, ...]:
-        """All that acts on points and coordinates: forces, then loops of feedback."""
+        """All that acts on points and coordinates: forces, then feedback loops."""
         return (*self.forces, *self.loops)
 
     @cached_property

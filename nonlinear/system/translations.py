@@ -1,4 +1,4 @@
-"""Along which displacements of what carries the pendula a scene is the same: those of carts that nothing holds."""
+"""Displacements of supports under which a scene is invariant: those of free carts."""
 
 from __future__ import annotations
 

@@ -49,8 +49,8 @@ FREQUENCY_ERROR_MAX = 1e-3
 class Measurement:
     """One run: the largest angle at release and its effective value (rad), and the measured frequency.
 
-    `omega` in rad/s with its relative `error`, `shift` ω(a)/ω − 1 from the table, `outside` the largest fraction of
-    the energy found in other modes; `pushing` are the links of bobs that push, where that can be told.
+    `omega` in rad/s with its relative `error`, `shift` ω(a)/ω − 1 from the table, `outside` the largest fraction of the
+    energy found in other modes; `pushing` are the links of bobs that push, if that can be decided.
     """
 
     amplitude: float
@@ -99,7 +99,7 @@ def measure_mode(modes: Modes, number: int, amplitude: float, periods: float = 4
 
 
 def pushing_in(trajectory: Trajectory) -> tuple[PushingLink, ...]:
-    """The links of bobs that push in a run; none where that cannot be told."""
+    """The links of bobs that push in a run; none where that cannot be decided."""
     try:
         return pushing_links(trajectory)
     except ComputationError:
@@ -143,7 +143,7 @@ ANGLE_MAX_DEG = 90.0
 class ModeCheck(Displayed):
     """A mode of the table, its measurements, and the angle (deg) at which the table is wrong by 1 %.
 
-    `one_percent_deg` is infinite where it lies beyond 90°, NaN where the motion there is irregular.  `backbone` are the
+    `one_percent_deg` is infinite if it lies beyond 90°, NaN if the motion there is irregular. `backbone` are the
     periodic orbits of the mode without dampers, in scenes of up to ORBIT_LINKS_MAX links.
     """
 
@@ -241,7 +241,7 @@ def check(
 
 
 def _reason(modes: Modes, mode: Mode) -> str:
-    """Why a mode cannot be checked, in words; empty where it can."""
+    """Why a mode cannot be checked, in words; empty if it can."""
     if mode.is_uncertain:
         return "its frequency is beyond double precision"
     if mode.omega == 0:
@@ -287,7 +287,7 @@ def _check_mode(
 
 
 def _backbone(scene: Scene, number: int, to: float) -> Branch | None:
-    """The periodic orbits of a mode up to a little beyond this largest angle (rad); None where there are none."""
+    """The periodic orbits of a mode up to a little beyond this largest angle (rad); None if there are none."""
     if scene.n_links > ORBIT_LINKS_MAX or not 0 < to < ORBIT_ANGLE_MAX:
         return None
     try:

@@ -73,8 +73,8 @@ class Comparison(TextResult):
 def compare(trajectory: Trajectory, numbers: Sequence[int] | None = None, *, count: int = 3) -> Comparison:
     """Project a motion in the plane, sampled evenly, on the modes with these indices (from 0; by default all).
 
-    At most `count` lines are sought in every coordinate.  A decaying mode's lines are those of η exp(−Re λ t).
-    Raises ComputationError for a motion out of the plane.
+    At most `count` lines are sought in every coordinate. A decaying mode's lines are those of η exp(−Re λ t). Raise
+    ComputationError for a motion out of the plane.
     """
     require(trajectory.scene, "a comparison with modes")
     modes = natural_modes(trajectory.scene)

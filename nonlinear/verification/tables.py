@@ -79,7 +79,7 @@ def _paragraph(sentences: list[str], form: str) -> str:
 
 
 def check_verdict(check: Check) -> list[str]:
-    """How right the table is: at the smallest angle, at the largest with and without κa², and its angles of 1 %."""
+    """How accurate the table is: at the smallest angle, at the largest with and without κa², and its 1 % angles."""
     runs = _runs(check.rows)
     regular = [(row, measurement) for row, measurement in runs if not measurement.irregular]
     sentences = []
@@ -118,7 +118,7 @@ def _off(share: float) -> str:
 
 
 def comparison_verdict(comparison: Comparison) -> list[str]:
-    """Which modes carry the energy, and how far their lines are from the table."""
+    """Return which modes contain the energy, and how far their lines are from the table."""
     rows = sorted((row for row in comparison.rows if isfinite(row.share)), key=lambda row: -row.share)
     if not rows:
         return ["Nothing moves."]

@@ -1,4 +1,4 @@
-"""A travel of a crane in the full equations: what swing it leaves at large angles, as it is and shaped."""
+"""A travel of a crane in the full equations: residual swing at large angles, unshaped and shaped."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def swing_after(travel: ShapedTravel) -> Floats:
     """The largest angle (rad) of any link after a travel as it is, and after it shaped, (2,), in the full equations.
 
     From the time on at which command and hoist are over, for 2.5 periods of the slowest swing: half of what there is
-    between the extremes of a link.  Raises SceneError for what simulations do not take.
+    between the extremes of a link. Raise SceneError for what simulations do not take.
 
     >>> from modal import load
     >>> from modal.statespace import shaper_for

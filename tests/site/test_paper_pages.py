@@ -37,7 +37,7 @@ def test_every_formula_stands_on_its_page_with_a_command_or_a_reason(paper: str)
     assert list(placed) == list(range(1, FORMULAS[paper] + 1))
     for number, text in placed.items():
         assert "$$\n" in text, f"formula {number} is not typeset"
-        assert re.search(r"\*\*(Right|Wrong|Misprint)|is \*\*right", text), f"formula {number} is not judged"
+        assert re.search(r"\*\*(Correct|Wrong|Misprint)|is \*\*correct", text), f"formula {number} is not judged"
         code = "\n".join(re.findall(r"^```(?:sh|python)\n(.*?)^```", text, flags=re.MULTILINE | re.DOTALL))
         assert COMMAND.search(code) or WHY_NOT in text, f"formula {number} has neither a command nor a reason"
     assert {int(number) for number in re.findall(r"\*?\*?[Ff]igure (\d+)", page)} == set(range(1, FIGURES[paper] + 1))

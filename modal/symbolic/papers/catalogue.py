@@ -15,7 +15,7 @@ def paper(number: str, show: tuple[str, ...] = ()) -> tuple[str, list[Section]]:
     """Title and sections of paper 000, 001 or 002, of all its equations or of those that `show` numbers.
 
     A number is that of the paper (`4`; `12-14` for what continues (12) to (14)), or its section where it numbers none
-    (`III.B`).  SceneError for any other.
+    (`III.B`). Raise SceneError for any other.
     """
     if number not in _PAPERS:
         raise SceneError(
