@@ -9,8 +9,8 @@ join; `structures` tells what is wrong with both; `motion` moves a support and a
 it measures, `periods` tells when that repeats, `records` reads its records, `hoist` changes a length by one of
 `length_laws`; `files` reads and writes scenes, `sealed` detects damaged files, `contents` reads any and tells what it
 is; `validation` checks every part, `mistakes` words the messages, `parameters` finds and varies numbers by path,
-`number_names` calls them in words, `doors` checks arguments, `titles` says what hangs in a scene, `free_body` takes it
-apart.
+`number_names` calls them in words, and `signal_names` signals, `doors` checks arguments, `titles` says what hangs in a
+scene, `free_body` takes it apart.
 """
 
 from typing import TYPE_CHECKING

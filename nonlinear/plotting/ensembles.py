@@ -11,9 +11,9 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from modal.plotting import HUES, colour, headline, key, legend, mixture, rest, scale, thickness
-from modal.plotting.layout import symbols_in
 from modal.plotting.style import BAND_OPACITY, LOG_RATIO, dot_size, sheet_of_rows
 from modal.scene import number_label, number_words, title_of
+from modal.scene.signal_names import symbols_in
 from modal.types import Floats, Ints
 from nonlinear.plotting.sweeps import edges, label
 

@@ -28,10 +28,10 @@ from modal.plotting import (
     secondary_colour,
     set_frame,
 )
-from modal.plotting.layout import link_names
 from modal.plotting.style import CURVE_POINTS, VISIBLE_SHARE, sheet_of_rows
 from modal.scene import Scene, title_of
 from modal.scene.doors import require_type
+from modal.scene.signal_names import link_names
 from modal.types import Floats
 from nonlinear.integration import Trajectory
 from nonlinear.plotting.scene import ANGLES_AT_ONCE, carrier_name

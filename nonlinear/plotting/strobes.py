@@ -7,9 +7,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from modal.plotting import colour, headline, scale
-from modal.plotting.layout import symbols_in
 from modal.plotting.style import dot_size, sheet_of_rows
 from modal.scene import number_label, title_of
+from modal.scene.signal_names import symbols_in
 from nonlinear.ensembles import BifurcationDiagram, StroboscopicSection
 
 

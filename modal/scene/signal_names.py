@@ -1,0 +1,94 @@
+"""What signals and coordinates are called where people read: θ₁₂ or "tip of pendulum 1", not `theta_1_2` or `tip_1`.
+
+Files, options and messages about them have the identifiers.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import Any
+
+SIGNALS = {
+    "theta": "{angle}",
+    "theta_dot": "rate of {angle}",
+    "rel": "relative {angle}",
+    "rel_dot": "rate of relative {angle}",
+    "joint": "lower end of {link}",
+    "tip": "tip of {link}",
+    "tip_ddot": "acceleration of the tip of {link}",
+    "pivot_force": "force of {link} on its pivot",
+    "torque": "torque on {link}",
+    "force": "force on {link}",
+    "x": "cart position",
+    "x_dot": "cart velocity",
+    "x_ddot": "cart acceleration",
+    "cart_force": "force on the cart",
+}
+"""What signals of linear models are called; others are words by themselves."""
+SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
+ANGLE = re.compile(r"theta[_[](\d+)[_,](\d+)\]?")
+SIGNAL = re.compile(r"([a-z_]+?)((?:_\d+){0,2})")
+COORDINATE = re.compile(r"(\w+?)(_d?dot)?_(?:m|rad)(?:_per_s2?)?")
+
+
+def angle_symbol(*place: int | str, between: str = "") -> str:
+    """The angle of a link, by its pendulum and its number there; a comma separates longer numbers.
+
+    >>> angle_symbol(1, 2), angle_symbol(12, 1)
+    ('θ₁₂', 'θ₁₂,₁')
+    """
+    comma = "," if max(map(len, map(str, place))) > 1 else between
+    return "θ" + comma.join(map(str, place)).translate(SUBSCRIPTS)
+
+
+def symbols_in(text: str) -> str:
+    """The text with the symbols of angles in place of their identifiers, `theta[1,2]` or `theta_1_2`.
+
+    >>> symbols_in("crossings of theta[1,2]>0"), symbols_in("theta_1_2 and theta_2_1")
+    ('crossings of θ₁₂>0', 'θ₁₂ and θ₂₁')
+    """
+    return ANGLE.sub(lambda match: angle_symbol(match[1], match[2]), text)
+
+
+def link_names(labels: Sequence[str]) -> list[str]:
+    """Names of the links whose angles are the coordinates `labels`: the number of link or pendulum, or the symbol.
+
+    >>> link_names(["theta[1,1]", "theta[1,2]"]), link_names(["theta[1,1]", "theta[2,1]", "theta[2,2]"])
+    (['link 1', 'link 2'], ['θ₁₁', 'θ₂₁', 'θ₂₂'])
+    """
+    places = [re.findall(r"\d+", label) for label in labels if label.startswith("theta[")]
+    pendula = list(dict.fromkeys(pendulum for pendulum, _ in places))
+    if len(pendula) == 1:
+        return [f"link {link}" for _, link in places]
+    if len(pendula) == len(places):
+        return [f"pendulum {pendulum}" for pendulum in pendula]
+    between = "," if max(map(len, (number for place in places for number in place))) > 1 else ""
+    return [angle_symbol(*place, between=between) for place in places]
+
+
+def signal_words(name: str) -> str:
+    """A signal of a linear model in words.
+
+    >>> signal_words("theta_1_2"), signal_words("tip_1"), signal_words("floor2_m"), signal_words("support_acceleration")
+    ('θ₁₂', 'tip of pendulum 1', 'floor2', 'support acceleration')
+    """
+    match = SIGNAL.fullmatch(name)
+    if match and match[1] in SIGNALS:
+        place = match[2].split("_")[1:]
+        owners = [f"{owner} {number}" for owner, number in zip(("pendulum", "link"), place, strict=False)]
+        return SIGNALS[match[1]].format(angle=angle_symbol(*place or ("",)), link=" of ".join(owners[::-1]))
+    if coordinate := COORDINATE.fullmatch(name):
+        order = {"_dot": "rate of ", "_ddot": "acceleration of "}.get(coordinate[2], "")
+        name = order + coordinate[1]
+    return name.replace("_", " ")
+
+
+def signal_label(signal: Any) -> str:
+    """A signal in words with its unit, as in headings."""
+    return f"{signal_words(signal.name)} ({unit_words(signal.unit)})"
+
+
+def unit_words(unit: str) -> str:
+    """A unit as it is read, m/s² for m/s^2."""
+    return unit.replace("^2", "²")
