@@ -536,7 +536,7 @@ def _verdict(problem: _ModeFitProblem, result: ModeFit, loss: str) -> list[str]:
         )
     for k in result.fitted:
         if result.parameters[k].z_min == 0.0 and result.z[k] < BOUND_DISTANCE:
-            words.append(f"{result.parameters[k].path} is at its bound, 0: the modes give no sign of it")
+            words.append(f"{result.parameters[k].words} is at its bound, 0: the modes give no sign of it")
     words += means_of(result.parameters)
     if loss != "linear":
         words.append(f"standard deviations are those of the linear loss at the optimum of {loss}")

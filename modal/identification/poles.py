@@ -53,6 +53,7 @@ from modal.report import (
     short,
 )
 from modal.scene.doors import checked, checked_index
+from modal.scene.signal_names import signal_words
 from modal.types import Booleans, Complexes, Floats
 
 ORDINALS = {2: "second", 3: "third"}
@@ -196,7 +197,9 @@ class Identified(Drawable, Result):
 
     def parts(self, form: Form = "text") -> Iterator[ReportTable | str]:
         """Every mode, by which method it was found, and what there is to say."""
-        shapes = [ReportColumn(partial(_component, k), None, name, "+.3f") for k, name in enumerate(self.names)]
+        shapes = [
+            ReportColumn(partial(_component, k), None, signal_words(name), "+.3f") for k, name in enumerate(self.names)
+        ]
         number = ReportColumn(lambda mode: self.modes.index(mode) + 1, None, "mode")
         yield ReportTable.of((number, *MODE, *shapes, ReportColumn("shape_std", None, "± shape", ".2g")), self.modes)
         order = f", order {self.order}" if self.method == "era" else ""

@@ -70,6 +70,14 @@ class EnergyShare(NamedTuple):
         return f"{self.sort} {self.label}".rstrip()
 
     @property
+    def words(self) -> str:
+        """What has it, as the text calls it."""
+        pendulum, _, link = self.label.partition("_")
+        if self.link < 0 or not link:
+            return self.part
+        return f"{self.sort} {'' if self.sort.endswith('link') else 'of link '}{link} of pendulum {pendulum}"
+
+    @property
     def pendulum(self) -> str:
         """The number of the pendulum that it belongs to."""
         return self.label.partition("_")[0] if self.link >= 0 else ""
@@ -97,7 +105,12 @@ class ModeEnergies(Result):
             ReportColumn(_share_of(k), f"mode_{number}_percent", f"mode {number}", "z.2f")
             for k, number in enumerate(self.modes)
         ]
-        return (ReportColumn("energy", "energy", "of"), ReportColumn("part", "part", "part"), *shares)
+        return (
+            ReportColumn("energy", "energy", "of"),
+            ReportColumn("part", "part"),
+            ReportColumn("words", None, "part"),
+            *shares,
+        )
 
     def footnotes(self) -> Iterable[str]:
         """What the shares mean."""

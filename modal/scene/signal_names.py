@@ -9,9 +9,12 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
+from modal.report import with_unit
+
 SIGNALS = {
     "theta": "{angle}",
     "theta_dot": "rate of {angle}",
+    "theta_relative": "relative {angle}",
     "rel": "relative {angle}",
     "rel_dot": "rate of relative {angle}",
     "joint": "lower end of {link}",
@@ -24,12 +27,32 @@ SIGNALS = {
     "x_dot": "cart velocity",
     "x_ddot": "cart acceleration",
     "cart_force": "force on the cart",
+    "x_end": "horizontal position of the end of {link}",
+    "y_end": "vertical position of the end of {link}",
+    "acceleration_along": "acceleration along {link}",
+    "acceleration_across": "acceleration across {link}",
 }
 """What signals of linear models are called; others are words by themselves."""
 SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 ANGLE = re.compile(r"theta[_[](\d+)[_,](\d+)\]?")
-SIGNAL = re.compile(r"([a-z_]+?)((?:_\d+){0,2})")
+SIGNAL = re.compile(r"([a-z_]+?)((?:_\d+){0,2})(_relative)?(?:@([\d.]+))?")
 COORDINATE = re.compile(r"(\w+?)(_d?dot)?_(?:m|rad)(?:_per_s2?)?")
+
+UNITS = (
+    ("_rad_per_s", "rad/s"),
+    ("_deg_per_s", "°/s"),
+    ("_m_per_s", "m/s"),
+    ("_per_s", "1/s"),
+    ("_deg", "°"),
+    ("_rad", "rad"),
+    ("_s", "s"),
+    ("_m", "m"),
+    ("_kg", "kg"),
+    ("_J", "J"),
+    ("_W", "W"),
+    ("_N", "N"),
+)
+"""Units that columns of measures state at their ends."""
 
 
 def angle_symbol(*place: int | str, between: str = "") -> str:
@@ -68,16 +91,21 @@ def link_names(labels: Sequence[str]) -> list[str]:
 
 
 def signal_words(name: str) -> str:
-    """A signal of a linear model in words.
+    """A signal of a linear model or a sensor in words.
 
     >>> signal_words("theta_1_2"), signal_words("tip_1"), signal_words("floor2_m"), signal_words("support_acceleration")
     ('θ₁₂', 'tip of pendulum 1', 'floor2', 'support acceleration')
+    >>> signal_words("theta_1_2_relative"), signal_words("acceleration_along_1_1@0.5")
+    ('relative θ₁₂', 'acceleration along link 1 of pendulum 1 at 0.5 m')
     """
     match = SIGNAL.fullmatch(name)
-    if match and match[1] in SIGNALS:
-        place = match[2].split("_")[1:]
+    place = match[2].split("_")[1:] if match else []
+    kind = f"{match[1]}{match[3] or ''}" if match else ""
+    kind = f"{kind}_end" if kind in {"x", "y"} and place else kind
+    if match and kind in SIGNALS:
         owners = [f"{owner} {number}" for owner, number in zip(("pendulum", "link"), place, strict=False)]
-        return SIGNALS[match[1]].format(angle=angle_symbol(*place or ("",)), link=" of ".join(owners[::-1]))
+        words = SIGNALS[kind].format(angle=angle_symbol(*place or ("",)), link=" of ".join(owners[::-1]))
+        return f"{words} at {match[4]} m" if match[4] else words
     if coordinate := COORDINATE.fullmatch(name):
         order = {"_dot": "rate of ", "_ddot": "acceleration of "}.get(coordinate[2], "")
         name = order + coordinate[1]
@@ -92,3 +120,23 @@ def signal_label(signal: Any) -> str:
 def unit_words(unit: str) -> str:
     """A unit as it is read, m/s² for m/s^2."""
     return unit.replace("^2", "²")
+
+
+def column_words(column: str) -> tuple[str, str]:
+    """A column's name and unit for display: ("omega 1", "rad/s")."""
+    for ending, unit in UNITS:
+        if column.endswith(ending):
+            return column.removesuffix(ending).replace("_", " "), unit
+    return column.replace("_", " "), ""
+
+
+def column_label(column: str) -> str:
+    """A column of a measure as a heading.
+
+    >>> column_label("omega_2_rad_per_s"), column_label("first_turn_1_2_s"), column_label("beat_2_s")
+    ('ω₂ (rad/s)', 'first turn of θ₁₂ (s)', 'beat 2 (s)')
+    """
+    name, unit = column_words(column)
+    name = re.sub(r"^omega (\d+)", lambda match: "ω" + match[1].translate(SUBSCRIPTS), name)
+    name = re.sub(r" (\d+) (\d+)$", lambda match: f" of {angle_symbol(match[1], match[2])}", name)
+    return with_unit(name, unit)

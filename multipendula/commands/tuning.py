@@ -130,7 +130,7 @@ def _swing_words(swing: FiniteSwing, best: Tuned) -> str:
     change = 100 * (swing.peak / linear - 1)
     return (
         f"At finite swing, a force of {swing.size:.5g} with which a link turns by {degrees(swing.angle):.4g}°: "
-        f"{quantity.name} is {swing.peak:.6g} at {swing.frequency:.5g} Hz ({change:+.3g} %), "
+        f"{quantity.words} is {swing.peak:.6g} at {swing.frequency:.5g} Hz ({change:+.3g} %), "
         f"{'stable' if swing.stable else 'unstable'}."
     )
 

@@ -30,6 +30,7 @@ from modal.errors import SceneError, gathered, refuse_any, spelling_hint
 from modal.report import Displayed, counted, listed
 from modal.scene import Scene
 from modal.scene.contents import MEASURED_MAX, MEASURED_MIN, SIZES_READ
+from modal.scene.signal_names import signal_words
 from modal.scene.tables import DataTable, in_si, read_table, time_unit
 from modal.structure import structure_of
 from modal.types import Floats
@@ -100,6 +101,11 @@ class Sensor:
             return "cart"
         name = QUANTITIES[self.quantity][0].format(f"{self.pendulum}_{self.link}")
         return f"{name}@{self.radius:g}" if self.quantity in ACCELERATIONS else name
+
+    @property
+    def words(self) -> str:
+        """What reports call it."""
+        return signal_words(self.name)
 
     @property
     def unit(self) -> str:

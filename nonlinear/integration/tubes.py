@@ -17,6 +17,7 @@ from modal.exact import flint
 from modal.report import ReportColumn, Result, silent
 from modal.scene import CAPABILITIES, Scene, require
 from modal.scene.doors import checked, checked_number
+from modal.scene.signal_names import symbols_in
 from modal.types import Floats
 from nonlinear.dynamics import Generated
 from nonlinear.dynamics.generated import WRITTEN_LINKS_MAX
@@ -127,7 +128,9 @@ class Tube(Result):
         half = self.system.n_links + self.system.first
         columns = [ReportColumn("time", "time_s", "time (s)", ".9g")]
         for k, name in enumerate(self.names):
-            heading = f"{self.system.labels[k]} ({'rad' if name.endswith('_rad') else 'm'})" if k < half else None
+            heading = (
+                f"{symbols_in(self.system.labels[k])} ({'rad' if name.endswith('_rad') else 'm'})" if k < half else None
+            )
             columns.append(ReportColumn(_part_of(k, "words"), None, heading, str))
             columns.append(ReportColumn(_part_of(k, "mid"), name))
             columns.append(ReportColumn(_part_of(k, "radius"), f"{name}_radius"))

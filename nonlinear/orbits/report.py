@@ -12,7 +12,7 @@ import numpy as np
 
 from modal.loci import state_columns
 from modal.report import ReportColumn, ReportTable, as_csv, counted, finite, line_width, listed, titled
-from modal.scene import Scene, title_of, validate_scene
+from modal.scene import Scene, number_label, number_words, title_of, validate_scene
 from nonlinear.orbits.branch import Branch
 from nonlinear.orbits.cycles import growth
 from nonlinear.orbits.flow import ORBIT_TOLERANCE
@@ -118,7 +118,7 @@ def orbits_text(scene: Scene, branches: Sequence[Branch], linear: float | None =
 
 def _parts(branches: Sequence[Branch], linear: float | None) -> Iterator[str]:
     for number, branch in enumerate(branches):
-        direction = f" along {branch.variation.path}" if branch.variation else ""
+        direction = f" along the {_number(branch)}" if branch.variation else ""
         count, worst = counted(len(branch.orbits), "orbit", "orbits"), max(orbit.residual for orbit in branch.orbits)
         closure = 10.0 ** ceil(log10(max(worst, ORBIT_TOLERANCE)))
         cycles = branch.orbits[0].cycles
@@ -137,7 +137,7 @@ def _parts(branches: Sequence[Branch], linear: float | None) -> Iterator[str]:
 def _quantities(branch: Branch, linear: float | None) -> Iterator[ReportColumn]:
     """What the text tells of an orbit."""
     if branch.variation:
-        place = f"{branch.variation.path} ({branch.variation.unit or '–'})"
+        place = number_label(branch.orbits[0].scene, branch.variation.path)
         yield ReportColumn(partial(_parameter, branch), None, place, ".6g")
     yield ReportColumn(lambda orbit: degrees(orbit.amplitude), None, "largest angle (°)", ".3f")
     if branch.is_forced:
@@ -182,7 +182,7 @@ def _missing_ends(branches: Sequence[Branch]) -> Iterator[str]:
     reached_values = np.concatenate([branch.value[[0, -1]] for branch in branches])
     for value in (variation.values[0], variation.values[-1]):
         if not np.any(np.isclose(reached_values, value, rtol=1e-9)):
-            place = f"{variation.path} = {value:g} {variation.unit}".rstrip()
+            place = f"{_number(branches[0])} = {value:g} {variation.unit}".rstrip()
             yield fill(f"at {place} no motion was found: begin with a run that settles there.", line_width())
 
 
@@ -195,9 +195,14 @@ def special_words(branch: Branch, special: Special) -> str:
     return f"{special.kind}{turns} at {_place(branch, special.orbit)}{fate}."
 
 
+def _number(branch: Branch) -> str:
+    """What is varied along a branch."""
+    return number_words(branch.orbits[0].scene, branch.variation.path) if branch.variation else ""
+
+
 def _place(branch: Branch, orbit: Orbit) -> str:
     digits = 10 if orbit.cycles else 8
     words = [f"{degrees(orbit.amplitude):.5g}°", f"{orbit.omega:.6g} rad/s"][: 1 if orbit.cycles else 2]
     if branch.variation and orbit.value is not None and isfinite(orbit.value):
-        words = [f"{branch.variation.path} = {orbit.value:.{digits}g} {branch.variation.unit}".rstrip(), *words]
+        words = [f"{_number(branch)} = {orbit.value:.{digits}g} {branch.variation.unit}".rstrip(), *words]
     return listed(words, len(words))

@@ -44,13 +44,13 @@ def fit_figure(fit: Fit) -> Figure:
             label = {"label": "fitted"} if s == c == 0 else {}
             axes[c].plot(times, factor * fit.readings[s][:, c], color=colour(c), lw=1.1, **label)
             miss = segment.values[:, c] - fit.readings[s][:, c]
-            label = {"label": sensor.name} if s == 0 else {}
+            label = {"label": sensor.words} if s == 0 else {}
             axes[-1].plot(times, 1e3 * miss, color=colour(c), lw=0.8, **label)
         if s:
             for axis in axes:
                 axis.axvline(times[0] - gap / 2, color=rest(), lw=0.6, ls=MARKED)
     for axis, sensor in zip(axes, sensors, strict=False):
-        axis.set_ylabel(f"{sensor.name} ({SHOWN[sensor.unit]})")
+        axis.set_ylabel(f"{sensor.words} ({SHOWN[sensor.unit]})")
     legend(axes[0], 2)
     units = {MISSED[sensor.unit] for sensor in sensors}
     axes[-1].set_ylabel(f"residual ({', '.join(sorted(units))})")

@@ -37,6 +37,7 @@ from modal.plotting.style import LOG_RATIO, VISIBLE_SHARE, sheet_of_rows
 from modal.report import deferred
 from modal.scene import number_label, title_of
 from modal.scene.parameters import Variation
+from modal.scene.signal_names import column_words
 from modal.types import Floats
 from modal.vibration import KINDS
 
@@ -47,20 +48,6 @@ KIND_COLOURS = 0, 1, 2
 """Of growth at the frequency, at half of it and at a combination."""
 FRACTIONS = {"order", "survivor_share"}
 """Quantities from 0 to 1, whose scales are linear however small they get."""
-UNITS = (
-    ("_rad_per_s", "rad/s"),
-    ("_deg_per_s", "°/s"),
-    ("_m_per_s", "m/s"),
-    ("_per_s", "1/s"),
-    ("_deg", "°"),
-    ("_rad", "rad"),
-    ("_s", "s"),
-    ("_m", "m"),
-    ("_kg", "kg"),
-    ("_J", "J"),
-    ("_W", "W"),
-    ("_N", "N"),
-)
 
 
 def sweep_figure(sweep: Sweep) -> Figure:
@@ -93,17 +80,9 @@ def validate_axes(axes: Sequence[Variation]) -> None:
         raise ComputationError("a figure needs one or two parameters, each with two or more values")
 
 
-def words(column: str) -> tuple[str, str]:
-    """A column's name and unit for display: ("omega 1", "rad/s")."""
-    for ending, unit in UNITS:
-        if column.endswith(ending):
-            return column.removesuffix(ending).replace("_", " "), unit
-    return column.replace("_", " "), ""
-
-
 def label(column: str) -> str:
     """An axis label for a column."""
-    name, unit = words(column)
+    name, unit = column_words(column)
     symbol = re.sub(r"^omega (\d+[a-z]*)$", r"ω$_{\1}$", name) if name != "omega" else "ω"
     return f"{symbol} ({unit or NUMBER})"
 

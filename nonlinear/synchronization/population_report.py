@@ -158,8 +158,8 @@ def _motion_record(motion: SymmetricMotion) -> dict[str, Any]:
 
 def diagram_text(diagram: PopulationDiagram) -> str:
     """One line for every symmetric motion, then one for every threshold, then their reasons."""
-    unit, where = diagram.variation.unit, span_of(diagram.variation)
-    head = f"{counted(len(diagram.branches), 'symmetric motion', 'symmetric motions')} over {where}"
+    unit, where = diagram.variation.unit, span_of(diagram.scene, diagram.variation)
+    head = f"{counted(len(diagram.branches), 'symmetric motion', 'symmetric motions')} for {where}"
     table = ReportTable.of(
         (
             ReportColumn("name", None, "motion"),

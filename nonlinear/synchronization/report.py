@@ -546,8 +546,8 @@ def _frequencies(study: SynchronizationStudy) -> dict[str, Any]:
 
 def branches_text(diagram: Branches) -> str:
     """One line per branch, counted from 1, then one per critical value."""
-    unit, where = diagram.variation.unit, span_of(diagram.variation)
-    head = f"{len(diagram.branches)} configurations over {where}"
+    unit, where = diagram.variation.unit, span_of(diagram.scene, diagram.variation)
+    head = f"{len(diagram.branches)} configurations for {where}"
     table = ReportTable.of(
         (
             ReportColumn(lambda row: row[0], None, ""),
