@@ -136,7 +136,7 @@ class _ModeFitProblem:
                 k = int(np.flatnonzero(np.isnan(by_number))[0])
                 raise ComputationError(
                     f"mode {measured_mode.number} shares its frequency with others, and {self.parameters[k].path} "
-                    "splits it: it has no single derivative; free a number of all equal pendula, or leave the mode out"
+                    "splits it: it has no single derivative; free a number of all equal pendula, or omit the mode"
                 )
             omega, zeta = polar(complex(modes.eigenvalue[row]), by_number)
             rows.append((omega / (2 * np.pi) / measured_mode.std)[None])

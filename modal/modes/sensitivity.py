@@ -44,7 +44,9 @@ from modal.types import EPS, NEWTON_ROUNDS, Complexes, Floats
 
 MOST_SENSITIVITIES = 200_000
 """Limit: sensitivities of one table, refused beyond as too many."""
-SENSITIVITIES = "Sensitivities (p/ω) ∂ω/∂p: the percentage by which a frequency changes where a number p grows by 1 %."
+SENSITIVITIES = (
+    "Sensitivities (p/ω) ∂ω/∂p: the change of a frequency, in percent, for an increase of a number p by 1 %."
+)
 NO_DERIVATIVE = "growing, damped by a damping_ratio, or shared by several modes"
 BY_PLACE = (
     "support: sensitivities link by link are those of pendula on a fixed support or one cart: take "

@@ -51,7 +51,7 @@ POWERS_OF_QUINTIC = 6
 TOLERANCE_OF_HOIST = 1e-10
 """Tolerance: relative error of a step along a hoist, a thousandth of it near rest."""
 Command = Callable[[Floats], Floats]
-SWING = "swing: the largest angle of each mode over that at the beginning, if E/ω is conserved (a slow hoist)"
+SWING = "swing: the largest angle of each mode relative to that at the beginning, if E/ω is conserved (a slow hoist)"
 NO_MODE = "with the cart free no mode oscillates: a massless cart stays above its load"
 UNSTABLE = "the equilibrium is unstable along the hoist: no swing is left at rest"
 

@@ -123,8 +123,8 @@ NUMBER = (
 """The quantities of a number."""
 SHIFTS = " Of a shift it is 1 % of the least number that it shifts."
 WORTH = (
-    "+1 % and −1 %: by how much the objective is worse where a number is so much larger or smaller. "
-    "From … to: where it is at most 1 % worse."
+    "+1 % and −1 %: how much worse the objective is if a number is 1 % larger or smaller. From … to: the range in "
+    "which it is at most 1 % worse."
 )
 
 
@@ -188,7 +188,7 @@ def _objective_table(tuned: Tuned) -> str:
             equal = sorted(piece.at[piece.inside & (piece.values >= largest * (1 - EQUAL_PEAKS))].tolist())
             peaks = ", ".join(f"{at / tau:.5g}" for at in equal)
         values = [f"{extreme(quantity, pieces[k]):.8g}" for pieces in (tuned.pieces_before, tuned.pieces_after)]
-        way = "largest" if aim.maximized else "least"
+        way = "maximize" if aim.maximized else "minimize"
         rows.append(
             [
                 f"{way}{f' ×{quantity.weight:g}' * (quantity.weight != 1)}",
@@ -213,7 +213,7 @@ def _sentences(tuned: Tuned) -> Iterator[str]:
     values = ", ".join(f"{valley.value:.6g}" for valley in ends)
     alike = [valley for valley in ends if abs(valley.value - first) <= COARSE * abs(first)]
     if tuned.starts == 1:
-        yield "One start had a finite value."
+        yield "Only one start had a finite value."
     elif len(ends) == 1:
         yield f"All {tuned.starts} starts converged to the same minimum."
     elif all(valley.certain for valley in ends):
@@ -223,8 +223,8 @@ def _sentences(tuned: Tuned) -> Iterator[str]:
         yield f"{tuned.starts} starts ended at {values}; the best is kept."
     if not tuned.certain:
         yield (
-            "Newton's method did not settle these numbers: modes may meet there, where the objective has no second "
-            f"derivatives. The last descent restarted near them still improved it by {percent(tuned.open)}."
+            "Newton's method did not converge: modes may coincide here, where the objective has no second "
+            "derivatives. The last restart still improved it by {percent(tuned.open)}."
         )
     for aim, pieces in zip(objective.aims, tuned.pieces_after, strict=False):
         if aim.quantity.kind == "peak" and not aim.maximized and not pieces.hertz(int(pieces.values.argmax())):

@@ -97,7 +97,7 @@ def _random_rows(response: RandomResponse, f: Floats, psd: Floats) -> Iterator[t
             yield "psd", signal.name, f"({signal.unit})^2/Hz", "all", frequency, value
 
 
-UNFELT = "The ground moves a cart or a carrier through its spring and damper alone: this scene does not feel it."
+UNFELT = "The ground moves a cart or carrier only through its spring and damper, and this scene has none."
 
 
 def _random_text(response: RandomResponse) -> str:
@@ -230,11 +230,11 @@ def _notes(response: ShockResponse) -> Sequence[str]:
     notes = []
     if response.enough:
         notes.append(
-            f"The lowest {response.enough} of {len(response.modes)} modes hold 90 % of the mass along the rail."
+            f"The lowest {response.enough} of {len(response.modes)} modes account for 90 % of the mass along the rail."
         )
     elif np.all(np.isfinite(response.mass_shares)):
         share = 100 * float(response.mass_shares.sum())
-        notes.append(f"All modes hold {share:.3g} % of the mass along the rail; the rest is not in them.")
+        notes.append(f"All modes together account for {share:.3g} % of the mass along the rail.")
     else:
         notes.append("The effective masses of these modes are unknown.")
     if np.any(response.follows_support):

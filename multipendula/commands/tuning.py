@@ -68,7 +68,7 @@ def tune(options: argparse.Namespace) -> Tuned | None:
 def _angle_problems(options: argparse.Namespace) -> list[str]:
     aims = [*(options.minimize or ()), *(options.maximize or ())]
     if not aims or not aims[0].rpartition("*")[2].strip().startswith("peak:"):
-        return ["--largest-angle: is for a peak:OUTPUT/INPUT, which forced orbits can reach"]
+        return ["--largest-angle: needs an objective of the form peak:OUTPUT/INPUT"]
     return []
 
 
@@ -172,16 +172,17 @@ COMMANDS = (
             formats("text", "json"),
         ),
         details=(
-            "At small angles, with exact derivatives and all peaks at once, from several starts. Beside the best "
-            "numbers are Den Hartog's where they apply; what each number is worth, and how far it may be off for 1 % "
-            "of the objective; the worst case of all masses ±5 %; stroke and torque of the dampers. The "
+            "At small angles, with exact derivatives and all peaks at once, from several starts. The report compares "
+            "the optimum with Den Hartog's rule where it applies, and has the sensitivity to each number, the range "
+            "within which the objective is at most 1 % worse, the worst case of all masses ±5 %, and stroke and "
+            "torque of the dampers. The "
             "--workers share random starts, the last descents and the cases of masses."
         ),
         examples=(
             (
                 "tune tower --free 'pendulum[0].links[0].length,pendulum[0].links[0].damping' "
                 "--minimize peak:floor2_m/floor2_force -o tuned.toml --report report.json",
-                "the damper that lets a force on the roof move it least",
+                "the damper that minimizes the motion of the roof under a force on it",
             ),
             (
                 "tune tower --free 'pendulum[0].links[0].length=1:3,pendulum[0].links[0].damping' "
@@ -190,7 +191,7 @@ COMMANDS = (
             ),
             (
                 "tune tower --free 'pendulum[0].links[0].damping' --minimize settling",
-                "the damper with which everything comes to rest soonest",
+                "the damper with the shortest settling time",
             ),
         ),
     ),

@@ -83,7 +83,7 @@ def _prior_values(result: Fit) -> Iterator[str]:
             names = listed([*direction.changes], len(direction.changes))
             yield (
                 f"the standard deviations of {names} are those for {direction.held} = {value} exactly: a prior, "
-                f"`priors={direction.held}={value}±…`, adds its doubt"
+                f"`priors={direction.held}={value}±…`, adds its uncertainty"
             )
 
 
@@ -165,8 +165,8 @@ def _whiteness(result: Fit) -> Iterator[str]:
         else:
             yield (
                 f"{sensor.words}: the residuals are correlated over {short(float(len(rho) * step))} s, "
-                "so the model lacks something or the sensor drifts; standard deviations allow for the correlation, not "
-                "for what is lacking"
+                "so the model lacks something or the sensor drifts; standard deviations allow for the correlation, "
+                "but not for what is lacking"
             )
 
 
@@ -243,7 +243,7 @@ def _white_growth(rates: Floats, misses: Floats) -> str:
     if rank.statistic > 0 and rank.pvalue < CHANCE_MAX:
         jitter = np.sqrt(np.mean(misses**2) / np.mean(rates**2))
         return f"they follow the rate, as if the clock jittered by {1e3 * jitter:.2g} ms"
-    return "the noise is larger where the swing is, and the model is not to blame"
+    return "the noise grows with the swing, and the model is not at fault"
 
 
 def _turning(result: Fit) -> Iterator[str]:
@@ -256,7 +256,7 @@ def _turning(result: Fit) -> Iterator[str]:
             is_present = np.isfinite(segment.values[:, c])
             loss = turning_points(segment.times[is_present], segment.values[is_present, c], result.problem.system.rate)
             if loss:
-                words = f"{sensor.words}: turning points fall on a straight line, {loss:.2g} rad a half swing"
+                words = f"{sensor.words}: turning points fall on a straight line, {loss:.2g} rad per half swing"
                 yield words + ("" if has_friction else ": try friction")
                 break
 

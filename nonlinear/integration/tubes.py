@@ -156,7 +156,7 @@ class Tube(Result):
         """What is proved."""
         yield (
             f"proved: the motion that begins with the stored numbers stays within {at_most(self.radius)} of these "
-            "values at these times, in rad, m and their rates; digits that are not certain are left out."
+            "values at these times, in rad, m and their rates; uncertain digits are omitted."
         )
         yield f"{self.steps} Taylor steps with {self.digits} digits, in ball arithmetic."
 
@@ -232,7 +232,7 @@ def enclose_motion(
         raise SceneError([f"the scene has {system.n_links} links: a proved motion takes at most {WRITTEN_LINKS_MAX}"])
     equations = Generated(system)
     if equations.inputs.count and not equations.is_time_only:
-        raise SceneError(["a proved motion follows sines in time alone, not records, sweeps or other functions"])
+        raise SceneError(["a proved motion supports only sines in time, not records, sweeps or other functions"])
     times = sample_times(scene, duration, start_time, output)
     state = validate_state(start if start is not None else initial_state(scene), system)
     y = [flint().arb(number) for number in equations.layout.begin(state).tolist()]

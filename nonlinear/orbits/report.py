@@ -23,8 +23,8 @@ TABLE_ROWS_MAX = 16
 """Format: rows of a table in the text: orbits of a branch, spread over it."""
 STABLE = "stable: no perturbation grows; largest |μ|: of the non-trivial Floquet multipliers."
 PHASES = (
-    "phase: by how much the fundamental of the link with the largest angle is ahead of the first drive; fed: the "
-    "energy that the drives feed in a period."
+    "phase: lead of the fundamental of the link with the largest angle over the first drive; fed: energy that the "
+    "drives supply per period."
 )
 WORDS = {"energy": "of the energy", "omega": "of the frequency", "symmetry": "that breaks the symmetry"}
 
@@ -165,7 +165,7 @@ def _notes(branch: Branch) -> Iterator[str]:
         yield special_words(branch, special)
     last = branch.orbits[-1]
     if branch.is_forced and branch.orbits[0].floquet.neutral:
-        yield "nothing holds the cart: a multiplier is 1, that of motions beginning at another place than x = 0."
+        yield "nothing holds the cart: one multiplier is 1, for a shift of its position."
     if branch.is_forced and any(last.turns):
         yield f"whole turns of the links in a period: {', '.join(map(str, last.turns))}."
     if branch.is_forced and branch.returns:
@@ -183,7 +183,7 @@ def _missing_ends(branches: Sequence[Branch]) -> Iterator[str]:
     for value in (variation.values[0], variation.values[-1]):
         if not np.any(np.isclose(reached_values, value, rtol=1e-9)):
             place = f"{_number(branches[0])} = {value:g} {variation.unit}".rstrip()
-            yield fill(f"at {place} no motion was found: begin with a run that settles there.", line_width())
+            yield fill(f"at {place} no motion was found: start from a run that settles there.", line_width())
 
 
 def special_words(branch: Branch, special: Special) -> str:

@@ -1,4 +1,4 @@
-"""Driven scenes looked at once a period of their drives: stroboscopic sections and bifurcation diagrams."""
+"""Driven scenes sampled once per period of their drives: stroboscopic sections and bifurcation diagrams."""
 
 from __future__ import annotations
 
