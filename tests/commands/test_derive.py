@@ -390,7 +390,7 @@ def test_what_free_bodies_do_not_take_is_said(capsys: pytest.CaptureFixture[str]
     picture = str(tmp_path / "parts.png")
     refusals = {
         ("-o", picture): "free bodies alone are drawn",
-        ("--names", "paper"): "belongs to --show freebody",
+        ("--names", "paper"): "needs --show freebody",
         ("--show", "freebody,modes"): "excludes other sections",
         ("--show", "freebody", "--symbolic", "masses"): "all numbers of free bodies are symbols",
         ("--show", "freebody", "--parts", "2"): "chooses what is drawn",

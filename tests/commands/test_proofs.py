@@ -33,7 +33,7 @@ from multipendula.commands.evidence import angle_of_one_link, prove
 
 FILE = Path(check_proof.__file__)
 Documents = dict[str, Any]
-LEANING = "force[0]: links lean, at no fractions: enclosed at best"
+LEANING = "force[0]: links lean at irrational angles and can only be enclosed"
 LARGE = {"rope", "thousand-pendula"}
 
 
@@ -231,11 +231,11 @@ def test_the_file_alone_says_what_is_proved(tmp_path: Path, capsys: pytest.Captu
     assert told.stdout.count("the only one") == 7
     table.write_text(table.read_text().replace('"multiplicity": 2', '"multiplicity": 3'))
     told = called(checker, scene, table, proof)
-    assert (told.returncode, told.stdout.count("NOT PROVED: the proof is of another multiplicity")) == (1, 2)
+    assert (told.returncode, told.stdout.count("NOT PROVED: the proof has a different multiplicity")) == (1, 2)
     scene.write_text(scene.read_text().replace("1.3", "1.3000000000000003"))
     told = called(checker, scene, table, proof)
     assert told.returncode == 2
-    assert 'scene: "mass": 1.3000000000000003, is "mass": 1.3, in the proof, thus of another scene' in told.stderr
+    assert 'scene: "mass": 1.3000000000000003, is "mass": 1.3, in the proof, which belongs to another scene' in told.stderr
     assert called(checker, scene, table).returncode == 2
     assert called(checker, scene, table, tmp_path / "none.json").returncode == 2
 
@@ -343,7 +343,7 @@ def test_why_rows_are_not_proved_is_said(tmp_path: Path, capsys: pytest.CaptureF
     path = tmp_path / "loop.toml"
     path.write_text(dumps(Scene(gravity=9.81, support=Cart(mass=1.0), pendulum=(bob,), feedback=[loop])))
     assert main(["table", str(path), "--prove", str(tmp_path / "proof.json")]) == 0
-    assert "not proved, as scene.feedback: this checker does not know it" in capsys.readouterr().err
+    assert "not proved, as scene.feedback: not supported by this checker" in capsys.readouterr().err
     assert main(["table", str(path), "--prove", str(tmp_path / "none" / "proof.json")]) == 2
     assert "--prove " in capsys.readouterr().err
 

@@ -212,7 +212,7 @@ def test_pivots_torn_wide_open_are_refused(system: System) -> None:
     equations = Maximal(system)
     y = equations.begin(START)
     y[: equations.pivots.size] += 30 * np.random.default_rng(0).normal(size=equations.pivots.size)
-    with pytest.raises(ComputationError, match="m open after 6 steps"):
+    with pytest.raises(ComputationError, match="m apart after 6 steps"):
         equations.project(y)
 
 

@@ -121,7 +121,7 @@ def test_where_no_mode_wins_none_is_said_to_survive(monkeypatch: pytest.MonkeyPa
     assert study.theory
     monkeypatch.setattr(Prediction, "share", 0.509)
     shared = replace(study.theory, prediction=replace(study.theory.prediction))
-    assert "no mode wins: the one that holds most has 50.9 % of the energy" in shared.prediction.doubts
+    assert "no mode wins: the strongest has 50.9 % of the energy" in shared.prediction.doubts
     text = " ".join(sync_text(replace(study, theory=shared), words=True).split())
     assert "No mode wins: mode" in text
     assert "survives" not in text
@@ -194,7 +194,7 @@ def test_of_many_steady_motions_all_that_last_have_a_line() -> None:
         table = sync_text(study).split("\n\n")[2].splitlines()
         assert len(table) == 3 + shown
         assert sum(", e-folding" in line and " stable" in line for line in table) == 2
-        assert ("32 more, all unstable, are in the JSON form." in sync_text(study, words=True)) == (
+        assert ("32 more, all unstable, are in the JSON output." in sync_text(study, words=True)) == (
             configurations is many
         )
         assert len(sync_record(study)["configurations"]) == len(configurations)
