@@ -247,7 +247,7 @@ def blocks_of(data: Data) -> list[Sums]:
     scene = part(data, "scene", SCENE, "title ground")
     for k, force in enumerate(scene["force"]):
         if force["kind"] == "constant":
-            raise NotProvedError(f"force[{k}]: links lean at irrational angles and can only be enclosed")
+            raise NotProvedError(f"force[{k}]: links lean at irrational angles, enclosed at best")
     gravity, moving, supports = scene["gravity"], Sums(1), scene["support"]
     supports = supports if isinstance(supports, list) else [supports]
     carriers = [Carrier(moving, each, f"support[{k}]", gravity) for k, each in enumerate(supports)]
@@ -454,7 +454,7 @@ def check(scene: Data, table: Data, proof: Data) -> list[Verdict]:
     lines = (json.dumps(each, indent=0).splitlines() for each in (scene, proof["scene"]))
     for here, there in zip_longest(*lines):
         if here != there:
-            raise UnreadableError(f"scene: {here} is {there} in the proof, which belongs to another scene")
+            raise UnreadableError(f"scene: {here} is {there} in the proof of another scene")
     claims, bits = {claim["mode"]: claim for claim in proof["modes"]}, int(proof["bits"])
     try:
         blocks = blocks_of(scene)

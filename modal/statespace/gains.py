@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from modal.modes import UNCERTAIN, Modes
-from modal.report import Displayed, TextResult, aligned
+from modal.report import Displayed, TextResult, aligned, folded
 from modal.scene.doors import checked
 from modal.scene.signal_names import signal_words
 from modal.statespace.modal_form import ModalForm, to_modal_form
@@ -29,7 +29,7 @@ from modal.statespace.signals import Signal
 from modal.types import NOISE_OF_SUM, Complexes, Floats, Ints
 
 Number = TypeVar("Number", np.float64, np.complex128)
-RELATIVE = "{} modes: the gain of each signal relative to its largest"
+RELATIVE = "Gains are relative to the largest for each signal."
 RELATIVE_GAIN_MIN = 1e-3
 """Limit: relative gain below which a mode is only barely controllable or observable, the default of `threshold`."""
 
@@ -117,8 +117,7 @@ class Gains(TextResult):
 
         `fold` counts the copies in the model: in space those along the rail.
         """
-        grids = (f"{RELATIVE.format(side.verb)}\n{self._grid(side)}\n" for side in (self.inputs, self.outputs))
-        return "\n".join(grids)
+        return f"{self._grid(self.inputs)}\n\n{self._grid(self.outputs)}\n\n{folded(RELATIVE)}\n"
 
     def _rate(self, number: int) -> str:
         """ω, or the growth or decay rate (1/s) of a mode that does not oscillate; empty where no digit is certain."""

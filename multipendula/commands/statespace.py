@@ -258,7 +258,7 @@ def _gains(options: argparse.Namespace) -> Gains:
     scene = scene_of(options, "a constant linear model")
     gains = modal_gains(natural_modes(scene), model_of(scene, options))
     with output(options.output) as write:
-        write(gains.text() + "\n")
+        write(gains.text())
     return gains
 
 

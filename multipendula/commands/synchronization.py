@@ -192,7 +192,7 @@ COMMANDS = (
             ("sync huygens --vary support.mass=3:30:3log -o branches.png", "the range of each steady oscillation"),
             (
                 "sync metronomes --vary support.mass=0.1:0.2:2 --map --members 2 -o map.png",
-                "which rhythms two metronomes reach on bases of 0.1 and 0.2 kg, and how often",
+                "the rhythms of two metronomes on bases of 0.1 and 0.2 kg",
             ),
             ("sync two-swings --duration 60", "two swings with 15 metronomes each, of which one half synchronizes"),
         ),

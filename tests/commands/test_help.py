@@ -223,8 +223,8 @@ def test_what_a_command_did_by_itself_is_told_with_its_new_words(capsys: pytest.
         ("simulate chain-2 --format json", ["--format: needs --accuracy RAD of a scene, --proved or --compile"]),
         ("simulate", ["SCENE: is required"]),
         ("scenes chain-2 --schema", ["chain-2: the schema is that of every scene"]),
-        ("poles modes.csv", ["modes.csv: has modes"]),
-        ("poles modes.csv --scene chain-2 --order 3", ["--order: is for measured motions"]),
+        ("poles modes.csv", ["modes.csv: contains modes"]),
+        ("poles modes.csv --scene chain-2 --order 3", ["--order: applies to measured motions"]),
     ],
 )
 def test_ways_that_do_not_go_together_are_refused(
