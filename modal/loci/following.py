@@ -191,7 +191,7 @@ def _find_swap(start: LociPoint, end: LociPoint) -> tuple[int, int] | None:
     return None
 
 
-def span_of(scene: Scene, variation: Variation) -> str:
+def span_of(variation: Variation, scene: Scene) -> str:
     """The number of a scene that is varied, from its first value to its last."""
     first, last = variation.values[0], variation.values[-1]
     return f"{number_words(scene, variation.path)} = {first:.6g} to {last:.6g} {variation.unit}".rstrip()
@@ -202,7 +202,7 @@ def loci_text(loci: Loci) -> str:
     count, unit = len(loci.variation.values), loci.variation.unit
     between = f" and {len(loci.values) - count} inserted" if len(loci.values) > count else ""
     at = f"{loci.numbered_at:.6g} {unit}".rstrip()
-    span = f"{span_of(loci.scene, loci.variation)}, {count} values{between}"
+    span = f"{span_of(loci.variation, loci.scene)}, {count} values{between}"
     columns = (
         ReportColumn("kind", None, "meeting"),
         ReportColumn(lambda meeting: " · ".join(loci.names[number] for number in meeting.loci), None, "loci"),

@@ -138,8 +138,9 @@ def _sharing(*paths: str) -> str:
 
 def _unknown(scene: Scene, path: str, places: tuple[Place, ...], way: str) -> Unknown:
     given = tuple(number_at(scene, place) for place in places)
-    words = " and ".join(number_words(scene, with_numbers(place)) for place in places)
-    return Unknown(path, places, given, unit_at(scene, places[0]), way, f"{way}: {words}" if way else words)
+    words = " and ".join(number_words(scene, part) for part in path.removeprefix(f"{way}:").split("+"))
+    words = f"shift of the {words}" if way == "shift" else words
+    return Unknown(path, places, given, unit_at(scene, places[0]), way, words)
 
 
 def _problems(scene: Scene, path: str, places: tuple[Place, ...]) -> Iterator[str]:

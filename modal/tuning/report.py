@@ -224,7 +224,7 @@ def _sentences(tuned: Tuned) -> Iterator[str]:
     if not tuned.certain:
         yield (
             "Newton's method did not converge: modes may coincide here, where the objective has no second "
-            "derivatives. The last restart still improved it by {percent(tuned.open)}."
+            f"derivatives. The last restart still improved it by {percent(tuned.open)}."
         )
     for aim, pieces in zip(objective.aims, tuned.pieces_after, strict=False):
         if aim.quantity.kind == "peak" and not aim.maximized and not pieces.hertz(int(pieces.values.argmax())):

@@ -158,7 +158,7 @@ def _motion_record(motion: SymmetricMotion) -> dict[str, Any]:
 
 def diagram_text(diagram: PopulationDiagram) -> str:
     """One line for every symmetric motion, then one for every threshold, then their reasons."""
-    unit, where = diagram.variation.unit, span_of(diagram.scene, diagram.variation)
+    unit, where = diagram.variation.unit, span_of(diagram.variation, diagram.scene)
     head = f"{counted(len(diagram.branches), 'symmetric motion', 'symmetric motions')} for {where}"
     table = ReportTable.of(
         (

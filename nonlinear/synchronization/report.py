@@ -547,7 +547,7 @@ def _frequencies(study: SynchronizationStudy) -> dict[str, Any]:
 
 def branches_text(diagram: Branches) -> str:
     """One line per branch, counted from 1, then one per critical value."""
-    unit, where = diagram.variation.unit, span_of(diagram.scene, diagram.variation)
+    unit, where = diagram.variation.unit, span_of(diagram.variation, diagram.scene)
     head = f"{len(diagram.branches)} configurations for {where}"
     table = ReportTable.of(
         (

@@ -85,7 +85,7 @@ def kicked(values: Floats) -> Floats:
 DEFECTS: dict[str, tuple[int, Callable[[Floats], Floats], float, str]] = {
     "degrees": (2, np.degrees, 1.0, "theta_1_1_rad=theta_1_1_deg"),
     "milliseconds": (2, np.array, 1000.0, "time_s=time_ms"),
-    "scale": (1, lambda v: 1.03 * v, 1.0, "theta_1_1: a scale of 1.0"),
+    "scale": (1, lambda v: 1.03 * v, 1.0, "θ₁₁: a scale of 1.0"),
     "outliers": (1, kicked, 1.0, "20 readings are outliers"),
     "reversed": (2, lambda v: v * [1, -1], 1.0, "has the opposite sign"),
     "exchanged": (2, lambda v: v[:, ::-1], 1.0, "theta_1_1_rad=theta_1_2_rad"),

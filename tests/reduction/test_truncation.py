@@ -330,7 +330,7 @@ def test_without_its_second_run_nothing_is_stated() -> None:
     truncated = simulate_truncated(chain(0, 3), 1.0, 1, start=start, output=10, report=stop)
     assert truncated.trajectory.complete
     assert truncated.error == np.inf
-    assert "not judged" in truncated.trajectory.run.reason
+    assert "not estimated" in truncated.trajectory.run.reason
     assert "nothing has judged" in summary.text(truncated.trajectory)
 
 
