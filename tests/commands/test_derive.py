@@ -392,8 +392,8 @@ def test_what_free_bodies_do_not_take_is_said(capsys: pytest.CaptureFixture[str]
         ("-o", picture): "only free-body diagrams are drawn",
         ("--names", "paper"): "needs --show freebody",
         ("--show", "freebody,modes"): "cannot be combined with other sections",
-        ("--show", "freebody", "--symbolic", "masses"): "all numbers of free bodies are symbols",
-        ("--show", "freebody", "--parts", "2"): "chooses what is drawn",
+        ("--show", "freebody", "--symbolic", "masses"): "not needed for free bodies",
+        ("--show", "freebody", "--parts", "2"): "selects what is drawn",
         ("--show", "freebody", "--parts", "2:9", "-o", picture): "the scene has parts 1 to 3",
     }
     for words, message in refusals.items():
