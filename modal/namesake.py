@@ -12,9 +12,9 @@ NAMESAKE = (
     "import name 'modal' and overwrite each other's files: give each its own virtual environment"
 )
 OVERWRITTEN = (
-    "the package 'modal' in {place} is not multipendula's, or not whole: the Modal cloud client, whose distribution is "
-    "called 'modal' too, was installed over it or removed with files of it; give each its own virtual environment, or "
-    "mend this one: pip uninstall modal multipendula, then install multipendula again"
+    "the package 'modal' in {place} does not belong to multipendula or is incomplete: the Modal cloud client, whose "
+    "distribution is also called 'modal', has overwritten or removed its files; give each its own virtual "
+    "environment, or repair this one: pip uninstall modal multipendula, then install multipendula again"
 )
 
 

@@ -4,9 +4,9 @@ import sys
 from importlib.util import find_spec
 
 NAMESAKE = (
-    "multipendula: the package 'modal' is not multipendula's, or not whole: the Modal cloud client, whose distribution "
-    "is called 'modal' too, was installed over it or removed with files of it\n"
-    "multipendula: give each its own virtual environment, or mend this one: "
+    "multipendula: the package 'modal' does not belong to multipendula or is incomplete: the Modal cloud client, "
+    "whose distribution is also called 'modal', has overwritten or removed its files\n"
+    "multipendula: give each its own virtual environment, or repair this one: "
     "pip uninstall modal multipendula, then install multipendula again\n"
 )
 

@@ -83,13 +83,13 @@ def part(data: Data, where: str, known: Data, unused: str = "") -> Data:
     """
     for key in {**known, **data}:
         if key not in known and key not in unused.split():
-            raise UnreadableError(f"{where}.{key}: this checker does not know it")
+            raise UnreadableError(f"{where}.{key}: not supported by this checker")
         if known.get(key, "") is None and key not in data:
             raise UnreadableError(f"{where}.{key}: is missing")
     every = {**known, **data}
     numbers = {key: Q(value) for key, value in every.items() if isinstance(value, int | float)}
     if any(value < 0 for value in numbers.values()):
-        raise UnreadableError(f"{where}: no number of it must be negative")
+        raise UnreadableError(f"{where}: must not contain negative numbers")
     return every | numbers
 
 
@@ -114,7 +114,7 @@ class Carrier:
     def __init__(self, block: Sums, data: Data, where: str, gravity: Q) -> None:
         kind = data["kind"]
         if kind not in WAYS:
-            raise UnreadableError(f"{where}.kind = {kind}: this checker does not know it")
+            raise UnreadableError(f"{where}.kind = {kind}: not supported by this checker")
         known: Data = {"kind": None, "name": "", "position": [0, 0]}
         known |= {"mass": None, "stiffness": 0, "damping": 0} if WAYS[kind] else {}
         known |= {"length": None} if kind == "swing" else {}
@@ -247,7 +247,7 @@ def blocks_of(data: Data) -> list[Sums]:
     scene = part(data, "scene", SCENE, "title ground")
     for k, force in enumerate(scene["force"]):
         if force["kind"] == "constant":
-            raise NotProvedError(f"force[{k}]: links lean, at no fractions: enclosed at best")
+            raise NotProvedError(f"force[{k}]: links lean at irrational angles, enclosed at best")
     gravity, moving, supports = scene["gravity"], Sums(1), scene["support"]
     supports = supports if isinstance(supports, list) else [supports]
     carriers = [Carrier(moving, each, f"support[{k}]", gravity) for k, each in enumerate(supports)]
@@ -376,7 +376,7 @@ def judge(row: Data, claim: Data, blocks: list[Sums], bits: int) -> Verdict:
     """Judge whether the claims of the proof prove a row of the table."""
     try:
         if not {"counts", "roots"} & claim.keys():
-            raise NotProvedError(claim.get("why", "the proof leaves it out"))
+            raise NotProvedError(claim.get("why", "not covered by the proof"))
         if None in (row["omega_rad_per_s"], row["relative_error_bound"]):
             raise NotProvedError("no digit of it is certain")
         w, e = Q(row["omega_rad_per_s"]), Q(row["relative_error_bound"])
@@ -401,11 +401,11 @@ def judge_counts(row: Data, claim: Data, blocks: list[Sums], w: Q, e: Q, bits: i
     least, most = (-most, -least) if grows else (least, most)
     (low, high), (first, last) = map(Q, claim["omega_squared"]), claim["numbers"]
     if not (type(first) is type(last) is int):
-        raise NotProvedError("its numbers are no whole numbers")
+        raise NotProvedError("its numbers are not integers")
     if grows and abs(Q(row["growth_rate_per_s"]) - w) > e * w:
-        raise NotProvedError("its growth rate is another than its omega")
+        raise NotProvedError("its growth rate differs from its omega")
     if not least <= low <= high <= most:
-        raise NotProvedError("it is counted elsewhere than within the bound of the table")
+        raise NotProvedError("its interval is not within the error bound of the table")
     gain = 1 if bits and low < high else 0
     before, missing = count(blocks, low, bits, -gain)
     upto = sum(count(blocks, high, bits, gain))
@@ -414,7 +414,7 @@ def judge_counts(row: Data, claim: Data, blocks: list[Sums], w: Q, e: Q, bits: i
     if claim["counts"] != [before, upto] or not before < first <= last <= upto:
         raise NotProvedError(f"{before} are below its interval, {upto} up to its end")
     if last - first + 1 != row["multiplicity"]:
-        raise NotProvedError("the proof is of another multiplicity")
+        raise NotProvedError("the proof has a different multiplicity")
     several, alone = last > first, upto - before == last - first + 1
     which = f"numbers {first} to {last}" if several else f"number {first}"
     near = f"the only one{'s' * several} there" if alone else f"of {upto - before} there"
@@ -431,7 +431,7 @@ def judge_roots(row: Data, claim: Data, blocks: list[Sums], w: Q, e: Q) -> str:
     near, far = w * (1 - e) + radius, w * (1 + e) - radius
     is_near = min(radius, far) >= 0 and near**2 <= re * re + im * im <= far**2
     if im < 0 or not is_near or abs(re + zeta * w) > e * w:
-        raise NotProvedError("its root is sought elsewhere than within the bound of the table")
+        raise NotProvedError("its disc is not within the error bound of the table")
     roots = count_roots(blocks, re, im, radius)
     if claim["roots"] != roots or (w and roots != row["multiplicity"]) or not roots:
         raise NotProvedError(f"{roots} roots are in its disc")
@@ -454,7 +454,7 @@ def check(scene: Data, table: Data, proof: Data) -> list[Verdict]:
     lines = (json.dumps(each, indent=0).splitlines() for each in (scene, proof["scene"]))
     for here, there in zip_longest(*lines):
         if here != there:
-            raise UnreadableError(f"scene: {here} is {there} in the proof, thus of another scene")
+            raise UnreadableError(f"scene: {here} is {there} in the proof of another scene")
     claims, bits = {claim["mode"]: claim for claim in proof["modes"]}, int(proof["bits"])
     try:
         blocks = blocks_of(scene)
@@ -465,7 +465,7 @@ def check(scene: Data, table: Data, proof: Data) -> list[Verdict]:
         claim = claims.get(row["mode"], {})
         verdict = judge(row, claim, blocks, bits)
         if verdict.proved and any(meet(claim, other) for other in seen):
-            verdict = Verdict(row["mode"], False, "another row of the table counts the same")
+            verdict = Verdict(row["mode"], False, "another row of the table claims the same roots")
         seen += [claim] * verdict.proved
         verdicts.append(verdict)
     return verdicts
@@ -485,7 +485,7 @@ def main(arguments: list[str]) -> int:
     for mode, is_proved, words in verdicts:
         print(f"mode {mode}: {'proved' if is_proved else 'NOT PROVED'}: {words}")
     proved = sum(verdict.proved for verdict in verdicts)
-    print(f"{proved} of {len(verdicts)} rows are proved; other modes and columns are not looked at")
+    print(f"{proved} of {len(verdicts)} rows are proved; other modes and columns are not checked")
     return 0 if 0 < proved == len(verdicts) else 1
 
 

@@ -97,7 +97,7 @@ FLAGS: dict[str, Flag] = {
     ),
     "--column": Flag(
         "HEADING=COLUMN",
-        "what a column of a record with another heading, unit or sign holds",
+        "meaning of a column of a record with another heading, unit or sign",
         action=Repeated,
         keyword="columns",
     ),
@@ -110,43 +110,43 @@ FLAGS: dict[str, Flag] = {
         completion=words(("viscous", "coulomb", "drag", "viscous+coulomb")),
         keyword="laws",
     ),
-    "--compile": Flag("", "compile ahead what the fast integrators need, and keep it", group="computed"),
-    "--count": Flag("N", "number of slowest modes that a shaper is for", integer(99999)),
+    "--compile": Flag("", "compile in advance what the fast integrators need, and store it", group="computed"),
+    "--count": Flag("N", "number of slowest modes that the shaper suppresses", integer(99999)),
     "--covariance": Flag("FIT.json", "report of the fit that gave the scene, as JSON", completion=files((".json",))),
-    "--crossing": Flag("COORDINATE", "what a motion passes where it is recorded"),
-    "--depth": Flag("N", "how often branches that leave are followed in turn", integer(20)),
+    "--crossing": Flag("COORDINATE", "section at which motions are recorded"),
+    "--depth": Flag("N", "how many generations of branches are followed", integer(20)),
     "--digits": Flag("N", "number of digits that are proved", integer(1000), default=30),
     "--discrete": Flag("SECONDS", "sample time of a controller", SECONDS, keyword="step", names=("sample",)),
     "--dominant": Flag(
         "N",
-        "number of modes that contribute most, and are the only ones kept",
+        "keep only this number of modes, those that contribute most",
         integer(99999),
         "alone",
         keyword="count",
     ),
-    "--drive": Flag("NAME", "what moves the cart"),
+    "--drive": Flag("NAME", "how the cart is driven"),
     "--duration": Flag("SECONDS", "simulated time", SECONDS, "motion"),
-    "--energies": Flag("", "add where the energy of each mode is, in percent", group="written"),
+    "--energies": Flag("", "add the distribution of each mode's energy, in percent", group="written"),
     "--energy": Flag("JOULES", "energy above equilibrium", number("joules", least=-sys.float_info.max)),
     "--engine": Flag(
-        "", "what integrates the members of the ensemble", engine, "numerics", choices=ENGINES, default="auto"
+        "", "engine that integrates the members of the ensemble", engine, "numerics", choices=ENGINES, default="auto"
     ),
-    "--enter": Flag("", "also follow the branches that leave"),
+    "--enter": Flag("", "also follow the branches that bifurcate"),
     "--equilibrium": Flag("down,up", "equilibrium of every link", action=Joined, completion=words(("down", "up"))),
     "--every": Flag("N", "use every N-th row of a record", integer(1_000_000)),
     "--excitation": Flag("", "what excited the measured motions", choices=("free", "random"), default="free"),
     "--explain": Flag("", "report what was computed, and what the scene did not require", group="written"),
     "--film": Flag("FILE", "file for a film in addition to the main result", group="written", kinds=FILMS),
-    "--folder": Flag("FOLDER", "where finished parts are kept, so that an interrupted run continues", group="written"),
+    "--folder": Flag("FOLDER", "folder for finished parts, so that an interrupted run resumes", group="written"),
     "--form": Flag("NAME", "form of the equations of motion", group="numerics", completion=words(FORMS, "")),
     "--format": Flag("", "format of what is printed", group="written", action=Asked),
     "--fps": Flag("N", "frames a second of a film", number("frames a second from 1 to 60", 60, 1), "written"),
     "--free": Flag(
         "PLACES", "numbers of the scene that may change, separated by commas", action=Joined, completion=places
     ),
-    "--fresh": Flag("", "discard what an interrupted run has kept", group="computed"),
+    "--fresh": Flag("", "discard the stored parts of an interrupted run", group="computed"),
     "--from": Flag("NAME", "the one input whose response is shown", keyword="source"),
-    "--gains": Flag("", "how well each input reaches every mode, and each output sees it"),
+    "--gains": Flag("", "controllability and observability of every mode, as relative gains"),
     "--general": Flag("", "project one run on the modes instead"),
     "--help": Flag("", "show this page and exit, -h one screen of it", group="more"),
     "--identification": Flag(
@@ -169,28 +169,28 @@ FLAGS: dict[str, Flag] = {
     "--loci": Flag("", "follow every frequency along one --vary by its mode shape"),
     "--lqr": Flag("", "gains of the linear-quadratic regulator, a column for each state, a row for each input"),
     "--loss": Flag("", "cost of a residual", group="computed", choices=LOSSES, default="linear"),
-    "--map": Flag("", "map every rhythm that starts end in along one or two --vary"),
+    "--map": Flag("", "map the rhythms that starts reach along one or two --vary"),
     "--max": Flag("QUANTITY=VALUE", "largest value that a quantity may have", action=Repeated, keyword="limits"),
     "--max-acceleration": Flag(
         "M/S²", "largest acceleration of a travel", number("m/s² above 0"), names=("acceleration",)
     ),
     "--max-jerk": Flag("M/S³", "largest jerk of a travel", number("m/s³ above 0"), names=("jerk",)),
     "--max-speed": Flag("M/S", "largest speed of a travel", number("m/s above 0"), names=("speed",)),
-    "--maximize": Flag("QUANTITY", "quantity to make large", action=Repeated, completion=words(QUANTITIES, "")),
-    "--measure": Flag("NAME[:N]", "what is measured of every point", action=Repeated),
+    "--maximize": Flag("QUANTITY", "quantity to maximize", action=Repeated, completion=words(QUANTITIES, "")),
+    "--measure": Flag("NAME[:N]", "what is measured at every point", action=Repeated),
     "--members": Flag("N", "number of members of the ensemble"),
     "--method": Flag("NAME", "method of integration", group="numerics", completion=words(METHODS, "")),
-    "--minimal": Flag("", "without uncontrollable and unobservable states", group="alone"),
-    "--minimize": Flag("QUANTITY", "quantity to make small", action=Repeated, completion=words(QUANTITIES, "")),
+    "--minimal": Flag("", "remove uncontrollable and unobservable states", group="alone"),
+    "--minimize": Flag("QUANTITY", "quantity to minimize", action=Repeated, completion=words(QUANTITIES, "")),
     "--mode": Flag("R", "a row of the table of modes", integer(100_000), action=Repeated, completion=mode_numbers),
     "--modes": Flag("1:10", "rows of the table of modes", completion=mode_numbers),
-    "--names": Flag("", "whose letters the parts of a scene have", group="written", choices=("own", "paper")),
+    "--names": Flag("", "letters for the parts of a scene", group="written", choices=("own", "paper")),
     "--of": Flag("NAMES", "outputs that are shown", action=Joined),
     "--orbits": Flag("", "use exact periodic orbits where a mode is starred", group="computed"),
     "--order": Flag("N", "order of an identified model", integer(200), "computed"),
     "--output": Flag("FILE", "file for the main result", group="written", short="-o"),
     "--over": Flag("SECONDS", "duration of a travel", SECONDS, names=("duration",)),
-    "--over-hz": Flag("FROM:TO", "frequencies between which peaks count", band, names=("band",)),
+    "--over-hz": Flag("FROM:TO", "band of frequencies in which peaks count", band, names=("band",)),
     "--parts": Flag("1:12", "parts of a scene that are drawn, the support first", group="written"),
     "--periods": Flag("N", "number of periods of the drives after which a motion repeats", integer(64)),
     "--phase-deg": Flag(
@@ -201,7 +201,7 @@ FLAGS: dict[str, Flag] = {
     "--picture": Flag("FILE", "file for a picture in addition to the main result", group="written", kinds=PICTURES),
     "--pixel": Flag("METRES", "metres of one pixel of marks, x_1_1_px and y_1_1_px", number("metres above 0")),
     "--places": Flag("", "list the places, values and units of the scene's numbers instead"),
-    "--prior": Flag("PLACE=VALUE±STD", "what is known of a free number beforehand", action=Repeated, keyword="priors"),
+    "--prior": Flag("PLACE=VALUE±STD", "prior knowledge of a free number", action=Repeated, keyword="priors"),
     "--prove": Flag("FILE", "file for a proof of every frequency", group="written", kinds=("json",), keyword="proof"),
     "--proved": Flag("", "enclose the motion in a proved tube (extra `certified`)", group="computed"),
     "--psd": Flag("CSV", "file of a one-sided power spectral density", completion=files((".csv",))),
@@ -213,7 +213,7 @@ FLAGS: dict[str, Flag] = {
         short="-q",
     ),
     "--range": Flag(
-        "PLACE=FROM:TO", "a number of the scene over whose range a shaper holds", completion=places, keyword="span"
+        "PLACE=FROM:TO", "number of the scene over whose range the shaper works", completion=places, keyword="span"
     ),
     "--record": Flag("CSV", "file of a motion along the rail", completion=files((".csv",))),
     "--relative-error": Flag(
@@ -238,9 +238,9 @@ FLAGS: dict[str, Flag] = {
     "--settled": Flag("", "begin where a simulated motion has settled"),
     "--shapes": Flag("", "add mode shapes and energy shares", group="written"),
     "--share": Flag(
-        "K/N", "compute the K-th of N shares alone, for processes with a common --folder", share, "computed"
+        "K/N", "compute only the K-th of N shares, for processes with a common --folder", share, "computed"
     ),
-    "--shift": Flag("", "fit the time by which the record is behind the scene's motions and forces", group="computed"),
+    "--shift": Flag("", "fit the delay of the record behind the scene's motions and forces", group="computed"),
     "--show": Flag("WORDS", "sections of a derivation", group="written", action=Joined, keyword="sections"),
     "--signals": Flag("WORDS", "outputs of a linear model", action=Joined, keyword="outputs", names=("output",)),
     "--speed": Flag(
@@ -264,21 +264,19 @@ FLAGS: dict[str, Flag] = {
         names=("angles_deg",),
         example="mode:1:5 (mode 1, largest angle 5 deg) or --start angles:10,20,...",
     ),
-    "--strobe": Flag("", "draw the last stroboscopic samples, one a period of the drives"),
+    "--strobe": Flag("", "draw the last stroboscopic samples, one per period of the drives"),
     "--symbolic": Flag("WORDS", "quantities to keep as symbols", action=Joined),
     "--temperature": Flag("KELVIN", "temperature of thermal noise", number("kelvin above 0 and at most 1e6", most=1e6)),
     "--theme": Flag("", "colours of the figure", group="written", choices=("light", "dark"), default="light"),
-    "--to": Flag("FORMAT", "what a model is exported to", group="written", keyword="format"),
+    "--to": Flag("FORMAT", "format of the exported model", group="written", keyword="format"),
     "--tolerance": Flag(
         "TOL", "relative error of a step of the integrator", number("from 1e-15 to 0.01", 0.01, 1e-15), "numerics"
     ),
     "--travel": Flag("METRES", "how far the cart travels", way, names=("distance",)),
     "--uncertain": Flag(
-        "PLACE=WIDTH", "a number of the scene that is uncertain, and how much", action=Repeated, completion=places
+        "PLACE=WIDTH", "number of the scene that is uncertain, and by how much", action=Repeated, completion=places
     ),
-    "--vary": Flag(
-        "PLACE=VALUES", "a number of the scene that takes several values", action=Repeated, completion=places
-    ),
+    "--vary": Flag("PLACE=VALUES", "number of the scene that takes several values", action=Repeated, completion=places),
     "--weights": Flag(
         "Q.csv,R.csv",
         "weights of states and of inputs, whose names are the headings: matrices, or the row of a diagonal",
@@ -287,7 +285,7 @@ FLAGS: dict[str, Flag] = {
     "--when": Flag("SECONDS", "time at which a hoist's lengths are taken", SECONDS_FROM_0, names=("Scene.at",)),
     "--where": Flag("COLUMN=VALUE", "which rows of a record are used", action=Repeated),
     "--window": Flag("SECONDS", "length of windows in which a long record is fitted", SECONDS, "computed"),
-    "--words": Flag("", "everything in sentences too", group="written"),
+    "--words": Flag("", "explain everything in sentences, too", group="written"),
     "--workers": Flag("N", "number of processes", integer(1000), "numerics"),
 }
 

@@ -228,7 +228,7 @@ class Page(argparse.ArgumentParser):
         """Report words that no argument takes."""
         unknown = [word for word in words if word[:1] == "-"]
         short = [f"{word}: no such option" for word in unknown if word[:2] != "--"]
-        self.error("\n".join(short if unknown else (f"{word}: is one argument too many" for word in words)))
+        self.error("\n".join(short if unknown else (f"{word}: unexpected argument" for word in words)))
 
     def _in_our_words(self, message: str) -> Iterator[str]:
         """What argparse says, as every other message: what it is about, and a colon."""
@@ -284,7 +284,7 @@ class Page(argparse.ArgumentParser):
             varied = next(
                 (f", or {flag} varies it" for flag in ("--vary", "--free") if flag in self.keywords.values()), ""
             )
-            return f": it stands in the scene's file (`scenes NAME -o mine.toml` copies one){varied}"
+            return f": it is set in the scene's file (`scenes NAME -o mine.toml` copies one){varied}"
         return ""
 
     def _print_message(self, message: str, file: Any = None) -> None:

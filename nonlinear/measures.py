@@ -109,7 +109,7 @@ class LargestMultiplier(Measure):
     """The largest Floquet multiplier of small angles on a support that moves up and down, and what it means."""
 
     name = "floquet"
-    words = "the largest Floquet multiplier of a vertical sine, its growth rate, and what small motion does"
+    words = "the largest Floquet multiplier of a vertical sine, its growth rate, and whether small motion grows"
     columns = ("largest_multiplier", "growth_rate_per_s", "kind")
     needs = "a support that moves up and down as a sine"
 
@@ -151,7 +151,7 @@ class CartTravel(Measure):
     """The peak-to-peak travel of the cart, also at turning points between the samples."""
 
     name = "cart_travel"
-    words = "the way between the cart's turning points in N seconds"
+    words = "the distance between the cart's turning points in N seconds"
     columns = ("cart_travel_m",)
     needs = "a cart"
 

@@ -41,6 +41,7 @@ from modal.report import Displayed, Summary, aligned, as_json, breadth, brief, c
 from modal.scene import Scene, describe
 from modal.scene.doors import checked, require_type
 from modal.scene.parameters import Place, Variable, number_at, with_numbers
+from modal.scene.signal_names import symbols_in
 from modal.types import Floats
 
 DENSE_COORDINATES_MAX = 4000
@@ -192,9 +193,10 @@ def matrices_table(scene: Scene, dense: Matrices, form: str) -> str:
             **{name: matrix.tolist() for name, matrix in by_name.items()},
         }
         return as_json(document)
-    parts = [folded(f"coordinates ({len(dense.labels)}): {', '.join(dense.labels)}")]
+    labels = list(map(symbols_in, dense.labels))
+    parts = [folded(f"coordinates ({len(labels)}): {', '.join(labels)}")]
     for name, matrix in by_name.items():
-        parts.append(f"{name} = 0" if not matrix.any() else f"{name} =\n{_grid(matrix, dense.labels)}")
+        parts.append(f"{name} = 0" if not matrix.any() else f"{name} =\n{_grid(matrix, labels)}")
     return "\n\n".join(parts) + "\n"
 
 

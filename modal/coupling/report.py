@@ -84,9 +84,9 @@ def _columns(coupling: Coupling, rows: Sequence[FamilyRow]) -> Iterator[str]:
             yield "Δω is without dampers, the beat with them: hence it is not 2π/Δω."
     if any(row.share is not None for row in rows):
         yield (
-            "Share: the most of one pendulum's energy that the others ever hold; dampers take the rest."
+            "Share: the largest part of one pendulum's energy that the others ever receive; dampers dissipate the rest."
             if coupling.scene.has_damping
-            else "Share: what the others hold of one pendulum's energy after half a beat."
+            else "Share: the part of one pendulum's energy that the others have after half a beat."
         )
 
 
@@ -115,9 +115,9 @@ def sections(coupling: Coupling) -> tuple[ReportSection, ...]:
     on_structure = coupling.scene.is_structured
     support = [("The structure alone", own_mode_words)]
     if not on_structure:
-        support = [("What the cart feels" if coupling.on_cart else "What a cart would feel", push_words)]
+        support = [("Dynamic mass of the cart" if coupling.on_cart else "Dynamic mass of a cart", push_words)]
     parts = [
-        ("What hangs there", pendula_words),
+        ("The pendula", pendula_words),
         *support,
         ("Families of modes", families),
         *[("The cart's mass from 0 to ∞", limits)] * (not on_structure),

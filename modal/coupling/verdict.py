@@ -82,9 +82,9 @@ def _beats(coupling: Coupling, rows: list[FamilyRow]) -> Iterator[str]:
     share_words = ""
     if row.share is not None:
         part = "all" if row.share > 1 - SHARE_GIVEN_MIN else fraction(row.share)
-        share_words = f"; halfway, {'the other holds' if row.fold == 2 else 'the others hold'} {part} of the energy"
+        share_words = f"; halfway, {'the other has' if row.fold == 2 else 'the others hold'} {part} of the energy"
         if coupling.scene.has_damping:
-            who = "the other never holds" if row.fold == 2 else "the others never hold"
+            who = "the other never receives" if row.fold == 2 else "the others never receive"
             share_words = (
                 f"; if one pendulum is set swinging alone, {who} more than {fraction(row.share)} of the energy"
             )
@@ -146,7 +146,7 @@ def _lasting(coupling: Coupling) -> Iterator[str]:
     if not scene.has_damping:
         has_friction = scene.has_friction or scene.has_drag
         else_ = " but friction or drag" if has_friction else ""
-        yield f"Nothing{else_} takes energy: every mode keeps its amplitude{' at small angles' * has_friction}."
+        yield f"Nothing{else_} dissipates energy: every mode keeps its amplitude{' at small angles' * has_friction}."
         return
     modes = coupling.damped_modes
     if not modes:
@@ -268,7 +268,7 @@ def _survivors(coupling: Coupling, modes: tuple[Damped, ...]) -> Iterator[str]:
         rest = f"; and {len(undamped_modes) - MOST_DAMPED} more" if len(undamped_modes) > MOST_DAMPED else ""
         yield f"Not damped at all [σ = 0]: {names}{rest}. In the end only these swing."
         if first.from_cart and all(mode.still for mode in undamped_modes):
-            yield f"What leaves the {coupling.noun} still survives a damper on it: antiphase, as Huygens saw."
+            yield f"What leaves the {coupling.noun} at rest survives a damper on it: antiphase, as Huygens observed."
     elif last.decay <= 0:
         yield (
             f"The slowest to decay is {_mode_name(coupling, last)}: its rate is beyond double precision next to "

@@ -129,17 +129,17 @@ def push_words(coupling: Coupling) -> Iterator[str]:
         slow = "the spring [−k_c/ω²]" if dynamic.spring else f"all {short(dynamic.at_rest)} kg [m_dyn(0) = M]"
         spring = "− k_c/ω² + " if dynamic.spring else "+ "
         yield (
-            f"A slow push on the cart feels {slow}, a fast one {fast}, and one at ω the dynamic mass "
+            f"A slow force on the cart acts on {slow}, a fast one on {fast}, and one at ω on the dynamic mass "
             f"m_dyn(ω) = m_c {spring}{sum_of_poles}."
         )
     else:
         yield (
-            f"Were the support free to move, the pendula would add {short(dynamic.at_rest)} kg to its mass in a "
-            f"slow push [Σ m], {short(dynamic.residual)} kg in a fast one [m_res], and at ω {sum_of_poles}."
+            f"Were the support free to move, the pendula would add {short(dynamic.at_rest)} kg to its mass for a "
+            f"slow force [Σ m], {short(dynamic.residual)} kg for a fast one [m_res], and at ω {sum_of_poles}."
         )
     limit = list_limit(coupling)
     poles = listed([rad(omega) for omega in dynamic.omega[:limit]], len(dynamic.omega))
-    yield f"Its poles, where the pendula hold a support still however it is pushed: {poles} [K φ = ω² A φ]."
+    yield f"Its poles, where the pendula keep the support at rest whatever force acts on it: {poles} [K φ = ω² A φ]."
     if coupling.cart_modes:
         moving = [f"{rad(mode.omega)}{number_words(coupling, mode.omega)}" for mode in coupling.cart_modes[:limit]]
         zeros = listed(moving, len(coupling.cart_modes))
@@ -160,14 +160,14 @@ def own_mode_words(coupling: Coupling) -> Iterator[str]:
         rate = f"at {rad(mode.omega)}" if mode.omega else "held by nothing [ω = 0]"
         yield (
             f"Mode s{s} of the structure, its pendula as if they were stiff: {coupling.words(mode.shape)}, {rate}"
-            f"{' [K_s u = ω²(M_s + Σ m ΦᵀΦ + Σ m ΨᵀΨ) u]' if s == 1 else ''}. A slow push along it moves "
+            f"{' [K_s u = ω²(M_s + Σ m ΦᵀΦ + Σ m ΨᵀΨ) u]' if s == 1 else ''}. A slow force along it moves "
             f"{short(mode.mass)} kg [uᵀMu, at the point that moves most], a fast one "
-            f"{short(float(fast[s - 1]))} kg, the pendula left behind."
+            f"{short(float(fast[s - 1]))} kg, while the pendula stay behind."
         )
     if len(modes) > MOST_LISTED:
         yield f"{len(modes) - MOST_LISTED} more are {ELSEWHERE}."
     yield (
-        "At ω a push along these modes feels the dynamic mass matrix −UᵀS(ω²)U/ω², with the dynamic stiffness "
+        "A force along these modes acts, at ω, on the dynamic mass matrix −UᵀS(ω²)U/ω², with the dynamic stiffness "
         "S(x) = K_s − x(M_s + Σ Φᵀ diag(m_dyn(x), m) Φ); where S is singular the scene swings freely [det S = 0]."
     )
     for omega, motion in coupling.structure_modes[:MOST_LISTED]:
@@ -299,7 +299,7 @@ def _damped_beats(coupling: Coupling, family: Family, exchange: Transfer, guide:
         yield "Joint dampers make its pendula overdamped [σ ≥ ω]: there are no beats."
         return
     aside = ", its drives aside," if coupling.scene.is_driven else ""
-    limit_words = f"the others never hold more than {fraction(exchange.most)} of the energy given"
+    limit_words = f"the others never receive more than {fraction(exchange.most)} of the energy given"
     if not exchange.beats:
         yield (
             f"There are no beats: the motion of the {coupling.noun} decays before it has run out of phase with the "
@@ -308,7 +308,7 @@ def _damped_beats(coupling: Coupling, family: Family, exchange: Transfer, guide:
         return
     yield (
         f"One pendulum set swinging alone in this mode{aside} recovers {fraction(exchange.left)} of its energy after a "
-        f"beat of {short(exchange.period)} s [2π/Im Δλ]: dampers take the rest, and {limit_words}{guide}."
+        f"beat of {short(exchange.period)} s [2π/Im Δλ]: dampers dissipate the rest, and {limit_words}{guide}."
     )
 
 
@@ -323,7 +323,7 @@ def limits(coupling: Coupling) -> Iterator[str]:
     if len(modes) > limit:
         yield f"The {len(modes) - limit} other modes that move the cart, all of them less, are {ELSEWHERE}."
     if any(family.fold > 1 for family in coupling.families):
-        yield "The modes that leave the cart still do not feel its mass at all [ω = ω_r for every m_c]."
+        yield "The modes that leave the cart at rest do not depend on its mass [ω = ω_r for every m_c]."
     spring_words = ", one to 0 with the cart's spring" if coupling.dynamic.spring else ""
     yield f"As m_c → ∞ every coupling strength goes to 0 [ε_r = μ_r/m_r] and every mode to its pole{spring_words}."
 
@@ -397,7 +397,7 @@ def _exchange_words(pair: EnergyExchange) -> str:
     transfer, is_in_tune = pair.exchange, abs(pair.detuning) < 2 * abs(pair.coupling)
     if transfer.lossless:
         return (
-            f"{'they exchange energy' if is_in_tune else 'detuning suppresses the exchange'}. One passes at most "
+            f"{'they exchange energy' if is_in_tune else 'detuning suppresses the exchange'}. One transfers at most "
             f"{percent(pair.share)} of its energy to the other [4g²/(4g² + δ²)] in beats of {short(pair.period)} s "
             "[2π/√(4g² + δ²)]"
         )
@@ -413,7 +413,7 @@ def _exchange_words(pair: EnergyExchange) -> str:
         else "nothing comes back in beats [Im Ω > Re Ω, Ω² = g² + δ²/4 with the dampers]"
     )
     part = fraction(pair.share)
-    return f"{verdict}. With the dampers the other never holds more than {part} of one's energy, and {back}"
+    return f"{verdict}. With the dampers the other never receives more than {part} of one's energy, and {back}"
 
 
 def collective_words(coupling: Coupling) -> str:

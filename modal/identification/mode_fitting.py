@@ -136,7 +136,7 @@ class _ModeFitProblem:
                 k = int(np.flatnonzero(np.isnan(by_number))[0])
                 raise ComputationError(
                     f"mode {measured_mode.number} shares its frequency with others, and {self.parameters[k].path} "
-                    "splits it: it has no single derivative; free a number of all equal pendula, or leave the mode out"
+                    "splits it: it has no single derivative; free a number of all equal pendula, or omit the mode"
                 )
             omega, zeta = polar(complex(modes.eigenvalue[row]), by_number)
             rows.append((omega / (2 * np.pi) / measured_mode.std)[None])
@@ -536,7 +536,7 @@ def _verdict(problem: _ModeFitProblem, result: ModeFit, loss: str) -> list[str]:
         )
     for k in result.fitted:
         if result.parameters[k].z_min == 0.0 and result.z[k] < BOUND_DISTANCE:
-            words.append(f"{result.parameters[k].path} is at its bound, 0: the modes give no sign of it")
+            words.append(f"{result.parameters[k].words} is at its bound, 0: the modes give no sign of it")
     words += means_of(result.parameters)
     if loss != "linear":
         words.append(f"standard deviations are those of the linear loss at the optimum of {loss}")

@@ -271,7 +271,7 @@ def starts_of(parameters: Sequence[FreeParameter]) -> Floats:
 def means_of(parameters: Sequence[FreeParameter]) -> list[str]:
     """What is said of numbers that are to be the same and that the scene has unequal."""
     return [
-        f"{parameter.path} began at {short(parameter.value)}, the mean of the scene's numbers from "
+        f"{parameter.words} began at {short(parameter.value)}, the mean of the scene's numbers from "
         f"{short(min(parameter.unknown.given))} to {short(max(parameter.unknown.given))}"
         for parameter in parameters
         if not (parameter.unknown.is_shift or parameter.unknown.is_even)
@@ -315,7 +315,7 @@ class FittedNumbers(Drawable, Result):
         spreads = {"std": self.stds, **more}
         rows = [
             [
-                parameter.path,
+                parameter.words,
                 short(parameter.value),
                 with_error(self.values[k], self.stds[k]),
                 *(spread(stds, k) for stds in spreads.values()),
@@ -329,11 +329,14 @@ class FittedNumbers(Drawable, Result):
         """What is determined of numbers that are not, and what is left open."""
         combinations = self.combinations if self.fits else ()
         yield "\n".join(f"Determined: {c.words} = {with_error(c.value, c.std)} ± {c.std:.2g}" for c in combinations)
-        yield "\n".join(f"Not determined: {direction.words}." for direction in self.undetermined)
+        words = "\n".join(f"Not determined: {direction.words}." for direction in self.undetermined)
+        for parameter in self.parameters:
+            words = words.replace(parameter.path, parameter.words)
+        yield words
 
     def footnotes(self: Any) -> Iterator[str]:
         """The verdict."""
-        names = ("theta", "acceleration_", "x_", "y_")  # names of sensors stay as they are
+        names = ("theta", "θ", "acceleration_", "x_", "y_")  # names of columns stay as they are
         return ((line if line.startswith(names) else capital(line)) + "." for line in self.verdict)
 
     def facts(self: Any) -> dict[str, Any]:

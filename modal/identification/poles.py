@@ -53,6 +53,7 @@ from modal.report import (
     short,
 )
 from modal.scene.doors import checked, checked_index
+from modal.scene.signal_names import signal_words
 from modal.types import Booleans, Complexes, Floats
 
 ORDINALS = {2: "second", 3: "third"}
@@ -196,7 +197,9 @@ class Identified(Drawable, Result):
 
     def parts(self, form: Form = "text") -> Iterator[ReportTable | str]:
         """Every mode, by which method it was found, and what there is to say."""
-        shapes = [ReportColumn(partial(_component, k), None, name, "+.3f") for k, name in enumerate(self.names)]
+        shapes = [
+            ReportColumn(partial(_component, k), None, signal_words(name), "+.3f") for k, name in enumerate(self.names)
+        ]
         number = ReportColumn(lambda mode: self.modes.index(mode) + 1, None, "mode")
         yield ReportTable.of((number, *MODE, *shapes, ReportColumn("shape_std", None, "± shape", ".2g")), self.modes)
         order = f", order {self.order}" if self.method == "era" else ""
@@ -317,8 +320,8 @@ def _fit_free(
     notes += [_bent_words(mode, r) for r, mode in enumerate(modes, 1) if mode.frequency_shift is not None]
     if len(modes) == len(decays.poles):
         notes += [
-            f"modes {r + 1} and {s + 1} have one shape and never beat: perhaps one mode, whose frequency and damping "
-            "change with amplitude, as dry friction makes them"
+            f"modes {r + 1} and {s + 1} have the same shape and never beat: perhaps one mode, whose frequency and "
+            f"damping depend on amplitude, as with dry friction"
             for r, s in suspects(series, decays)
         ]
     if not decays.white:
@@ -344,7 +347,7 @@ def _without_repetitions(modes: list[IdentifiedMode], swings: LargeSwings, notes
     for r, turns in swings.tones.items():
         names = {i: f"f{numbers[i]}" if i in numbers else f"{frequencies[i]:.4g} Hz" for i in turns}
         words = " ".join(f"{n:+d} {names[i]}" for i, n in turns.items())
-        notes.append(f"{frequencies[r]:.4g} Hz is perhaps no mode: large swings make it, as {words}")
+        notes.append(f"{frequencies[r]:.4g} Hz is perhaps not a mode, but due to large swings, as {words}")
     return [modes[r] for r in listed_modes]
 
 
@@ -474,8 +477,8 @@ def _swings_of(mode: IdentifiedMode, angle: float) -> str | None:
 def _large_words(angle: float) -> str:
     """What there is to say of a frequency whose change with amplitude the record does not show."""
     return (
-        "where the record does not show how a frequency changes with amplitude, it is that of the record's swings, "
-        f"of up to {degrees(angle):.2g}°, and so is its interval: small ones of one link are faster by up to "
+        "where the record does not show how a frequency depends on amplitude, the frequency and its interval are those "
+        f"of the recorded swings, of up to {degrees(angle):.2g}°: small swings of one link are faster by up to "
         f"{percent(angle**2 / 16)}"
     )
 
@@ -581,8 +584,8 @@ def _by_decrement(
     losses = [decrement.loss for decrement in decrements if decrement.loss is not None]
     if losses:
         notes.append(
-            f"each is smaller than the last by {short(float(np.median(losses)))}, whatever its size, as dry friction "
-            "makes them: the damping ratio is that of the record's swings, and grows as they die away"
+            f"each is smaller than the last by {short(float(np.median(losses)))}, whatever its size, as with dry "
+            f"friction: the damping ratio is that of the recorded swings, and grows as they decay"
         )
     mode = _mode_of_pole(complex(*mean), np.diag(1 / weights.sum(axis=0)), shape, None)
     curve = _curve(segments, names, int(np.argmax(np.max([swing.std(axis=0) for swing in swings], axis=0))))

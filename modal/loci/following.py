@@ -18,7 +18,7 @@ from modal.errors import ComputationError, SceneError
 from modal.loci.tracking import CloseApproach, LociPoint, find_close_approaches, follow, solve_at
 from modal.modes import number_labels
 from modal.report import Drawable, ReportColumn, ReportTable, TextResult, csv_rows, silent, with_unit
-from modal.scene import Scene, left_out
+from modal.scene import Scene, left_out, number_words
 from modal.scene.doors import checked
 from modal.scene.parameters import Variation, find_places, number_at, validate_variations
 from modal.types import Floats, Ints
@@ -191,18 +191,18 @@ def _find_swap(start: LociPoint, end: LociPoint) -> tuple[int, int] | None:
     return None
 
 
-def span_of(variation: Variation) -> str:
-    """The number that is varied, from its first value to its last."""
+def span_of(variation: Variation, scene: Scene) -> str:
+    """The number of a scene that is varied, from its first value to its last."""
     first, last = variation.values[0], variation.values[-1]
-    return f"{variation.path} = {first:.6g} to {last:.6g} {variation.unit}".rstrip()
+    return f"{number_words(scene, variation.path)} = {first:.6g} to {last:.6g} {variation.unit}".rstrip()
 
 
 def loci_text(loci: Loci) -> str:
     """One line per meeting of two loci; the gap of a crossing is rounding error."""
     count, unit = len(loci.variation.values), loci.variation.unit
-    between = f" and {len(loci.values) - count} between" if len(loci.values) > count else ""
+    between = f" and {len(loci.values) - count} inserted" if len(loci.values) > count else ""
     at = f"{loci.numbered_at:.6g} {unit}".rstrip()
-    span = f"{span_of(loci.variation)}, {count} values{between}"
+    span = f"{span_of(loci.variation, loci.scene)}, {count} values{between}"
     columns = (
         ReportColumn("kind", None, "meeting"),
         ReportColumn(lambda meeting: " · ".join(loci.names[number] for number in meeting.loci), None, "loci"),
@@ -211,8 +211,8 @@ def loci_text(loci: Loci) -> str:
         ReportColumn("gap", None, "gap (rad/s)", ".6g"),
         ReportColumn("exchange", None, "exchange (MAC)", ".2f"),
     )
-    table = ReportTable.of(columns, loci.encounters).written() or "none meet"
-    head = f"{loci.omega.shape[1]} loci over {span}, numbered as in the table at {at}"
+    table = ReportTable.of(columns, loci.encounters).written() or "No loci meet."
+    head = f"{loci.omega.shape[1]} loci for {span}, numbered as in the table at {at}"
     return "\n".join([head, table, *left_out(loci.scene), ""])
 
 

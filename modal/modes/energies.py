@@ -43,13 +43,13 @@ SUM_WORDS = {
     **{f"{where} loss": f"{where} losses of pendulum" for where in ("joint", "wire")},
 }
 """What is summed by pendulum, and what the sum is called."""
-MEANING = "Where the energy of a mode is: per cent of each energy, on the average over a cycle."
-DAMPED = "A damper has the same share of ζ as of the energy that is dissipated."
+MEANING = "Distribution of the energy of each mode: percent of each kind of energy, averaged over a cycle."
+DAMPED = "The share of a damper in ζ is its share of the dissipated energy."
 SIGNS = (
-    "Below 0: the weight of what stands pulls it away from equilibrium. With these the potential energy of a mode that "
-    "swings adds up to 100, that of a growing one to -100."
+    "Below 0: weights of standing parts, which pull away from equilibrium. With these the potential energy adds up "
+    "to 100 for an oscillating mode, and to -100 for a growing one."
 )
-SHARED = "Of modes that share their frequency, the mean of all."
+SHARED = "For modes that share a frequency, the mean over all of them."
 
 
 class EnergyShare(NamedTuple):
@@ -68,6 +68,14 @@ class EnergyShare(NamedTuple):
     def part(self) -> str:
         """What has it."""
         return f"{self.sort} {self.label}".rstrip()
+
+    @property
+    def words(self) -> str:
+        """What has it, as the text calls it."""
+        pendulum, _, link = self.label.partition("_")
+        if self.link < 0 or not link:
+            return self.part
+        return f"{self.sort} {'' if self.sort.endswith('link') else 'of link '}{link} of pendulum {pendulum}"
 
     @property
     def pendulum(self) -> str:
@@ -97,7 +105,12 @@ class ModeEnergies(Result):
             ReportColumn(_share_of(k), f"mode_{number}_percent", f"mode {number}", "z.2f")
             for k, number in enumerate(self.modes)
         ]
-        return (ReportColumn("energy", "energy", "of"), ReportColumn("part", "part", "part"), *shares)
+        return (
+            ReportColumn("energy", "energy", "of"),
+            ReportColumn("part", "part"),
+            ReportColumn("words", None, "part"),
+            *shares,
+        )
 
     def footnotes(self) -> Iterable[str]:
         """Notes on the meaning of the shares."""

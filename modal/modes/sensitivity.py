@@ -38,12 +38,15 @@ from modal.modes.squares import CANCELLED, slopes_by_squares
 from modal.report import NOTHING, Displayed, ReportTable, Summary, brief, listed, tabulated
 from modal.scene import Body, Scene, refusals
 from modal.scene.doors import checked
+from modal.scene.number_names import number_words
 from modal.scene.parameters import number_at, with_numbers
 from modal.types import EPS, NEWTON_ROUNDS, Complexes, Floats
 
 MOST_SENSITIVITIES = 200_000
 """Limit: sensitivities of one table, refused beyond as too many."""
-SENSITIVITIES = "Sensitivities (p/ω) ∂ω/∂p: the percentage by which a frequency changes where a number p grows by 1 %."
+SENSITIVITIES = (
+    "Sensitivities (p/ω) ∂ω/∂p: the change of a frequency, in percent, for an increase of a number p by 1 %."
+)
 NO_DERIVATIVE = "growing, damped by a damping_ratio, or shared by several modes"
 BY_PLACE = (
     "support: sensitivities link by link are those of pendula on a fixed support or one cart: take "
@@ -445,7 +448,7 @@ def sensitivities_of(modes: Modes, rows: Sequence[Mode]) -> tuple[str, ReportTab
     places = list(dict.fromkeys(place for slopes in slopes_of_modes for place in slopes))
     columns = [[slopes.get(place) for slopes in relative] for place in places]
     words = ([NOTHING if value is None else f"{value:z.4f}" for value in row] for row in columns)
-    cells = [[place, *row] for place, row in zip(places, words, strict=True)]
+    cells = [[number_words(modes.scene, place), *row] for place, row in zip(places, words, strict=True)]
     headings = ["number", *(f"mode {row.number}" for row in rows)]
     lacking = [f"{row.number}" for row, slopes in zip(rows, slopes_of_modes, strict=True) if not slopes]
     which = f"mode{'s' * (len(lacking) > 1)} {listed(lacking, len(lacking))}"

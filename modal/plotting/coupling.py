@@ -83,7 +83,7 @@ def _finish(figure: Figure, coupling: Coupling) -> None:
         "dynamic mass": Line2D([], [], color=curve()),
         "poles (antiresonances of the cart)": Line2D([], [], color=pole(), ls=MARKED, lw=1.4),
         "zeros: the cart moves": Line2D([], [], color=zero(), marker="o", mec=paper()),
-        "mass for a fast push": Line2D([], [], color=secondary_colour(), ls=MARKED, lw=0.9),
+        "mass at high frequency": Line2D([], [], color=secondary_colour(), ls=MARKED, lw=0.9),
     }
     what = "dynamic mass for a force on the cart" if coupling.on_cart else "dynamic mass for a cart here"
     if coupling.scene.is_structured:

@@ -45,26 +45,6 @@ OBLIQUE = 0.5 * np.array([np.cos(np.radians(35)), np.sin(np.radians(35))])
 """Format: how a metre across the rail is drawn, to the right and up: at half its length (cabinet projection)."""
 OWN = re.compile(r"ω\$_\{[\w.,]+\}\$")
 """Mathematics of the package's own in a legend; other dollars are letters of a name."""
-SIGNALS = {
-    "theta": "{angle}",
-    "theta_dot": "rate of {angle}",
-    "rel": "relative {angle}",
-    "rel_dot": "rate of relative {angle}",
-    "joint": "lower end of {link}",
-    "tip": "tip of {link}",
-    "tip_ddot": "acceleration of the tip of {link}",
-    "pivot_force": "force of {link} on its pivot",
-    "torque": "torque on {link}",
-    "force": "force on {link}",
-    "x": "cart position",
-    "x_dot": "cart velocity",
-    "x_ddot": "cart acceleration",
-    "cart_force": "force on the cart",
-}
-"""What signals of linear models are called in pictures; others are words by themselves."""
-SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
-SIGNAL = re.compile(r"([a-z_]+?)((?:_\d+){0,2})")
-COORDINATE = re.compile(r"(\w+?)(_d?dot)?_(?:m|rad)(?:_per_s2?)?")
 
 
 def headline(figure: Figure, title: str, words: str) -> None:
@@ -153,59 +133,6 @@ def shorten(name: str, letters: int = NAME_LETTERS) -> str:
         return readable_name
     half = (letters - 1) // 2
     return f"{readable_name[: letters - 1 - half]}…{readable_name[len(readable_name) - half :]}"
-
-
-def angle_symbol(*place: int | str, between: str = "") -> str:
-    """Return the symbol of a link's angle in figures, by its pendulum and number; a comma separates longer ones.
-
-    >>> angle_symbol(1, 2), angle_symbol(12, 1)
-    ('θ₁₂', 'θ₁₂,₁')
-    """
-    comma = "," if max(map(len, map(str, place))) > 1 else between
-    return "θ" + comma.join(map(str, place)).translate(SUBSCRIPTS)
-
-
-def symbols_in(text: str) -> str:
-    """The text with the symbols of angles in place of their identifiers, `theta[1,2]` and the like."""
-    return re.sub(r"theta\[(\d+),(\d+)\]", lambda match: angle_symbol(*match.groups()), text)
-
-
-def link_names(labels: Sequence[str]) -> list[str]:
-    """Names of the links whose angles are the coordinates `labels`: the number of link or pendulum, or the symbol.
-
-    >>> link_names(["theta[1,1]", "theta[1,2]"]), link_names(["theta[1,1]", "theta[2,1]", "theta[2,2]"])
-    (['link 1', 'link 2'], ['θ₁₁', 'θ₂₁', 'θ₂₂'])
-    """
-    places = [re.findall(r"\d+", label) for label in labels if label.startswith("theta[")]
-    pendula = list(dict.fromkeys(pendulum for pendulum, _ in places))
-    if len(pendula) == 1:
-        return [f"link {link}" for _, link in places]
-    if len(pendula) == len(places):
-        return [f"pendulum {pendulum}" for pendulum in pendula]
-    between = "," if max(map(len, (number for place in places for number in place))) > 1 else ""
-    return [angle_symbol(*place, between=between) for place in places]
-
-
-def signal_words(name: str) -> str:
-    """Return a signal of a linear model as written in figures.
-
-    >>> signal_words("theta_1_2"), signal_words("tip_1"), signal_words("floor2_m"), signal_words("support_acceleration")
-    ('θ₁₂', 'tip of pendulum 1', 'floor2', 'support acceleration')
-    """
-    match = SIGNAL.fullmatch(name)
-    if match and match[1] in SIGNALS:
-        place = match[2].split("_")[1:]
-        owners = [f"{owner} {number}" for owner, number in zip(("pendulum", "link"), place, strict=False)]
-        return SIGNALS[match[1]].format(angle=angle_symbol(*place or ("",)), link=" of ".join(owners[::-1]))
-    if coordinate := COORDINATE.fullmatch(name):
-        order = {"_dot": "rate of ", "_ddot": "acceleration of "}.get(coordinate[2], "")
-        name = order + coordinate[1]
-    return name.replace("_", " ")
-
-
-def unit_words(unit: str) -> str:
-    """Return a unit as written in figures, m/s² for m/s^2."""
-    return unit.replace("^2", "²")
 
 
 def set_frame(axis: Axes, x_label: str, y_label: str, title: str = "") -> None:

@@ -18,7 +18,7 @@ from matplotlib.ticker import MaxNLocator, MultipleLocator
 from modal.errors import ComputationError
 from modal.modes import UNCERTAIN
 from modal.plotting.curves import RANGE, draw_curves
-from modal.plotting.layout import headline, key, log_ticks, mark_modes, signal_words, unit_words
+from modal.plotting.layout import headline, key, log_ticks, mark_modes
 from modal.plotting.style import (
     BAND_OPACITY,
     CURVE_POINTS,
@@ -33,6 +33,7 @@ from modal.plotting.style import (
     thickness,
 )
 from modal.scene import title_of
+from modal.scene.signal_names import signal_words, unit_words
 from modal.statespace import ModalForm, frequency_response, impulse_response, impulse_times
 from modal.types import Complexes, Floats
 

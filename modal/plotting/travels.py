@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from modal.assembly import coordinate_labels, hoisting_of, rig_of
 from modal.errors import ComputationError
 from modal.plotting.curves import draw_curves, pick
-from modal.plotting.layout import SMALL, headline, legend, link_names, set_frame
+from modal.plotting.layout import SMALL, headline, legend, set_frame
 from modal.plotting.style import (
     HUES,
     MARKED,
@@ -24,6 +24,7 @@ from modal.plotting.style import (
     stack,
 )
 from modal.scene import title_of
+from modal.scene.signal_names import link_names
 
 if TYPE_CHECKING:
     from modal.statespace.hoisting import Along

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from modal.errors import ComputationError, SceneError
 from modal.plotting.curves import RANGE, draw_curves
-from modal.plotting.layout import headline, legend, log_ticks, mark_modes, set_frame, signal_words, unit_words
+from modal.plotting.layout import headline, legend, log_ticks, mark_modes, set_frame
 from modal.plotting.response import PEAK_ROOM
 from modal.plotting.style import (
     CURVE_POINTS,
@@ -29,6 +29,7 @@ from modal.plotting.style import (
     thickness,
 )
 from modal.scene import Scene, number_words, title_of
+from modal.scene.signal_names import signal_words, unit_words
 from modal.statespace import Signal
 from modal.types import Floats
 

@@ -9,8 +9,8 @@ join; `structures` checks both; `motion` prescribes support motions and forces o
 loops, `periods` finds common periods, `records` reads records, `hoist` changes a length by one of `length_laws`;
 `files` reads and writes scenes, `sealed` detects damaged files, `contents` reads files and recognizes their kinds;
 `validation` checks every part, `mistakes` words the messages, `parameters` finds and varies numbers by path,
-`number_names` names them in words, `doors` checks arguments, `titles` describes scenes in words, `free_body` draws
-free-body diagrams.
+`number_names` names them in words and `signal_names` signals, `doors` checks arguments, `titles` describes scenes in
+words, `free_body` draws free-body diagrams.
 """
 
 from typing import TYPE_CHECKING

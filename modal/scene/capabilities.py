@@ -117,7 +117,7 @@ STILL: Sentences = {
 IN_TIME_ALONE: Sentences = {name: words for name, words in STILL.items() if name not in LEANING}
 PLANE: Sentences = {"space": "is computed in the plane"}
 NO_RATIO: Sentences = {"damping_ratio": "does not support damping ratios of modes"}
-STICKS = _sentences(FRICTION, "does not follow what sticks and slips")
+STICKS = _sentences(FRICTION, "does not support stick-slip motion")
 SWITCHES: Sentences = {**STICKS, "escapement": "does not end its steps at kicks"}
 LOSSES = _sentences(LOSS - {"damping_ratio"}, "needs a scene without losses")
 UNDAMPED: Sentences = {
@@ -313,7 +313,7 @@ CAPABILITIES: dict[str, Capability] = {
             "the explanation of the coupling",
             LINEAR - {"inverted"} | {"structure", "springs"},
             leaves={**OMITTED, **LOSSLESS},
-            refuses={**SHIFTED, "inverted": "has no frequency of a link that stands"},
+            refuses={**SHIFTED, "inverted": "has no frequency for a standing link"},
         ),
         CONSTANT_MODEL,
         CONSTANT_MODEL._replace(name="a frequency response", takes=CONSTANT_MODEL.takes | {"loss"}, leaves=RESPONDING),
@@ -372,8 +372,8 @@ CAPABILITIES: dict[str, Capability] = {
             refuses={
                 "space": "is drawn in the plane",
                 "damping_ratio": "has no part on which dampers of modes act",
-                "structure": "takes apart what hangs from one cart or from what stands still",
-                "springs": "takes apart what joints alone hold together",
+                "structure": "is drawn for pendula on one cart or on a fixed support",
+                "springs": "is drawn for parts that only joints hold together",
             },
         ),
         Capability(
@@ -393,7 +393,9 @@ CAPABILITIES: dict[str, Capability] = {
             "the live page",
             SHAPE | {"dampers", "moved_support", "force"} | DRAG | DRIVES | FRICTION | STRUCTURED,
             refuses=_sentences(_of("constant_force hoist space damping_ratio massless_cart loss"), "cannot show {it}"),
-            conflicts={("rotor", name): "the live page cannot show dry friction beside rotors" for name in FRICTION},
+            conflicts={
+                ("rotor", name): "the live page cannot show dry friction together with rotors" for name in FRICTION
+            },
         ),
         Capability(
             "form minimal",
@@ -484,7 +486,10 @@ CAPABILITIES: dict[str, Capability] = {
         SIDE_BY_SIDE._replace(
             name="engine numba",
             takes=SIDE_BY_SIDE.takes - {"moved_support", "force"},
-            unless={**STOPS, **_sentences(_of("moved_support force"), "takes no sweep, and no sine beside a record")},
+            unless={
+                **STOPS,
+                **_sentences(_of("moved_support force"), "takes no sweep, and no sine together with a record"),
+            },
         ),
         SIDE_BY_SIDE._replace(name="an ensemble", refuses=NONE, singly=BESIDE_NONE),
         Capability(
@@ -567,7 +572,7 @@ CAPABILITIES: dict[str, Capability] = {
                 **PLANE,
                 "moved_support": "counts energy in a frame at rest",
                 "hoist": "counts no energy of a rope that is wound up",
-                "constant_force": "counts no energy of forces, which is not built",
+                "constant_force": "counts no energy of forces",
             },
             unless=ENDS,
         ),
@@ -584,7 +589,7 @@ CAPABILITIES: dict[str, Capability] = {
             SHAPE - {"cart"} | LOSS | STRUCTURED | {"quadratic_drag", "moved_support", "space"},
             refuses={
                 **_sentences(FORCED, "needs a scene without forces"),
-                **_sentences(FRICTION, "does not follow what sticks and slips"),
+                **_sentences(FRICTION, "does not support stick-slip motion"),
                 **_sentences(DRIVES, "is computed without drives"),
                 "hoist": "needs constant lengths",
             },

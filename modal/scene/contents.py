@@ -232,7 +232,7 @@ def _beginning(path: str | PathLike[str], largest: int, is_complete: bool) -> by
             return read_within_limit(stream, largest) if is_complete else stream.read(largest)
     except OSError as error:
         if isinstance(error, FileNotFoundError) and _shipped(f"{os.fspath(path)}.toml"):
-            raise SceneError(["is a shipped scene, and a file of data is needed in its place"]) from None
+            raise SceneError(["is a shipped scene, and a data file is needed here"]) from None
         raise SceneError([f"cannot be read: {error.strerror or error}"]) from None
     except ValueError as error:
         if isinstance(error, SceneError):

@@ -97,11 +97,11 @@ class Feedback(Part):
             yield ": needs either output and gain, or gains"
         elif has_output and (self.output is None or self.gain is None):
             missing, given = ("output", "gain") if self.output is None else ("gain", "output")
-            yield f".{missing}: is required beside {given}"
+            yield f".{missing}: is required with {given}"
         if len(set(self.inputs)) < len(self.inputs):
             yield ".input: names an input twice"
         if self.gains is not None and self.reference:
-            yield f".reference = {self.reference!r}: belongs to an output: gains hold all states at equilibrium"
+            yield f".reference = {self.reference!r}: needs an output: gains hold all states at equilibrium"
         if self.delay and self.sample_time is None:
             yield f".delay = {self.delay!r}: needs a sample_time, of which it is a multiple"
         elif self.sample_time:

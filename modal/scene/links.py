@@ -141,7 +141,7 @@ class Link(Part):
     stiffness: float = field(NON_NEGATIVE, "spring at the upper joint", "N m/rad", default=0.0)
     friction: float = field(NON_NEGATIVE, "dry friction at the upper joint, in the plane", "N m", default=0.0)
     drag: float = field(NON_NEGATIVE, "linear drag of the centre of mass against still air", "N s/m", default=0.0)
-    quadratic_drag: float = field(NON_NEGATIVE, "quadratic drag of the same", "N s²/m²", default=0.0)
+    quadratic_drag: float = field(NON_NEGATIVE, "quadratic drag of the centre of mass", "N s²/m²", default=0.0)
     rotor_inertia: float = field(
         NON_NEGATIVE, "rotor of a drive at the upper joint, before its gear", "kg m²", default=0.0
     )

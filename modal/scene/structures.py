@@ -104,7 +104,7 @@ def _ground_problems(scene: Described) -> Iterator[str]:
     for index, support in enumerate(scene.supports if scene.ground else ()):
         if isinstance(support, ModalSupport):
             at = f'{place_of(scene, index)}.kind = "modal"'
-            yield f"{at}: does not say how a moving ground shakes its own mass: omit [ground]"
+            yield f"{at}: does not define how ground motion acts on its own mass: omit [ground]"
 
 
 # ------------------------------------------------------------------------------------------------------- pendula
@@ -234,7 +234,7 @@ def force_problems(scene: Described, force: Any) -> Iterator[str]:
     """Return what is wrong with a force on a support of a structure, or on the ground."""
     point = parse_point(force.on)
     if isinstance(point, GroundPoint):
-        yield "the ground does not yield to a force: name a support or a link"
+        yield "the ground cannot be moved by a force: name a support or a link"
         return
     if isinstance(point, PendulumPoint) or any(True for _ in point_problems(scene, force.on)):
         return
@@ -242,7 +242,7 @@ def force_problems(scene: Described, force: Any) -> Iterator[str]:
     if support is None:
         return
     if support.kind in {"fixed", "moved"}:
-        yield f"a support of kind {support.kind} does not yield to a force: name a link"
+        yield f"a support of kind {support.kind} cannot be moved by a force: name a link"
     elif not scene.is_structured and point is not None:
         yield 'the cart does not turn, and all its points move alike: write on = "cart"'
     elif force.direction == "torque" and not _turns(support):

@@ -94,7 +94,7 @@ def _problems(part: Any) -> Any:
             ]
             if any(abs(both - first - second) > 1e-9 for both, first, second in zip(*bends, strict=True)):
                 raise mistake_of(
-                    path, f"place mixes coordinates {j} and {k} to second order at rest, which is not built"
+                    path, f"place mixes coordinates {j} and {k} to second order at rest, which is not supported"
                 )
     forces = call(path, "forces", rest, values) or []
     if any(abs(jet.first) > 0.0 for jet in forces):
@@ -103,4 +103,4 @@ def _problems(part: Any) -> Any:
     for k, (coordinate, (x, z)) in enumerate(zip(path.coordinates, slopes, strict=True)):
         s, h = centre if k == path.turning else (0.0, 0.0)
         if not (x + h or z - s or (k == path.turning and inertia)):
-            yield f".mass: nothing resists coordinate {coordinate.suffix}" + ": give an inertia" * (k == path.turning)
+            yield f".mass: coordinate {coordinate.suffix} has no inertia" + ": give an inertia" * (k == path.turning)

@@ -388,7 +388,7 @@ class Spring(Part):
     )
     between: Pair[str] = field({"type": "tuple", "items_schema": [END, END]}, "two points, or the ground")
     stiffness: float = field(NON_NEGATIVE, "unstretched as drawn", "N/m, of torsion N m/rad", default=0.0)
-    damping: float = field(NON_NEGATIVE, "damper beside it", "N s/m, of torsion N m s/rad", default=0.0)
+    damping: float = field(NON_NEGATIVE, "damper in parallel", "N s/m, of torsion N m s/rad", default=0.0)
     loss: Loss = field(LOSS_ANGLE, "loss angle of the stiffness, or a table", "rad", default=0.0)
 
     def problems(self) -> Iterator[str]:

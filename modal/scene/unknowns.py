@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from modal.errors import SceneError, refuse_any, spelling_hint
 from modal.report import Displayed
 from modal.scene.model import Scene
+from modal.scene.number_names import number_words
 from modal.scene.parameters import Place, find_places, number_at, unit_at, with_numbers
 
 WAYS = ("same", "shift")
@@ -33,6 +34,7 @@ class Unknown(Displayed):
     given: tuple[float, ...]
     unit_name: str = ""
     way: str = ""
+    words: str = ""
 
     @property
     def place(self) -> Place:
@@ -76,6 +78,11 @@ class OfUnknown:
     def path(self) -> str:
         """Its place as written in messages."""
         return self.unknown.path
+
+    @property
+    def words(self) -> str:
+        """What it is, as reports call it."""
+        return self.unknown.words
 
     @property
     def place(self) -> Place:
@@ -131,7 +138,9 @@ def _sharing(*paths: str) -> str:
 
 def _unknown(scene: Scene, path: str, places: tuple[Place, ...], way: str) -> Unknown:
     given = tuple(number_at(scene, place) for place in places)
-    return Unknown(path, places, given, unit_at(scene, places[0]), way)
+    words = " and ".join(number_words(scene, part) for part in path.removeprefix(f"{way}:").split("+"))
+    words = f"shift of the {words}" if way == "shift" else words
+    return Unknown(path, places, given, unit_at(scene, places[0]), way, words)
 
 
 def _problems(scene: Scene, path: str, places: tuple[Place, ...]) -> Iterator[str]:

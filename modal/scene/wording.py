@@ -44,7 +44,8 @@ OTHER_NAMES = {
 """What other programs and books call keys, kinds and words of a scene, in small letters."""
 OUTSIDE = dict.fromkeys(
     ("spring", "elastic", "extensible", "rubber", "springpendulum", "spring pendulum", "elastic pendulum"),
-    ": a link that stretches (an elastic pendulum) is outside: SymPy mechanics derives one, MuJoCo simulates one as a "
+    ": a link that stretches (an elastic pendulum) is not supported: SymPy mechanics derives one, MuJoCo simulates "
+    "one as a "
     "slide joint with stiffness; the stiffness of a link is that of its joint, and [[spring]] joins supports",
 )
 """Kinds of links that there are not, with the way out."""

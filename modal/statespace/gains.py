@@ -20,16 +20,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from modal.modes import UNCERTAIN, Modes
-from modal.report import Displayed, TextResult, aligned
+from modal.report import Displayed, TextResult, aligned, folded
 from modal.scene.doors import checked
+from modal.scene.signal_names import signal_words
 from modal.statespace.modal_form import ModalForm, to_modal_form
 from modal.statespace.model import StateSpace
 from modal.statespace.signals import Signal
 from modal.types import NOISE_OF_SUM, Complexes, Floats, Ints
 
 Number = TypeVar("Number", np.float64, np.complex128)
+RELATIVE = "Gains are relative to the largest for each signal."
 RELATIVE_GAIN_MIN = 1e-3
-"""Limit: relative gain below which a mode is only barely reached or seen, the default of `threshold`."""
+"""Limit: relative gain below which a mode is only barely controllable or observable, the default of `threshold`."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -57,7 +59,7 @@ class Side(Displayed):
 
     @property
     def words(self) -> list[list[str]]:
-        """For every mode and signal "not reached", "barely (gain 2e-05)" or "reached"; of outputs, seen."""
+        """By mode and signal "not controllable", "barely (gain 2e-05)" or "controllable"; of outputs "observable"."""
         return [
             [self._word(gain, share) for gain, share in zip(gains, shares, strict=True)]
             for gains, shares in zip(self.gain.tolist(), self.relative.tolist(), strict=True)
@@ -111,11 +113,11 @@ class Gains(TextResult):
                     }
 
     def text(self) -> str:
-        """Two grids, inputs above outputs: words, and gains relative to the largest for each signal.
+        """Two grids, inputs above outputs: gains relative to the largest for each signal, or why there is none.
 
         `fold` counts the copies in the model: in space those along the rail.
         """
-        return f"{self._grid(self.inputs)}\n\n{self._grid(self.outputs)}\n"
+        return f"{self._grid(self.inputs)}\n\n{self._grid(self.outputs)}\n\n{folded(RELATIVE)}\n"
 
     def _rate(self, number: int) -> str:
         """ω, or the growth or decay rate (1/s) of a mode that does not oscillate; empty if no digit is certain."""
@@ -134,11 +136,11 @@ class Gains(TextResult):
             "ω (rad/s)",
             *["multiplicity"] * several,
             side.verb,
-            *(signal.name for signal in side.signals),
+            *(signal_words(signal.name) for signal in side.signals),
         ]
         rows = []
         for number, (words, shares) in enumerate(zip(side.words, side.relative.tolist(), strict=True)):
-            cells = (f"{w} {share:.2g}" if w == side.verb else w for w, share in zip(words, shares, strict=True))
+            cells = (f"{share:.2g}" if w == side.verb else w for w, share in zip(words, shares, strict=True))
             fold = [f"{len(side.parts[number])}"] * several
             rows.append([f"{number + 1}", self._rate(number), *fold, f"{side.copies[number]}", *cells])
         return aligned(rows, headings, ["right"] * len(headings), ["multiplicity"])
@@ -161,18 +163,18 @@ def modal_gains(modes: Modes, model: StateSpace) -> Gains:
     return Gains(
         form.modes,
         form.modes.rig.leading != modes.rig.leading,
-        Side(model.inputs, "reached", _by_mode(form, without_noise(input_vectors, model.B))),
-        Side(model.outputs, "seen", _by_mode(form, outputs)),
+        Side(model.inputs, "controllable", _by_mode(form, without_noise(input_vectors, model.B))),
+        Side(model.outputs, "observable", _by_mode(form, outputs)),
     )
 
 
 def unseen(gains: Gains, threshold: float = RELATIVE_GAIN_MIN) -> tuple[int, ...]:
-    """Return indices, from 0, of modes not observed above a relative gain, or not in all copies."""
+    """Return indices, from 0, of modes not observable by the outputs above a relative gain, or not in all copies."""
     return gains.outputs.missed(threshold)
 
 
 def unreached(gains: Gains, threshold: float = RELATIVE_GAIN_MIN) -> tuple[int, ...]:
-    """Return indices, from 0, of modes not controlled above a relative gain, or not in all copies."""
+    """Return indices, from 0, of modes not controllable by the inputs above a relative gain, or not in all copies."""
     return gains.inputs.missed(threshold)
 
 

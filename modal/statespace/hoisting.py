@@ -32,6 +32,7 @@ from modal.report import Form, ReportColumn, ReportTable, Result, short
 from modal.scene import Fixed, Pendulum, Scene
 from modal.scene.length_laws import LengthLaw, integrated_law, limited_law, profile_law, superposed
 from modal.scene.records import read_record
+from modal.scene.signal_names import SUBSCRIPTS, angle_symbol
 from modal.statespace.inertia import refuse_no_inertia
 from modal.statespace.model import without_carrier
 from modal.statespace.reduction import heavier, joined_pendula
@@ -50,7 +51,7 @@ POWERS_OF_QUINTIC = 6
 TOLERANCE_OF_HOIST = 1e-10
 """Tolerance: relative error of a step along a hoist, a thousandth of it near rest."""
 Command = Callable[[Floats], Floats]
-SWING = "swing: the largest angle of each mode over that at the beginning, if E/ω is conserved (a slow hoist)"
+SWING = "swing: the largest angle of each mode relative to that at the beginning, if E/ω is conserved (a slow hoist)"
 NO_MODE = "with the cart free no mode oscillates: a massless cart stays above its load"
 UNSTABLE = "the equilibrium is unstable along the hoist: no swing is left at rest"
 
@@ -82,9 +83,10 @@ class Along(Result):
     def columns(self) -> list[ReportColumn]:
         """Of the numbers at a time."""
         names = [("time_s", "t (s)")]
-        names += [(f"length_{p + 1}_{i + 1}_m", f"l[{p + 1},{i + 1}] (m)") for p, i in self.links]
-        names += [(f"omega_{name}_rad_per_s", f"ω_{name} (rad/s)") for name in self.names]
-        names += [(f"swing_{name}", f"swing_{name}") for name in self.names]
+        places = [(p + 1, i + 1) for p, i in self.links]
+        names += [(f"length_{p}_{i}_m", f"l{angle_symbol(p, i)[1:]} (m)") for p, i in places]
+        names += [(f"omega_{name}_rad_per_s", f"ω{name.translate(SUBSCRIPTS)} (rad/s)") for name in self.names]
+        names += [(f"swing_{name}", f"swing{name.translate(SUBSCRIPTS)}") for name in self.names]
         return [ReportColumn(itemgetter(k), key, heading, ".6g") for k, (key, heading) in enumerate(names)]
 
     @property

@@ -15,6 +15,7 @@ from modal.errors import ComputationError
 from modal.modes import mode_losses
 from modal.report import NOTHING, as_csv, as_json, finite, grid, titled
 from modal.scene import title_of
+from modal.scene.signal_names import signal_label, signal_words, unit_words
 from modal.statespace.modal_form import ModalForm
 from modal.statespace.response import TOLERANCE_OF_RESPONSE, frequency_response
 from modal.types import EPS, Floats
@@ -43,12 +44,15 @@ def peaks_table(form: ModalForm, source: int, outputs: Sequence[int], to: str) -
         peaks = [{key: finite(value) for key, value in record.items()} for record in records]
         return as_json({"input": driven.name, "peaks": peaks})
     headings = ("output", "unit", "f (Hz)", "magnitude", "dB")
-    cells = [[_cell(value) for value in record.values()] for record in records]
+    cells = [
+        [signal_words(record["output"]), unit_words(record["unit"]), *map(_cell, list(record.values())[2:])]
+        for record in records
+    ]
     is_infinite = any(np.isinf(record["magnitude"]) for record in records)
     slowest = f" of the {MOST_SLOW_MODES} slowest modes" if len(_oscillating(form)) > MOST_SLOW_MODES else ""
-    notes = [] if cells else ["no output has a peak"]
-    notes += ["∞ at modes that nothing damps: give links or joints damping"] if is_infinite else []
-    what = f"peaks of the response to {driven.name} ({driven.unit}){slowest}"
+    notes = [] if cells else ["No output has a peak."]
+    notes += ["∞: an undamped mode; give its links or joints damping."] if is_infinite else []
+    what = f"peaks of the response to {signal_label(driven)}{slowest}"
     return titled(title_of(form.modes.scene), what, [grid(cells, headings), *notes], "text")
 
 

@@ -328,8 +328,8 @@ def _require_damping(values: Complexes) -> None:
             else "has ζ = 0"
         )
         raise ComputationError(
-            f"balanced reduction needs a stable, damped model: a mode {what} (λ = {value:.3g} 1/s); modal truncation "
-            "does without, and where no input reaches this mode or no output sees it, make the model minimal first"
+            f"balanced reduction needs a stable, damped model: a mode {what} (λ = {value:.3g} 1/s); use modal "
+            f"truncation or, if this mode is uncontrollable or unobservable, make the model minimal first"
         )
 
 

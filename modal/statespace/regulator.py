@@ -21,6 +21,7 @@ from modal.report import Displayed, brief, csv_rows
 from modal.scene import Scene
 from modal.scene.doors import checked
 from modal.scene.records import read_gains
+from modal.scene.signal_names import signal_label
 from modal.statespace.model import state_space
 from modal.statespace.signals import Signal
 from modal.types import NOISE_OF_SUM, Complexes, Floats
@@ -53,7 +54,7 @@ class Regulator(Displayed):
 
     def words(self) -> str:
         """Inputs and poles in words."""
-        names = ", ".join(f"{signal.name} ({signal.unit})" for signal in self.inputs)
+        names = ", ".join(map(signal_label, self.inputs))
         poles = ", ".join(brief(pole) for pole in self.poles.tolist() if pole.imag >= 0)
         signals, weights = (*self.states, *self.inputs), (*np.diag(self.Q).tolist(), *np.diag(self.R).tolist())
         largest = {signal.unit: brief(weight**-0.5) for signal, weight in zip(signals, weights, strict=True)}
@@ -86,8 +87,8 @@ def regulator(scene: Scene, inputs: tuple[str, ...] = (), weights: tuple[str, st
         poles = np.zeros(1)
     if not poles.real.max() < 0:
         raise ComputationError(
-            "no gains make this motion decay: an input reaches every mode and the weights feel it, or there are none "
-            "(`modal_gains` tells which modes are reached)"
+            "no gains make this motion decay: it must be controllable by the inputs and observable through the weights "
+            "(`modal_gains` shows which modes are controllable)"
         )
     order = np.lexsort((poles.imag, np.abs(poles)))
     return Regulator(K, Q, R, model.states, model.inputs, poles[order].astype(complex), weights is None)

@@ -38,6 +38,7 @@ from modal.eigen import (
 )
 from modal.report import as_csv, as_json, finite, grid, titled
 from modal.scene import Scene, require, title_of
+from modal.scene.signal_names import signal_label, signal_words, unit_words
 from modal.statespace.modal_form import ModalBlock, ModalForm
 from modal.statespace.signals import Signal, is_point
 from modal.statespace.structural import is_small, whole_response
@@ -398,13 +399,14 @@ def response_table(
     if to == "csv":
         return as_csv(records)
     headings = ("f (Hz)", "output", "unit", "magnitude", *["±"] * (spread is not None), "dB", "phase (°)")
-    cells = [[_value_text(value) for value in record.values()] for record in records]
-    what = f"response to {driven.name} ({driven.unit})"
+    cells = [[_value_text(key, value) for key, value in record.items()] for record in records]
+    what = f"response to {signal_label(driven)}"
     return titled(title_of(form.modes.scene), what, [grid(cells, headings)], "text")
 
 
-def _value_text(value: str | float) -> str:
-    return value if isinstance(value, str) else f"{value:.6g}" if np.isfinite(value) else "–"
+def _value_text(key: str, value: Any) -> str:
+    words = {"output": signal_words, "unit": unit_words}
+    return words[key](value) if key in words else f"{value:.6g}" if np.isfinite(value) else "–"
 
 
 def impulse_times(form: ModalForm, duration: float | None = None) -> Floats:
@@ -428,9 +430,9 @@ def impulse_table(form: ModalForm, source: int, outputs: Sequence[int], to: str)
         names = ("time_s", "output", "unit", "response")
         records = ((t, signals[k].name, h[k, at]) for k in outputs for at, t in enumerate(times.tolist()))
         return as_csv([dict(zip(names, (t, name, units[name], value), strict=True)) for t, name, value in records])
-    headings = ("t (s)", *(f"{name} ({unit})" for name, unit in units.items()))
-    cells = [[f"{t:.6g}", *map(_value_text, h[list(outputs), at].tolist())] for at, t in enumerate(times.tolist())]
-    what = f"impulse response to {driven.name} ({driven.unit})"
+    headings = ("t (s)", *(f"{signal_words(name)} ({unit_words(unit)})" for name, unit in units.items()))
+    cells = [[f"{value:.6g}" for value in (t, *h[list(outputs), at].tolist())] for at, t in enumerate(times.tolist())]
+    what = f"impulse response to {signal_label(driven)}"
     return titled(title_of(form.modes.scene), what, [grid(cells, headings)], "text")
 
 

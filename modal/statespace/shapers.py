@@ -251,7 +251,10 @@ def swing_words(scene: Scene, count: int = 1, drive: Drive = "cart_acceleration"
     modes, rows = swing_rows(scene, drive)
     is_force, has_table = drive not in HELD, scene.n_links <= MOST_COMPARED
     similar_modes = [""] * len(modes) if is_force or not has_table else _similar_modes(modes, natural_modes(scene))
-    yield ASSUMED.get(drive) or f"{drive}: what it pushes swings with all that the structure carries, as in the table"
+    yield (
+        ASSUMED.get(drive)
+        or f"{drive}: the driven coordinate moves with everything that the structure carries, as in the table"
+    )
     for number, (row, mode) in enumerate(zip(rows[:count], modes.rows(rows[:count]), strict=True), start=1):
         name = f"mode {mode.number}" if is_force else f"fixed-base mode {number}"
         yield f"{name}: {mode.omega:.9g} rad/s, damping ratio {mode.damping_ratio:.4g}{similar_modes[row]}"

@@ -434,7 +434,7 @@ def point_input(scene: Scene, name: str) -> PointInput:
     if point is None and kind != "force":
         problems.append("the cart runs on a horizontal rail: only force:cart acts on it")
     if isinstance(point, GroundPoint):
-        problems.append("the ground does not yield to a force: name a support or a link")
+        problems.append("the ground cannot be moved by a force: name a support or a link")
     if isinstance(point, CarrierPoint) and not problems and not scene.is_structured:
         problems.append('all points of the support move alike: write "cart"' if scene.cart else "the support is fixed")
     if problems:

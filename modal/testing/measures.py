@@ -13,6 +13,7 @@ from modal.errors import SceneError
 from modal.extend.measures import SCENE_ITSELF, VERBS, columns_of, measure_for, parse_request
 from modal.report import deferred
 from modal.scene import InitialCondition, Scene, load
+from modal.scene.signal_names import column_label
 from modal.testing.extensions import ExtensionTests
 
 NOT_NUMBERS = ("x", "nan", "inf", "-1", "0", "1e9", "", "1,5")
@@ -132,7 +133,7 @@ class MeasureTests(ExtensionTests):
         main = deferred("multipendula.cli:main")
         assert main(["sweep", str(path), "--vary", "gravity=9.8,9.9", "--measure", self.request_text]) == 0
         printed = capsys.readouterr().out
-        assert all(column in printed for column in self.swept())
+        assert all(column_label(column) in printed for column in self.swept())
 
     def test_its_summary_names_it(self) -> None:
         """At the prompt."""

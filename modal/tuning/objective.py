@@ -16,7 +16,7 @@ import scipy
 
 from modal.errors import SceneError
 from modal.report import Displayed, Summary, listed
-from modal.scene import Scene
+from modal.scene import Scene, number_words
 from modal.scene.parameters import Place, with_numbers
 from modal.statespace.geometry import geometry_of
 from modal.tuning.minimax import LABEL_STEP, Evaluation, Faces
@@ -232,11 +232,11 @@ class MassCase(Displayed):
     value: float
     cost: float
 
-    @property
-    def words(self) -> str:
-        """The heavier and the lighter masses."""
-        heavier = [with_numbers(place) for place, factor in self.factors.items() if factor > 1]
-        lighter = [with_numbers(place) for place, factor in self.factors.items() if factor < 1]
+    def words(self, scene: Scene) -> str:
+        """Which masses of the scene are heavier and which lighter."""
+        names = {place: number_words(scene, with_numbers(place)) for place in self.factors}
+        heavier = [names[place] for place, factor in self.factors.items() if factor > 1]
+        lighter = [names[place] for place, factor in self.factors.items() if factor < 1]
         if not heavier or not lighter:
             return "all heavier" if heavier else "all lighter"
         changed_masses, way, other_way = min(

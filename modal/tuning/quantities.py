@@ -24,9 +24,17 @@ from modal.extend.measures import MODES, SCENE_ITSELF, Measure, parse_request
 from modal.report import Displayed
 from modal.scene import Scene
 from modal.scene.parameters import Place, find_places, law_parameter, number_at, vary, with_numbers
+from modal.scene.signal_names import signal_words
 from modal.scene.unknowns import OfUnknown, Unknown, unknowns_of
 
-KINDS = ("peak", "rms", "residual", "damping", "settling")
+KINDS = {
+    "peak": "peak",
+    "rms": "RMS",
+    "residual": "residual swing",
+    "damping": "damping ratio",
+    "settling": "settling time",
+}
+"""What quantities are called."""
 POSITIVE = ("mass", "length", "centre", "inertia", "gear_ratio", "gravity")
 CAN_VANISH = ("damping", "stiffness", "drag", "rotor_inertia")
 DIRECTIONS = ("sway", "heave", "roll")
@@ -60,6 +68,18 @@ class Quantity(Displayed):
         """
         source = f"/{self.input}" if self.kind == "peak" or self.input not in {"", SOURCE} else ""
         return f"{self.kind}:{self.output}{source}" if self.output else self.kind
+
+    @property
+    def words(self) -> str:
+        """What reports call it.
+
+        >>> parse_quantity("peak:theta_1_1/cart_force").words, parse_quantity("settling").words
+        ('peak of θ₁₁ over force on the cart', 'settling time')
+        """
+        if self.kind not in KINDS:
+            return self.name
+        signals = " over ".join(map(signal_words, self.name.partition(":")[2].split("/")))
+        return f"{KINDS[self.kind]} of {signals}" if signals else KINDS[self.kind]
 
     @property
     def is_largest(self) -> bool:

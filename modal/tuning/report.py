@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from modal.report import NOTHING, ReportColumn, ReportTable, as_json, finite, grid, percent, records_of, titled
-from modal.scene import title_of
+from modal.report import NOTHING, ReportColumn, ReportTable, as_json, capital, finite, grid, percent, records_of, titled
+from modal.scene import number_words, title_of
 from modal.scene.parameters import with_numbers
 from modal.tuning.minimax import COARSE, EDGE
 from modal.tuning.objective import MASS_SHARE, Worth, extreme
@@ -108,7 +108,8 @@ def _change_words(change: float) -> str:
 
 
 NUMBER = (
-    ReportColumn("number.path", "place", "number"),
+    ReportColumn("number.path", "place"),
+    ReportColumn("number.words", None, "number"),
     ReportColumn("number.unit_name", "unit", "unit"),
     ReportColumn("number.value", "before", "before", "{:.6g}".format),
     ReportColumn("value", "after", "after", "{:.9g}".format),
@@ -122,8 +123,8 @@ NUMBER = (
 """The quantities of a number."""
 SHIFTS = " Of a shift it is 1 % of the least number that it shifts."
 WORTH = (
-    "+1 % and −1 %: by how much the objective is worse where a number is so much larger or smaller. "
-    "From … to: where it is at most 1 % worse."
+    "+1 % and −1 %: how much worse the objective is if a number is 1 % larger or smaller. From … to: the range in "
+    "which it is at most 1 % worse."
 )
 
 
@@ -187,11 +188,11 @@ def _objective_table(tuned: Tuned) -> str:
             equal = sorted(piece.at[piece.inside & (piece.values >= largest * (1 - EQUAL_PEAKS))].tolist())
             peaks = ", ".join(f"{at / tau:.5g}" for at in equal)
         values = [f"{extreme(quantity, pieces[k]):.8g}" for pieces in (tuned.pieces_before, tuned.pieces_after)]
-        way = "largest" if aim.maximized else "least"
+        way = "maximize" if aim.maximized else "minimize"
         rows.append(
             [
                 f"{way}{f' ×{quantity.weight:g}' * (quantity.weight != 1)}",
-                quantity.name,
+                quantity.words,
                 tuned.unit(quantity),
                 *values,
                 peaks,
@@ -200,7 +201,7 @@ def _objective_table(tuned: Tuned) -> str:
     for k, limit in enumerate(tuned.objective.limits):
         at = len(tuned.objective.aims) + k
         values = [f"{extreme(limit.quantity, pieces[at]):.8g}" for pieces in (tuned.pieces_before, tuned.pieces_after)]
-        rows.append([f"at most {limit.most:g}", limit.quantity.name, tuned.unit(limit.quantity), *values, ""])
+        rows.append([f"at most {limit.most:g}", limit.quantity.words, tuned.unit(limit.quantity), *values, ""])
     if not any(row[-1] for row in rows):
         rows, headings = [row[:-1] for row in rows], headings[:-1]
     return grid(rows, headings)
@@ -212,7 +213,7 @@ def _sentences(tuned: Tuned) -> Iterator[str]:
     values = ", ".join(f"{valley.value:.6g}" for valley in ends)
     alike = [valley for valley in ends if abs(valley.value - first) <= COARSE * abs(first)]
     if tuned.starts == 1:
-        yield "One start had a finite value."
+        yield "Only one start had a finite value."
     elif len(ends) == 1:
         yield f"All {tuned.starts} starts converged to the same minimum."
     elif all(valley.certain for valley in ends):
@@ -222,14 +223,14 @@ def _sentences(tuned: Tuned) -> Iterator[str]:
         yield f"{tuned.starts} starts ended at {values}; the best is kept."
     if not tuned.certain:
         yield (
-            "Newton's method did not settle these numbers: modes may meet there, where the objective has no second "
-            f"derivatives. The last descent restarted near them still improved it by {percent(tuned.open)}."
+            "Newton's method did not converge: modes may coincide here, where the objective has no second "
+            f"derivatives. The last restart still improved it by {percent(tuned.open)}."
         )
     for aim, pieces in zip(objective.aims, tuned.pieces_after, strict=False):
         if aim.quantity.kind == "peak" and not aim.maximized and not pieces.hertz(int(pieces.values.argmax())):
-            yield f"{aim.quantity.name} is largest at 0 Hz, where no damper acts; no peak is higher."
+            yield f"{capital(aim.quantity.words)} is largest at 0 Hz, where no damper acts; no peak is higher."
     at_bounds = [
-        number.path
+        number.words
         for number, z, low, high in zip(objective.free, tuned.z, objective.low, objective.high, strict=True)
         if min(z - low, high - z) < EDGE
     ]
@@ -239,29 +240,30 @@ def _sentences(tuned: Tuned) -> Iterator[str]:
     if worst.factors:
         words = "Tuned for the worst case" if tuned.robust else "Worst case"
         values = f"{worst.value:.6g}, before {tuned.worst_before:.6g}"
-        yield f"{words} of all masses ±{percent(MASS_SHARE)}: {values} ({worst.words})."
+        yield f"{words} of all masses ±{percent(MASS_SHARE)}: {values} ({worst.words(tuned.given)})."
     for load in tuned.loads:
         per, where = (f" per {load.per}", f" at {load.at_hz:.4g} Hz") if load.per else (" RMS", "")
         what = "torque" if load.unit == "rad" else "force"
         effort = f"{what} {load.effort:.5g} {load.effort_unit}{per}"
-        yield f"{load.path}: stroke {load.stroke:.5g} {load.unit}{per}{where}, {effort}."
+        damper = capital(number_words(tuned.given, load.path))
+        yield f"{damper}: stroke {load.stroke:.5g} {load.unit}{per}{where}, {effort}."
 
 
 def _rules_table(tuned: Tuned) -> str:
     if not tuned.rules:
         return ""
-    headings = ("pendulum", "μ", "beside", "", "f", "ζ", "objective")
+    headings = ("pendulum", "μ", "mode", "rule", "f", "ζ", "objective")
     rows, notes = [], []
     for rule in tuned.rules:
         absorber = rule.absorber
         words = f"{absorber.omega / tau:.5g} Hz, ζ {absorber.damping_ratio:.4g}"
-        name = f"pendulum[{absorber.pendulum}]"
+        name = number_words(tuned.given, f"pendulum[{absorber.pendulum}].count").rpartition(" of ")[2]
         rows.append(
             [
                 name,
                 f"{absorber.mu:.6g}",
                 words,
-                "found",
+                "this optimum",
                 f"{absorber.f:.8f}",
                 f"{absorber.zeta:.8f}",
                 f"{tuned.after:.8g}",

@@ -51,7 +51,7 @@ POWER_OF_DRIFT = -0.99
 """Tolerance: power of ω up to which an integral down to 0 is infinite: −1, as two low frequencies tell it."""
 MOST_TERMS = 5e6
 """Limit: modes, squared, times outputs, refused beyond."""
-DIVERGES = "undamped and within reach of the noise: the RMS grows without bound"
+DIVERGES = "undamped and excited by the noise: the RMS grows without bound"
 DRIFTS = "grows without bound: the PSD reaches down to 0 Hz, where this output drifts without limit"
 
 

@@ -12,8 +12,9 @@ import numpy as np
 from modal.errors import SceneError
 from modal.modes import Modes
 from modal.report import NOTHING, Form, as_csv, as_json, csv_rows, finite, grid, titled
-from modal.scene import title_of
+from modal.scene import number_words, title_of
 from modal.scene.doors import checked
+from modal.scene.signal_names import signal_label, signal_words, unit_words
 from modal.statespace.response import MOST_TIMES
 from modal.types import Floats
 from modal.vibration.random import INPUT, RandomResponse, poles_of
@@ -96,7 +97,7 @@ def _random_rows(response: RandomResponse, f: Floats, psd: Floats) -> Iterator[t
             yield "psd", signal.name, f"({signal.unit})^2/Hz", "all", frequency, value
 
 
-UNFELT = "The ground moves a cart or a carrier through its spring and damper alone: this scene does not feel it."
+UNFELT = "The ground moves a cart or carrier only through its spring and damper, and this scene has none."
 
 
 def _random_text(response: RandomResponse) -> str:
@@ -109,7 +110,7 @@ def _random_text(response: RandomResponse) -> str:
         ]
 
     rows = [["all", "", *map(_number, response.rms.tolist())], *by_mode(response.by_mode)]
-    headings = ["mode", "f (Hz)", *(f"{signal.name} ({signal.unit})" for signal in response.outputs)]
+    headings = ["mode", "f (Hz)", *map(signal_label, response.outputs)]
     parts = [
         f"RMS from {f[0]:g} to {f[-1]:g} Hz",
         grid(rows, headings),
@@ -118,9 +119,7 @@ def _random_text(response: RandomResponse) -> str:
         *response.words,
         *([UNFELT] if response.source.name == INPUT and not response.rms.any() else []),
     ]
-    source = (
-        f"the support's {of}" if response.source.name == INPUT else f"{response.source.name} ({response.source.unit})"
-    )
+    source = f"the support's {of}" if response.source.name == INPUT else f"the {signal_label(response.source)}"
     return titled(title_of(response.modes.scene), f"random vibration, from the PSD of {source}", parts, "text")
 
 
@@ -200,10 +199,14 @@ def _shock_rows(response: ShockResponse, rows: Any) -> Iterator[tuple[Any, ...]]
 def _shock_text(response: ShockResponse) -> str:
     headings = ["output", "peak", "at (s)", "SRSS", "CQC", "unit"]
     cells = [
-        [signal.name, *map(_number, (*response.peaks[k].tolist(), response.srss[k], response.cqc[k])), signal.unit]
+        [
+            signal_words(signal.name),
+            *map(_number, (*response.peaks[k].tolist(), response.srss[k], response.cqc[k])),
+            unit_words(signal.unit),
+        ]
         for k, signal in enumerate(response.outputs)
     ]
-    modes = ["mode", "f (Hz)", "mass share", "cumulative", *(signal.name for signal in response.outputs)]
+    modes = ["mode", "f (Hz)", "mass share", "cumulative", *(signal_words(signal.name) for signal in response.outputs)]
     rows = [
         [
             f"{number}",
@@ -227,15 +230,15 @@ def _notes(response: ShockResponse) -> Sequence[str]:
     notes = []
     if response.enough:
         notes.append(
-            f"The lowest {response.enough} of {len(response.modes)} modes hold 90 % of the mass along the rail."
+            f"The lowest {response.enough} of {len(response.modes)} modes account for 90 % of the mass along the rail."
         )
     elif np.all(np.isfinite(response.mass_shares)):
         share = 100 * float(response.mass_shares.sum())
-        notes.append(f"All modes hold {share:.3g} % of the mass along the rail; the rest is not in them.")
+        notes.append(f"All modes together account for {share:.3g} % of the mass along the rail.")
     else:
         notes.append("The effective masses of these modes are unknown.")
     if np.any(response.follows_support):
-        names = ", ".join(np.array([signal.name for signal in response.outputs])[response.follows_support])
+        names = ", ".join(signal_words(response.outputs[k].name) for k in np.flatnonzero(response.follows_support))
         notes.append(f"No combination of modes for {names}: the support's own motion adds to theirs.")
     cart = response.modes.rig.cart
     if cart and not cart.stiffness and not cart.damping and not np.any(response.history):
@@ -332,18 +335,18 @@ def _thermal_text(noise: ThermalNoise, beside: RandomResponse | None, at: Sequen
     total = np.sqrt((parts**2).sum(0))
     driven = None if beside is None else np.sqrt(beside.psd(columns))
     rms = noise.rms(frequencies[0], frequencies[-1])
-    tables = []
+    places, tables = [number_words(noise.scene, place) for place in noise.places], []
     for k, signal in enumerate(noise.outputs):
-        unit = f"{signal.unit}/√Hz"
+        unit = unit_words(signal.unit)
         rows = [["thermal noise", *map(_number, total[k].tolist())]]
-        rows += [[f"  {place}", *map(_number, parts[j, k].tolist())] for j, place in enumerate(noise.places)]
+        rows += [[f"  {words}", *map(_number, parts[j, k].tolist())] for j, words in enumerate(places)]
         if driven is not None and beside is not None:
-            name = beside.source.name.replace("_", " ")
-            rows.append([f"from the PSD of {name}", *map(_number, driven[k].tolist())])
+            rows.append([f"from the PSD of the {signal_words(beside.source.name)}", *map(_number, driven[k].tolist())])
             rows.append(["both", *map(_number, np.hypot(total[k], driven[k]).tolist())])
-        tables.append(grid(rows, [f"{signal.name} ({unit}) at", *(f"{f:g} Hz" for f in columns.tolist())]))
+        heading = f"{signal_words(signal.name)} ({unit}/√Hz) at"
+        tables.append(grid(rows, [heading, *(f"{f:g} Hz" for f in columns.tolist())]))
         band = f"from {frequencies[0]:.4g} to {frequencies[-1]:.4g} Hz"
-        tables.append(f"thermal RMS of {signal.name} {band}: {rms[k]:.5g} {signal.unit}")
+        tables.append(f"thermal RMS of {signal_words(signal.name)} {band}: {rms[k]:.5g} {unit}")
     text = titled(title_of(noise.scene), f"thermal noise at {noise.temperature:g} K", tables, "text")
     return text if beside is None else f"{random_report(beside)}\n{text}"
 

@@ -11,8 +11,8 @@ from multipendula.commands.shared import draw_in, noted, picture, say
 if TYPE_CHECKING:
     from modal.coupling import Coupling
 
-MORE = "--words says all of it in sentences with formulas; --format json has every number."
-MAP = "sync {} --vary NUMBER=FIRST:LAST:COUNT --map: every rhythm that starts end in along a number, and how often."
+MORE = "--words explains everything in sentences with formulas; --format json contains every number."
+MAP = "sync {} --vary NUMBER=FIRST:LAST:COUNT --map: the rhythms that motions reach along a number, and how often."
 
 
 def explain(options: argparse.Namespace) -> Coupling:
@@ -43,11 +43,11 @@ COMMANDS = (
         ),
         details=(
             "First the verdict: what couples the pendula, how strongly, and the slowest beat. Then one table of the "
-            "families of modes, and what both leave out. With --words all of it in sentences, every number with its "
-            "formula: the dynamic mass that a force on the cart feels at each frequency, which modes leave the cart "
-            "still and which move it, the exchange of energy, the limits of a massless and of an immense cart, and the "
-            "damping of each mode. Of a structure: its own modes and the mass that a push along them feels, what of it "
-            "each family moves, and the exchange through it and through springs."
+            "families of modes, and what both neglect. With --words everything is explained in sentences, every "
+            "number with its formula: the dynamic mass of the cart at each frequency, which modes leave the cart at "
+            "rest and which move it, the exchange of energy, the limits of a massless and of an immense cart, and the "
+            "damping of each mode. For a structure: its own modes and their dynamic mass, what each family moves, "
+            "and the exchange through it and through springs."
         ),
         examples=(
             ("explain paper-cart-2", "what couples two double pendula: families of modes and beats"),

@@ -41,7 +41,7 @@ def derive(options: argparse.Namespace) -> None:
         raise SceneError(problems)
     if of_paper:
         if symbols or ways or options.links != "bob":
-            raise SceneError([f"{options.target}: takes none of --symbolic, --links and --equilibrium"])
+            raise SceneError([f"{options.target}: cannot be combined with --symbolic, --links or --equilibrium"])
         from modal.symbolic.papers import catalogue
 
         title, sections = catalogue.paper(options.target.removeprefix("paper:"), show)
@@ -57,10 +57,10 @@ def derive(options: argparse.Namespace) -> None:
 def _of_free_bodies(options: argparse.Namespace) -> Iterator[str]:
     """What is asked that free bodies alone take."""
     if _drawing(options):
-        yield f"-o {options.output}: free bodies alone are drawn: add --show freebody, or write text"
+        yield f"-o {options.output}: only free-body diagrams are drawn: add --show freebody, or write text"
     for name in ("names", "parts"):
         if getattr(options, name):
-            yield f"--{name}: belongs to --show freebody"
+            yield f"--{name}: needs --show freebody"
 
 
 def _drawing(options: argparse.Namespace) -> str:
@@ -78,15 +78,15 @@ def _take_apart(options: argparse.Namespace, show: tuple[str, ...]) -> None:
     from modal.scene import free_bodies, title_of
     from modal.symbolic import derivation, newton_euler, typesetting
 
-    problems = ["--show freebody: excludes other sections"] * (len(show) > 1)
-    problems += ["--symbolic: all numbers of free bodies are symbols"] * bool(options.symbolic)
+    problems = ["--show freebody: cannot be combined with other sections"] * (len(show) > 1)
+    problems += ["--symbolic: not needed for free bodies, whose numbers are all symbols"] * bool(options.symbolic)
     if problems:
         raise SceneError(problems)
     scene = derivation.scene_of(options.target, options.links, listed(options.equilibrium))
     letters, form = options.names or "own", _drawing(options)
     if not form:
         if options.parts:
-            raise SceneError(["--parts: chooses what is drawn; the equations are of all parts"])
+            raise SceneError(["--parts: selects what is drawn; the equations always cover all parts"])
         bodies = free_bodies(noted(scene, "a free-body diagram"), letters)
         with output(options.output) as write:
             text = typesetting.typeset(title_of(scene), newton_euler.part_sections(bodies), options.format)
@@ -157,7 +157,7 @@ COMMANDS = (
             ("derive chain:3", "three bobs: Lagrangian, equations, M and K, polynomial, modes"),
             ("derive chain:2 --symbolic masses,lengths --format latex", "with a symbol for every mass and length"),
             ("derive paper:002 --show 4,11", "two equations of a paper, as printed and corrected"),
-            ("derive chain:3 --show hamiltonian", "Hamilton's equations, of neighbours alone"),
+            ("derive chain:3 --show hamiltonian", "Hamilton's equations, which join neighbours only"),
             (
                 "derive paper-cart-2 --show freebody --names paper -o parts.svg",
                 "its links taken apart, in 000's letters",
@@ -171,8 +171,8 @@ COMMANDS = (
         main=("--digits", "--output"),
         takes=(SCENE, "--digits: a relative width of 10^-N (default 30)", *text_file(kind="txt")),
         details=(
-            "Two decimals for each frequency, between which it provably lies, by ball arithmetic. Needs the extra "
-            "`certified`, and a scene without dampers and laws of joints. Of a mode that grows the rate is enclosed."
+            "Two decimal numbers between which each frequency provably lies, by ball arithmetic. Needs the extra "
+            "`certified` and a scene without dampers and joint laws. For a growing mode the growth rate is enclosed."
         ),
         examples=(
             ("enclose chain-3", "30 digits, proved"),

@@ -112,7 +112,7 @@ def spread(options: argparse.Namespace) -> Spread | None:
     scene = _scene(options)
     members, seed = options.members or 1000, 5 if options.seed is None else options.seed
     if options.folder and not options.duration:
-        raise SceneError(["--folder: needs --duration, for frequencies are not kept"])
+        raise SceneError(["--folder: needs --duration, since frequencies alone are not stored"])
     uncertain = options.uncertain or ([] if options.covariance else _all_numbers(scene))
     with _engine(options, members) as more:
         more["measures"] = options.measure or ()
@@ -127,7 +127,7 @@ def _all_numbers(scene: Scene) -> list[str]:
     from modal.scene import scene_numbers
 
     numbers = [f"{number.place}=1%" for number in scene_numbers(scene) if number.is_physical]
-    remark(f"a standard deviation of 1 % of all {len(numbers)} numbers; --uncertain PLACE=WIDTH gives others")
+    remark(f"a standard deviation of 1 % of all {len(numbers)} numbers; --uncertain PLACE=WIDTH sets others")
     return numbers
 
 
@@ -155,7 +155,7 @@ def tell_of_share(options: argparse.Namespace) -> bool:
 
     if options.share:
         share, where = f"share {options.share[0] + 1} of {options.share[1]}", visible(options.folder)
-        say(f"{share} is in {where}: without --share the command takes all together\n")
+        say(f"{share} is in {where}: without --share the command combines all shares\n")
     return bool(options.share)
 
 
@@ -193,11 +193,11 @@ COMMANDS = (
             *report_file(*FORMATS),
         ),
         details=(
-            "Every start of a grid is simulated, thousands side by side. In a scene with drives the map tells which "
-            "steady oscillation of sync each ends in; in any other scene, when a link first turns over the top, or how "
+            "Every start of a grid is simulated, thousands at a time. In a scene with drives the map shows which "
+            "steady oscillation of sync each reaches; in any other scene, when a link first turns over the top, or how "
             "fast a small error grows. For a scene driven by a sine, --measure attractor gives the periodic motion "
-            "that each start ends in, named by its period and its largest angle. A random sample is run by itself as "
-            "well, and the largest difference stated."
+            "that each start reaches, named by its period and its largest angle. A random sample is re-run "
+            "individually, and the largest difference is reported."
         ),
         examples=(
             (
@@ -213,7 +213,7 @@ COMMANDS = (
             (
                 "basins shaken-pendulum --measure attractor --vary 'pendulum[0].start.angles_deg[0]=-60:60:4' "
                 "--vary 'pendulum[0].start.rates_deg[0]=-90:90:4' -o attractors.png",
-                "small and large swings of a scene of the folder examples",
+                "small and large steady swings under one drive",
             ),
         ),
     ),
@@ -227,25 +227,26 @@ COMMANDS = (
             "--energy (default that of its start)",
             "--crossing, upwards (>), downwards (<) or both (=): theta[1,1]>0 (default), degrees, or x=0, metres",
             option("--members: motions (default 24)", type=integer(10_000)),
-            "--spread, of a driven scene (default 10)",
+            "--spread, for a driven scene (default 10)",
             "--seed, of a driven scene",
             *strobed("none"),
-            "--duration of each motion (default 200 sqrt(l/g), of a driven scene 200 periods after --settle)",
+            "--duration of each motion (default 200 sqrt(l/g), for a driven scene 200 periods after --settle)",
             *COMPUTED,
             formats(*FORMATS),
             *report_file(*FORMATS),
         ),
         details=(
-            "Motions with one energy start at random on the section, and each crossing is recorded, the start among "
-            "them: closed curves are regular motion, clouds chaos. A scene driven by sines, through forces or its "
-            "support, is instead recorded once in every common period of them, at --phase-deg: a motion of that period "
+            "Motions of one energy start at random points of the section, and every crossing is recorded, including "
+            "the start: closed curves are regular motion, clouds chaos. A scene driven by sines, through forces or "
+            "its support, is instead sampled once per common period of the drives, at --phase-deg: a motion of that "
+            "period "
             "is one point, one of p periods p points, and a strange attractor is chaos."
         ),
         examples=(
             ("section chain-2 --energy 10 --members 6 --duration 20 -o section.png", "a double pendulum at 10 J"),
             (
                 "section driven-pendulum --settle 20 --members 8 --duration 120 -o strobes.png",
-                "the strange attractor of a scene of the folder examples",
+                "the strange attractor of a driven pendulum",
             ),
             (
                 "section chain-2 --energy 2 --crossing 'theta[1,2]=0' --members 2 --duration 5 --format csv",

@@ -59,16 +59,16 @@ def evidence(options: argparse.Namespace, modes: Modes, rows: list[Mode], starre
     if options.prove:
         in_a_folder(options.prove, option="--prove")
         if not options.prove.endswith(".json") or options.prove in (options.scene, options.output):
-            raise SceneError([f"--prove {options.prove}: a proof is a .json file of its own"])
+            raise SceneError([f"--prove {options.prove}: a proof needs a .json file of its own"])
         with bar(float(len(rows)), "row", "proof") as report, output(options.prove) as write:
             text, proofs = prove(modes, rows, options.scene, report)
             write(text)
         if "proved" in proofs.values():
             remark(f"to re-check it: python -m multipendula.check_proof SCENE.toml TABLE.json {options.prove}")
         if reasons := sorted({claim["why"] for claim in json.loads(text)["modes"] if claim.keys() == {"mode", "why"}}):
-            remark(f"not proved, as {'; '.join(reasons[:3])}")
+            remark(f"not proved: {'; '.join(reasons[:3])}")
         if "enclosed" in proofs.values():
-            remark("enclosed: counted in balls about an enclosed equilibrium; check_proof.py does not count it again")
+            remark("enclosed by ball arithmetic about an enclosed equilibrium; check_proof.py does not re-check it")
         if swings_alone(modes.scene):
             remark("the 1 % angle is enclosed: between {:.2f}° and {:.2f}°".format(*angle_of_one_link()))
     return Evidence(rows, starred, stds, proofs)
@@ -123,7 +123,7 @@ def prove(
     except (UnreadableError, NotProvedError) as error:
         blocks, why = [], str(error)
     if modes.scene.has_modal_damping and modes.scene.has_dampers:
-        blocks, why = [], "damping ratios beside dampers make a matrix of no fractions"
+        blocks, why = [], "damping ratios with dampers make a matrix that is not rational"
     prover = _Prover(blocks, why, first_numbers(modes), balls=balls_of(modes.scene))
     claims, words = [], {}
     for done, row in enumerate(rows, start=1):

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
 LIMITS = (
     "--max-acceleration: the travel takes the shortest time",
-    "--max-speed, beside --max-acceleration: the speed is a trapezoid",
-    "--max-jerk, beside --max-acceleration: the speed is an S-curve",
+    "--max-speed, with --max-acceleration: trapezoidal speed",
+    "--max-jerk, with --max-acceleration: an S-curve of speed",
 )
 """The options that limit a travel."""
 
@@ -42,7 +42,7 @@ def limits_of(options: argparse.Namespace) -> TravelLimits | None:
     return TravelLimits(options.max_acceleration, options.max_speed or inf, options.max_jerk or inf, step)
 
 
-BESIDE = "--drive cart_acceleration lists the modes beside a cart whose motion is prescribed"
+BESIDE = "--drive cart_acceleration lists the modes with the cart's motion prescribed"
 DRIVES = ("cart_force", "cart_acceleration")
 
 
@@ -121,7 +121,8 @@ COMMANDS = (
                 completion=words(DRIVES, ""),
                 choices=DRIVES,
             ),
-            "--travel, smoothly, from the beginning of the hoist on, or the CSV file of a travel; tells the swing left",
+            "--travel, smoothly from the beginning of the hoist, or the CSV file of a travel; reports the residual "
+            "swing",
             "--over (default that of the hoist)",
             *LIMITS,
             "--kind of the travel (default zv)",
@@ -136,7 +137,10 @@ COMMANDS = (
         ),
         examples=(
             ("hoist hoisting-crane", "frequencies of the shipped crane along its hoist"),
-            ("hoist hoisting-crane --travel 10 --kind zvd", "what a travel of 10 m leaves, and what shapers change"),
+            (
+                "hoist hoisting-crane --travel 10 --kind zvd",
+                "the residual swing after a travel of 10 m, with and without shapers",
+            ),
             (
                 "hoist hoisting-crane --travel 10 --max-speed 1.5 --max-acceleration 0.4",
                 "a travel at the speed and the acceleration of the drive",

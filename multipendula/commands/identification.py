@@ -75,9 +75,9 @@ def _fit_modes(options: argparse.Namespace) -> ModeFit:
     from modal.identification import fit_modes, mode_fit_json, mode_fit_text, read_modes
     from modal.scene import load
 
-    refuse(options, f"is for measured motions, and {options.data[0]} has modes", *OF_FITTED_MOTIONS)
+    refuse(options, f"applies to measured motions, and {options.data[0]} contains modes", *OF_FITTED_MOTIONS)
     if len(options.data) > 1:
-        raise SceneError(["measured modes are read from one file alone"])
+        raise SceneError(["measured modes are read from a single file"])
     picture(options.picture, "--picture")
     in_a_folder(options.output, options.report, options.picture)
     scene = load(options.scene)
@@ -149,8 +149,8 @@ def poles(options: argparse.Namespace) -> Identified | Assurance:
     scene = noted(load(options.scene)) if options.scene else None
     if any(map(has_modes, options.data)):
         if scene is None or len(options.data) > 1:
-            raise SceneError([f"{options.data[0]}: has modes: give one such file alone, and --scene SCENE"])
-        refuse(options, f"is for measured motions, and {options.data[0]} has modes", *OF_MOTIONS)
+            raise SceneError([f"{options.data[0]}: contains modes: give a single such file, and --scene SCENE"])
+        refuse(options, f"applies to measured motions, and {options.data[0]} contains modes", *OF_MOTIONS)
         return _compare(options, scene, None)
     identified, title = _identified(options)
     if options.identified_modes:
@@ -230,8 +230,7 @@ COMMANDS = (
             "numbers. --free same:PLACE is one number for several places, shift:PLACE one that is added to each of "
             "theirs. Numbers that the data do not determine are held at the scene's values and named. Standard "
             "deviations allow for correlated residuals, and sentences at the end say what the model lacks. The "
-            "--workers share the laws of --compare; a thousand draws of --bootstrap, each one step from the fit, take "
-            "less time than a process to start."
+            "--workers share the laws of --compare."
         ),
         examples=(
             ("simulate chain-2 --duration 8 -o run.csv", "a motion to fit, in place of a measured one"),
@@ -239,7 +238,7 @@ COMMANDS = (
                 "fit chain-2 run.csv --free 'pendulum[0].links[0].length' -o fitted.toml --report fit.json",
                 "a length from it: the scene with the fitted number, and its covariance",
             ),
-            ("fit fitted.toml run.csv --free none", "judge a scene: only the start and offsets are fitted"),
+            ("fit fitted.toml run.csv --free none", "test a scene as it is: only the start and offsets are fitted"),
         ),
     ),
     Command(
@@ -250,7 +249,7 @@ COMMANDS = (
         takes=(
             *records(", as for fit; or, for --scene, one of measured modes with mode, frequency_hz, std_hz and shapes"),
             "--scene, whose MAC matrix, pairs and errors of frequencies are then shown instead",
-            "--excitation: free, nothing but how they began (default), or random, forces like noise",
+            "--excitation: free decay (default), or random, by forces like noise",
             "--identification: era, the eigensystem realization (default), or decrement, from the turning points of a "
             "single mode",
             "--order, twice the number of modes and one for offsets (default from the singular values)",

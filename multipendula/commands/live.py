@@ -52,8 +52,9 @@ COMMANDS = (
         takes=(RUN, main_file("the page", KINDS, ".html")),
         details=(
             "One HTML file that any browser opens, without a server or a network. Drag a mass, a length or the cart's "
-            "mass and the table follows; choose a mode and it swings; pull a bob and the full equations run beside the "
-            "linear prediction. A saved run plays with speed, step and scrub controls. Scenes in the plane of at most "
+            "mass and the table follows; choose a mode and it swings; pull a bob and the full equations run next to "
+            "the linear prediction. A saved run plays with speed, step and scrub controls. Scenes in the plane of at "
+            "most "
             "60 links, structures of at most 40 coordinates with those of links, scenes with dry friction or forces of "
             "at most 12; without hoists, constant forces or damping ratios."
         ),

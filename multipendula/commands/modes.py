@@ -151,8 +151,8 @@ COMMANDS = (
             option("--amplitude: adds the damping ratio there, with dry friction and quadratic drag", group="computed"),
             "--orbits: the 1 %% angle is that in the full equations",
             option(
-                "--columns: all, or some by their names in --format csv, or how these begin; after a + beside the "
-                "usual ones, as in +participation,cumulative",
+                "--columns: all, or some by their names in --format csv, or how these begin; after a + in addition "
+                "to the usual ones, as in +participation,cumulative",
                 completion=words(("all", *COLUMN_NAMES)),
             ),
             "--sensitivities",
@@ -166,10 +166,10 @@ COMMANDS = (
             "One row per mode: frequency and period, multiplicity, description, participation of the cart, modal "
             "effective mass (on a free cart with the cart held), the angle up to which the linear frequency is "
             "accurate to 1 %, and a bound on the relative error. Dampers and drag add damping ratios, an inverted "
-            "equilibrium growth rates; dry friction is left out, except for the damping ratio that --amplitude adds. "
-            "Columns that say nothing about the scene are left out. A terminal too narrow for the others leaves out, "
-            "in this order, the bound, shares and masses, participation, multiplicity, period, 1 % angle and frequency "
-            "in Hz, and names them; a pipe or a file gets all."
+            "equilibrium growth rates; dry friction is neglected, except in the damping ratio that --amplitude adds. "
+            "Columns that do not apply to the scene are omitted. A narrow terminal omits, in this order, the bound, "
+            "shares and masses, participation, multiplicity, period, 1 % angle and frequency in Hz, and names them; "
+            "a pipe or a file gets all."
         ),
         examples=(
             ("table paper-cart-2", "every mode of two double pendula on a cart"),
@@ -192,8 +192,9 @@ COMMANDS = (
             option("--amplitude in its drawing (default 25)", default=25.0),
         ),
         details=(
-            "One panel per mode, drawn with the largest angle that you choose. A repeated frequency shows one shape of "
-            "each sort. Of more than 12 pendula it draws angles over the number of the pendulum. In a film (GIF, "
+            "One panel per mode, drawn with the largest angle that you choose. For a repeated frequency one shape of "
+            "each kind is shown. For more than 12 pendula, angles are drawn against the number of the pendulum. In a "
+            "film (GIF, "
             "MP4 with the extra `video`, HTML) every mode swings once a loop, whatever its "
             "period, and the loop has no seam."
         ),

@@ -67,7 +67,7 @@ def simulate(options: argparse.Namespace) -> Trajectory | Compilation | Tube:
         if options.output:
             place = _place_of_part(options.output)
             recordings.save(error.trajectory, place)
-            remark(f"the part that was computed is saved in {visible(place)}")
+            remark(f"the computed part is saved in {visible(place)}")
         raise
     spent = perf_counter() - begun
     output = _place_of_part(options.output) if options.output and trajectory.run.interrupted else options.output
@@ -174,7 +174,7 @@ def animate(options: argparse.Namespace) -> None:
         shown = film(trajectory, stream, form, report=report, **how)
     made(options.output, f"{shown.frames} frames, {shown.seconds:.3g} s of film for {shown.motion:.3g} s of motion")
     if shown.left_out > 0:
-        remark(f"{shown.left_out:.3g} s of the run omitted; --seconds or --speed")
+        remark(f"{shown.left_out:.3g} s of the run omitted; use --seconds or --speed")
 
 
 def _take_only(options: argparse.Namespace, flag: str, *names: str) -> None:
@@ -241,7 +241,7 @@ COMMANDS = (
             RUN._replace(how={"nargs": "?"}),
             *motion(60.0)[1:],
             "--proved, over 10 s by default, with a radius of at most --accuracy (default 1e-10) at 11 --samples",
-            "--compile, for one scene or, without one, for every: nothing is simulated",
+            "--compile, for one scene or, without one, for all; nothing is simulated",
             formats(*REPORTS, more=" (default text), by --accuracy or --proved, and by --compile as text or json"),
             "--covariance: adds the band of the motion over the fitted numbers",
             "--band",
@@ -255,10 +255,10 @@ COMMANDS = (
             "continued. With --accuracy, the cheapest method that meets it is found: modes in closed form for small "
             "motions, a few modes for long chains, otherwise integration; every attempt is listed, the last with "
             "evidence that its error is below that. With --proved every number has a radius within which the motion "
-            "provably is; a file of a run has the midpoints. numba (extra `fast`) and heyoka (extra `taylor`) run many "
-            "times as fast as Python once they have compiled, which takes seconds to a minute for each form of scene: "
-            "commands compile where that pays, --compile does it ahead. The scene's numbers may change afterwards, as "
-            "long as none becomes or ceases to be zero; heyoka's code is for one tolerance."
+            "provably lies; a saved run contains the midpoints. numba (extra `fast`) and heyoka (extra `taylor`) are "
+            "many times faster than Python once compiled, which takes seconds to a minute for each form of scene: "
+            "commands compile where that pays off, --compile does so in advance. The scene's numbers may change "
+            "afterwards, as long as none becomes or ceases to be zero; heyoka's code holds for one tolerance."
         ),
         examples=(
             ("simulate paper-cart-3 --duration 20 -o run.npz", "from the scene's own start: level links at rest"),
@@ -280,8 +280,8 @@ COMMANDS = (
         details=(
             "The run is a saved one, or of a scene that is simulated first: without --duration for as long as the "
             "spectrum takes to separate its modes, 100 s at most. Dotted lines in the spectrum are the "
-            "frequencies of the table of modes. Links that move alike are one curve; of many, some are drawn and the "
-            "range of all."
+            "frequencies of the table of modes. Links that move alike share a curve; of many, some are drawn with "
+            "the range of all."
         ),
         examples=(
             ("simulate paper-cart-3 --duration 10 -o run.npz", "a run to draw"),

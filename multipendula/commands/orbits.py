@@ -221,7 +221,7 @@ COMMANDS = (
             "With --mode, the periodic motions that begin in a mode of the table, without dampers and drives, are "
             "followed to large angles: the frequency against the amplitude (backbone), and at which angle the motion "
             "loses its stability. With --vary, the limit cycles of a scene with drives are followed along one number, "
-            "through their folds (sync --vary tells sooner where they begin and end; sweep --loci follows small "
+            "through their folds (sync --vary finds sooner where they begin and end; sweep --loci follows small "
             "motion), or the motions of a scene under forces or on a moved support that repeat with the period of "
             "these; with both, the mode's orbit of one amplitude. Every orbit closes in the full equations, its "
             "stability is that of its Floquet multipliers, and folds, branch points, period doublings and tori are "

@@ -274,7 +274,7 @@ def _in_mode(scene: Scene, number: int, degrees: float, *, undamped: bool) -> St
     if undamped:
         rows = np.flatnonzero(table_numbers(scene) == number)
         if not rows.size:
-            raise SceneError([f"--start mode:{number}: is a mode of the dampers alone, which does not oscillate"])
+            raise SceneError([f"--start mode:{number}: is overdamped and does not oscillate"])
         scene, row = scene.conservative, int(rows[0])
         modes = modes_of(scene)
     state = start_in_mode(scene, modes, row, copy_along(modes, row), radians(degrees))

@@ -199,7 +199,7 @@ def picture_in_place(options: argparse.Namespace) -> None:
 
     if options.output and options.output.lower().endswith(endings(PICTURES)):
         if options.picture:
-            raise SceneError([f"-o {options.output}: is a picture as well as --picture {options.picture}"])
+            raise SceneError([f"-o {options.output}: cannot be a picture as well as --picture {options.picture}"])
         options.picture, options.output = options.output, None
     picture(options.picture, "--picture")
     in_a_folder(options.picture, options.output)
@@ -395,7 +395,7 @@ def large(scene: Scene) -> Scene:
 def warned(scene: Scene, what: str) -> Scene:
     """The scene itself; where it has so many links that `what` takes long, that is told on standard error first."""
     if scene.n_links > MANY_LINKS:
-        remark(f"{what} of {scene.n_links} links takes minutes: try a scene of fewer first")
+        remark(f"{what} of {scene.n_links} links takes minutes: try a smaller scene first")
     return scene
 
 

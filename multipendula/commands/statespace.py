@@ -124,13 +124,14 @@ def _in_motion(scene: Scene, options: argparse.Namespace) -> StateSpace | Varyin
         refuse(options, "needs one model: it cannot be combined with --along", "--discrete", "--start")
         run = load_run(options.along)
         if run.scene != scene:
-            raise SceneError([f"--along {options.along}: is a run of another scene than {options.scene}"])
+            raise SceneError([f"--along {options.along}: is not a run of {options.scene}"])
         return models_along(run, *signals)
     start = start_of(scene, options.start)
     model = model_at(scene, initial_state(scene) if start is None else start, *signals)
     if is_moving(model):
         remark(
-            "This state is no equilibrium: the model holds at its instant, for deviations from the motion through it."
+            "This state is not an equilibrium: the model holds at this instant, for deviations from the motion "
+            "through it."
         )
     else:
         frame = ", in the frame of the support that moves" if scene.is_moved else ""
@@ -253,11 +254,11 @@ def _gains(options: argparse.Namespace) -> Gains:
     refuse(options, "cannot be combined with --gains", "--covariance", "--at", "--from", "--of", "--impulse")
     if options.format != "text" or options.output not in {None, STANDARD}:
         words = getattr(options, "format_words", f"-o {options.output}" if options.output else "--format")
-        raise SceneError([f"{words}: gains are text, of which a file ends in .txt"])
+        raise SceneError([f"{words}: gains are text: give a file that ends in .txt"])
     scene = scene_of(options, "a constant linear model")
     gains = modal_gains(natural_modes(scene), model_of(scene, options))
     with output(options.output) as write:
-        write(gains.text() + "\n")
+        write(gains.text())
     return gains
 
 
@@ -272,13 +273,13 @@ def _regulator(options: argparse.Namespace) -> None:
     refuse(options, "cannot be combined with --lqr", "--covariance", "--at", "--from", "--of", "--impulse", "--signals")
     if options.output not in {None, STANDARD} or options.format == "json":
         words = getattr(options, "format_words", f"-o {options.output}" if options.output else "--format")
-        raise SceneError([f"{words}: gains of a regulator are CSV, of which a file ends in .csv"])
+        raise SceneError([f"{words}: gains of a regulator are CSV: give a file that ends in .csv"])
     files = listed(options.weights)
     if options.weights and len(files) != 2:
         raise SceneError([f"--weights {options.weights}: must be two files, Q.csv,R.csv"])
     scene = scene_of(options, "a constant linear model")
     if scene.feedback:
-        remark("The loops of the scene are open here: its feedback is left out of the plant.")
+        remark("The scene's feedback is ignored: the regulator is designed for the open loop.")
     design = regulator(scene, listed(options.input), (files[0], files[1]) if files else None)
     with output(options.output) as write:
         write(design.csv())
@@ -346,8 +347,8 @@ def _shaper(scene: Scene, drive: str, options: argparse.Namespace) -> tuple[Shap
 
     refuse(options, "cannot be combined with --range, for which the shortest shaper is found", "--kind")
     made, most = shaper_over(scene, options.range, options.count, drive, step=step, tolerance=tolerance)
-    promise = f"{options.range}: at most {100 * most:.4g} % of the swing is left"
-    return made, [f"{promise} by the shortest positive impulses, {made.duration:.4g} s long"]
+    promise = f"{options.range}: at most {100 * most:.4g} % of the swing remains"
+    return made, [f"{promise} with the shortest positive impulses, {made.duration:.4g} s long"]
 
 
 def _in_full(travel: ShapedTravel) -> Sequence[float]:
@@ -358,7 +359,7 @@ def _in_full(travel: ShapedTravel) -> Sequence[float]:
     try:
         return list(swing_after(travel))
     except MultipendulaError as error:
-        remark(f"the swing in the full equations is not known: {error}")
+        remark(f"the swing in the full equations could not be computed: {error}")
         return ()
 
 
@@ -376,7 +377,7 @@ def scene_at(options: argparse.Namespace) -> Scene:
     if options.when is None:
         return scene
     if not scene.is_hoisted:
-        raise SceneError(["--when: this scene has no hoist, and its lengths are those of every time"])
+        raise SceneError(["--when: this scene has no hoist, so its lengths do not change"])
     return scene.at(options.when)
 
 
@@ -433,13 +434,13 @@ COMMANDS = (
             ("export crane-hook -o crane.mat", "for MATLAB and Octave"),
             (
                 "export crane-hook --input cart_force -o crane.py",
-                "for python-control, with a trolley that is pushed and recoils",
+                "for python-control, with a trolley that a force moves",
             ),
             (
                 "export crane-hook --discrete 0.01 --signals angles -o crane.h",
                 "for a controller that samples at 100 Hz",
             ),
-            ("export crane-hook --start angles:30,-20 -o leaning.json", "where it leans, for one point of a schedule"),
+            ("export crane-hook --start angles:30,-20 -o leaning.json", "about a leaning state, for gain scheduling"),
             ("export paper-cart-3 --minimal -o small.json", "the controllable part: 6 states of 14"),
         ),
     ),
@@ -467,8 +468,8 @@ COMMANDS = (
             "input, accurate at any distance from the modes, or the impulse response in closed form. Peaks of damped "
             "modes have their true height; a note below the picture says where infinite ones are cut. With --gains, "
             "degrees of controllability and observability in place of ranks: the gain of every mode from each input "
-            "and to each output, relative to the largest of that signal. With --lqr, the gains K of u = -K z that make "
-            "the squares of states and inputs least, summed over time, each over its own scale (Bryson's rule)."
+            "and to each output, relative to the largest for that signal. With --lqr, the gains K of u = -K z that "
+            "minimize the integral of the squared states and inputs, each relative to its own scale (Bryson's rule)."
         ),
         examples=(
             ("response crane-two-loads", "peaks of every output of a crane"),
@@ -482,7 +483,7 @@ COMMANDS = (
             ),
             (
                 "response crane-hook --input 'force:pendulum[0].links[1]' --at 0.1,0.3",
-                "to wind on the load: a force at a point",
+                "response to wind on the load: a force at a point",
             ),
             ("response crane-hook --impulse -o impulse.svg", "after an impulse on the trolley; .csv for its numbers"),
         ),
@@ -494,9 +495,9 @@ COMMANDS = (
         main=("--kind", "--count", "--travel", "--max-acceleration", "--output"),
         takes=(
             SCENE,
-            "--covariance: adds what the shaped command leaves over the band of the fitted numbers",
-            "--kind (default zv); mzv, zvd, zvdd, zvddd tolerate more and more error in the frequencies, ei, ei2 and "
-            "ei3 by humps still more; um is the shortest, with impulses of both signs",
+            "--covariance: adds the residual swing over the uncertainty of the fitted numbers",
+            "--kind (default zv); mzv, zvd, zvdd, zvddd tolerate growing errors in the frequencies, ei, ei2 and ei3, "
+            "with humps, even more; um is the shortest, with impulses of both signs",
             "--range, such as pendulum[0].links[0].length=8:14, in place of --kind",
             "--discrete: impulses come at its multiples, and the samples of a travel",
             "--residual, by ei, ei2, ei3 and over a --range (default 5)",
@@ -516,9 +517,9 @@ COMMANDS = (
         ),
         details=(
             "Impulses to convolve a command with, so that the load hangs still at the end of a move (Singer & Seering "
-            "1990). The output lists their times and their amplitudes, which sum to one. With --travel and a CSV file "
-            "it is the travel: time, place, speed and acceleration of the trolley, which the motion of a support "
-            "in a scene and hoist --travel take, or the force that moves it."
+            "1990). The output lists their times and their amplitudes, which sum to one. With --travel, a CSV file "
+            "contains the shaped travel: time, position, speed and acceleration of the trolley, as the motion of a "
+            "support and hoist --travel read them, or the force that moves it."
         ),
         examples=(
             ("shaper crane-hook", "for the slowest mode"),

@@ -194,10 +194,10 @@ COMMANDS = (
             "values, on all cores. Finished points are saved next to --output or in --folder; after Ctrl-C the same "
             "command resumes. With --loci the frequencies are followed by their mode shapes along one number, and "
             "crossings are distinguished from veerings (orbits --vary follows motions at large angles, sync --vary "
-            "the steady oscillations of a scene with drives). With --strobe every value has a run of its own, of "
-            "which, after a transient, 50 states are kept, one in each period of the drives: one point is a motion of "
-            "that period, two or four mean that the period has doubled, many mean chaos. With start.energy, --members "
-            "starts are drawn at random on each energy, and of what is measured quantiles are kept. With --measure "
+            "the steady oscillations of a scene with drives). With --strobe the motion at every value is sampled 50 "
+            "times after a transient, once per period of the drives: one point is a motion of that period, two or "
+            "four mean that the period has doubled, many mean chaos. With start.energy, --members starts are drawn "
+            "at random at each energy, and quantiles of every measure are reported. With --measure "
             "floquet over the amplitude and the frequency of a vertical sine, the boundaries of growth are traced and "
             "drawn."
         ),
@@ -212,7 +212,7 @@ COMMANDS = (
             ),
             (
                 "sweep driven-pendulum --vary 'force[0].amplitude=1.06:1.09:60' --strobe --picture cascade.png",
-                "doublings of the period of a scene of the folder examples",
+                "period doublings of a driven pendulum",
             ),
             (
                 "sweep kapitza --vary support.motion.amplitude=0.005:0.03:26 "
@@ -221,7 +221,7 @@ COMMANDS = (
             ),
             (
                 "sweep chain-2 --vary start.energy=1:20:8 --members 10 --measure lyapunov:20 --picture chaos.png",
-                "how many of ten starts at each energy are chaotic, and how much",
+                "how many of ten starts at each energy are chaotic, and how strongly",
             ),
         ),
     ),

@@ -179,10 +179,12 @@ COMMANDS = (
             "oscillation is followed along one number of the scene instead (orbits --vary follows limit cycles of the "
             "full equations, sweep --loci the frequencies of small motion). For equal pendula on the supports of a "
             "structure it says which population is locked, and to which; then follow the growth rates of the motions "
-            "in which every population is one pendulum, and with --vary the values at which these begin or cease to "
-            "last. With --vary the oscillations found at one value, and their critical values, are shared among the "
+            "in which every population is one pendulum, and with --vary the values at which these become or cease to "
+            "be stable. With --vary the oscillations found at one value, and their critical values, are shared among "
+            "the "
             "--workers; each is followed from value to value by one. With --map the same starts are run at every value "
-            "until their returns to a section tell what they end in: the share of each rhythm with its 95 % interval, "
+            "until their returns to a section show which motion they reach: the share of each rhythm with its 95 % "
+            "interval, "
             "its orbit, and where it is born and dies in the full equations."
         ),
         examples=(
@@ -190,9 +192,9 @@ COMMANDS = (
             ("sync huygens --vary support.mass=3:30:3log -o branches.png", "the range of each steady oscillation"),
             (
                 "sync metronomes --vary support.mass=0.1:0.2:2 --map --members 2 -o map.png",
-                "what two metronomes end in on bases of 0.1 and 0.2 kg, and how often",
+                "the rhythms of two metronomes on bases of 0.1 and 0.2 kg",
             ),
-            ("sync two-swings --duration 60", "two swings with 15 metronomes each, of which half agree"),
+            ("sync two-swings --duration 60", "two swings with 15 metronomes each, of which one half synchronizes"),
         ),
     ),
 )

@@ -68,7 +68,7 @@ def tune(options: argparse.Namespace) -> Tuned | None:
 def _angle_problems(options: argparse.Namespace) -> list[str]:
     aims = [*(options.minimize or ()), *(options.maximize or ())]
     if not aims or not aims[0].rpartition("*")[2].strip().startswith("peak:"):
-        return ["--largest-angle: is for a peak:OUTPUT/INPUT, which forced orbits can reach"]
+        return ["--largest-angle: needs an objective of the form peak:OUTPUT/INPUT"]
     return []
 
 
@@ -130,7 +130,7 @@ def _swing_words(swing: FiniteSwing, best: Tuned) -> str:
     change = 100 * (swing.peak / linear - 1)
     return (
         f"At finite swing, a force of {swing.size:.5g} with which a link turns by {degrees(swing.angle):.4g}°: "
-        f"{quantity.name} is {swing.peak:.6g} at {swing.frequency:.5g} Hz ({change:+.3g} %), "
+        f"{quantity.words} is {swing.peak:.6g} at {swing.frequency:.5g} Hz ({change:+.3g} %), "
         f"{'stable' if swing.stable else 'unstable'}."
     )
 
@@ -172,16 +172,17 @@ COMMANDS = (
             formats("text", "json"),
         ),
         details=(
-            "At small angles, with exact derivatives and all peaks at once, from several starts. Beside the best "
-            "numbers are Den Hartog's where they apply; what each number is worth, and how far it may be off for 1 % "
-            "of the objective; the worst case of all masses ±5 %; stroke and torque of the dampers. The "
+            "At small angles, with exact derivatives and all peaks at once, from several starts. The report compares "
+            "the optimum with Den Hartog's rule where it applies, and has the sensitivity to each number, the range "
+            "within which the objective is at most 1 % worse, the worst case of all masses ±5 %, and stroke and "
+            "torque of the dampers. The "
             "--workers share random starts, the last descents and the cases of masses."
         ),
         examples=(
             (
                 "tune tower --free 'pendulum[0].links[0].length,pendulum[0].links[0].damping' "
                 "--minimize peak:floor2_m/floor2_force -o tuned.toml --report report.json",
-                "the damper that lets a force on the roof move it least",
+                "the damper that minimizes the motion of the roof under a force on it",
             ),
             (
                 "tune tower --free 'pendulum[0].links[0].length=1:3,pendulum[0].links[0].damping' "
@@ -190,7 +191,7 @@ COMMANDS = (
             ),
             (
                 "tune tower --free 'pendulum[0].links[0].damping' --minimize settling",
-                "the damper with which everything comes to rest soonest",
+                "the damper with the shortest settling time",
             ),
         ),
     ),

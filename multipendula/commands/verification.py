@@ -170,7 +170,7 @@ def _of_motion(options: argparse.Namespace, scene: Scene) -> tuple[Any, str]:
 def _of_frequencies(options: argparse.Namespace, scene: Scene) -> tuple[Any, str]:
     from nonlinear.accuracy import frequencies_table, measure_frequencies
 
-    refuse(options, "is of motions: omit --linear", "--start", "--duration", "--proved")
+    refuse(options, "applies to motions: omit --linear", "--start", "--duration", "--proved")
     comparison = measure_frequencies(scene, (options.relative_error or 1e-8,))
     return comparison, frequencies_table(comparison, options.format)
 
@@ -194,7 +194,8 @@ COMMANDS = (
             "Every mode is released at several amplitudes and simulated for 40 periods; its frequency is measured and "
             "compared with the table's predictions: the small-angle frequency, its shift "
             "with amplitude, and the angle at which it is off by 1 %. With --general one run is projected on the modes "
-            "instead, and with --proved its true error is told.  The report begins with how right the predictions are."
+            "instead, and with --proved its true error is reported. The report begins with the accuracy of the "
+            "predictions."
         ),
         examples=(
             ("check chain-2 --modes 1 --amplitudes 10,30", "the slow mode at two amplitudes"),

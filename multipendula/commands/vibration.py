@@ -47,7 +47,7 @@ def vibration(options: argparse.Namespace) -> RandomResponse | ThermalNoise | Sh
     if options.psd is None:
         raise SceneError(["give --psd CSV, --temperature KELVIN, or both; or --record CSV"])
     if options.at:
-        raise SceneError(["--at: is of thermal noise: give --temperature KELVIN"])
+        raise SceneError(["--at: applies to thermal noise: give --temperature KELVIN"])
 
     response: RandomResponse = _report(options, partial(_random, options), random_report, "random_figure")
     return response
@@ -162,8 +162,8 @@ COMMANDS = (
             "--at: the thermal noise (default some over its band)",
             "--record: time_s, and displacement_m, velocity_m_per_s or acceleration_m_per_s2 of the support",
             "--column of the --record or the --psd: t=time_ms, quake=acceleration_g; repeat for several",
-            "--baseline, with --record (default keep): velocity takes out a constant acceleration so that the support "
-            "ends as it began",
+            "--baseline, with --record (default keep): velocity removes a constant acceleration so that the support "
+            "ends with the velocity it began with",
             option(
                 "--input: the one that the PSD is of, support_acceleration (default), cart_force, on a structure the "
                 "force on a coordinate, such as floor2_force, force:POINT, lift:POINT or torque:POINT, with a POINT "
@@ -175,12 +175,14 @@ COMMANDS = (
         ),
         details=(
             "In closed form over the modes, at small angles. The PSD is interpolated by straight lines over "
-            "logarithmic axes and is zero outside its frequencies. The RMS of each mode alone stands beside Miles' "
-            "equation; an undamped mode that the noise reaches has no finite RMS. CSV and JSON contain the PSDs. With "
+            "logarithmic axes and is zero outside its frequencies. The RMS of each mode alone is compared with "
+            "Miles' equation; an undamped mode that the noise excites has no finite RMS. CSV and JSON contain the "
+            "PSDs. With "
             "--temperature, the thermal noise of dampers, drag and loss angles by the fluctuation-dissipation theorem, "
-            "of tip_positions by default. A --record is joined by a spline, and every mode followed exactly through it "
-            "and two of the slowest periods beyond: peaks by output and by mode, beside them those of the modes "
-            "combined by SRSS and CQC, and the effective masses with the number of modes that hold 90 % of the mass."
+            "of tip_positions by default. A --record is interpolated by a spline, and every mode is followed exactly "
+            "through it and for two of the slowest periods after it: peaks by output and by mode, those of the modes "
+            "combined by SRSS and CQC, and the effective masses with the number of modes that account for 90 % of "
+            "the mass."
         ),
         examples=(
             (

@@ -99,7 +99,7 @@ class Advice(Result):
         words = f"{self.accuracy:g} rad can be shown to be met up to {self.horizon:.4g} s and no further"
         if self.has_parted or self.attempts[-1].tolerance <= TOLERANCE_RATIO**2 * SMALLEST:
             words += ": beyond it double precision cannot determine where the links are"
-        return words + (", since starts that differ in their last digits alone part" if self.has_parted else "")
+        return words + (", since starts that differ only in their last digits diverge" if self.has_parted else "")
 
     @property
     def certain(self) -> Trajectory:
@@ -117,7 +117,7 @@ class Advice(Result):
     @property
     def what(self) -> str:  # type: ignore[override]
         """The request in words."""
-        return f"the cheapest way to {self.accuracy:g} rad"
+        return f"the cheapest method for {self.accuracy:g} rad"
 
     @property
     def scene(self) -> Scene:

@@ -37,7 +37,7 @@ COMPARED_LINKS_MAX = 1500
 """Limit: links of a scene, whose dense matrices are solved within seconds."""
 NOTES = (
     "*: on the Pareto front: no other is both faster and more accurate. time: of the processor, for all frequencies; "
-    f"the matrices of dense are at hand. error: the largest, to roots proved to {PROVED_DIGITS} digits."
+    f"for dense, without making the matrices. error: the largest, to roots proved to {PROVED_DIGITS} digits."
 )
 
 

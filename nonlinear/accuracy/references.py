@@ -144,6 +144,6 @@ def _shorten(question: Question, is_trusted: Any) -> Question:
     count = len(is_trusted) if np.all(is_trusted) else int(np.argmin(is_trusted))
     if count < 2:
         raise ComputationError(
-            f"two references disagree from {question.times[count]:.3g} s on: there is nothing to judge errors by"
+            f"two references disagree from {question.times[count]:.3g} s on: no reference is left to measure errors by"
         )
     return replace(question, times=question.times[:count])

@@ -248,7 +248,7 @@ def averaged_pattern(pattern: Pattern, near_by: AveragedPattern | None = None) -
     sector_equations = [_sector_equations(pattern, sector) for sector in pattern.sectors]
     first = sector_equations[0]
     if not pattern.system.has_escapements and rest_growth(pattern) <= 0:
-        raise ComputationError(f"the motion {pattern.name} dies out: its losses exceed what the drives feed")
+        raise ComputationError(f"the motion {pattern.name} dies out: its losses exceed the power of the drives")
     for z in _starts(pattern, first, near_by):
         state = relative_equilibrium(first, z)
         if state is not None and first.largest(state.z) > MOTION_ANGLE_MIN:

@@ -87,7 +87,7 @@ class Prediction(Displayed):
         """The doubt that no mode survives alone, with the share of the strongest; "" if one does."""
         if self.is_won:
             return ""
-        return f"no mode wins: the one that holds most has {100 * self.share:.3g} % of the energy"
+        return f"no mode wins: the strongest has {100 * self.share:.3g} % of the energy"
 
     @cached_property
     def doubts(self) -> tuple[str, ...]:
@@ -117,7 +117,7 @@ class Prediction(Displayed):
         yield from self.doubts
         locking = self.locking_time()
         if locking is None:
-            yield "no mode ever holds 99 % of the energy"
+            yield "no mode ever contains 99 % of the energy"
             return
         if locking < TIMED_SWINGS_MIN * 2 * pi / self.averaged.omega.min():
             yield f"it comes within {TIMED_SWINGS_MIN} swings, less than averaging resolves"
@@ -132,7 +132,7 @@ class Prediction(Displayed):
     def _doubts(self) -> Iterator[tuple[str, bool]]:
         """Every reason, and whether it concerns the way from this start instead of the final state."""
         if self.motion.dies:
-            yield "the swing dies out: no drive keeps it up", True
+            yield "the swing dies out: no drive sustains it", True
             return
         if not self.motion.settled:
             yield f"nothing has settled after {self.motion.times[-1]:.3g} s", True
@@ -183,7 +183,7 @@ def predict(scene: Scene, start: State | None = None) -> Prediction:
     equations = average(scene, system)
     z = equations.amplitudes(state)
     if not np.abs(z).max():
-        raise ComputationError("the scene starts at rest, where nothing says which mode grows")
+        raise ComputationError("the scene starts at rest, where nothing determines which mode grows")
     starts, unstable = np.array([z, *_neighbours(z)]).T, None
     motions = settle(equations, starts)
     if runs_away(equations, motions[0].z):

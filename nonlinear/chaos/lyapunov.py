@@ -200,7 +200,7 @@ class Exponent(TextResult):
             low, high = (f"{self.value + side * self.half_width:.3g}" for side in (-1, 1))
             lines.append(f"  ± is one standard uncertainty; 95 % confidence interval: {low} to {high} 1/s")
         else:
-            lines.append(f"  {self.equation}: not distinguishable from zero in so long a run")
+            lines.append(f"  {self.equation}: not distinguishable from zero in a run of this length")
         lines.append(
             f"  {self.ensemble} starts over {self.duration:.4g} s each, after {self.times[self._first]:.3g} s; "
             f"{self.chaotic} of them above {self.floor:.2g} 1/s, the limit for regular motion"

@@ -111,7 +111,7 @@ def _refuse_foreign(status: os.stat_result, path: str) -> None:
     if loose == S_IWGRP and _is_own_group(status.st_gid):
         loose = 0
     if status.st_uid not in {0, os.geteuid()} or loose:
-        raise PermissionError(EPERM, "somebody else could have written what is here", path)
+        raise PermissionError(EPERM, "other users can write to this folder", path)
 
 
 def _is_own_group(number: int) -> bool:
@@ -218,7 +218,7 @@ class KeptFile:
             if place == path or not status.st_mode & S_ISVTX:
                 _refuse_foreign(status, str(place))
             elif status.st_uid not in {0, os.geteuid()}:
-                raise PermissionError(EPERM, "the folder is somebody else's", str(place))
+                raise PermissionError(EPERM, "the folder belongs to another user", str(place))
         return str(path)
 
     def _content(self, name: str) -> Any:

@@ -72,7 +72,7 @@ class HeldInputs:
         for loop, times, inputs in zip(self.loops, self.times, self.inputs, strict=True):
             k = bisect_right(times, time) - 1 - loop.delayed_samples
             if not times or k >= len(inputs):
-                raise ComputationError("what sampled feedback held is not kept with a run")
+                raise ComputationError("the held inputs of sampled feedback are not stored with a run")
             held.append(inputs[k] if k >= 0 else 0.0)
         return held
 

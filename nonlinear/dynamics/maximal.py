@@ -53,7 +53,7 @@ OPEN_GAP_MAX = 1e-9
 """Limit: of a pivot, over the reach; torn farther apart, a message says so."""
 DENSE_UNKNOWNS_MAX = 120
 """Cost: unknowns up to which a dense matrix is quicker than a sparse one."""
-SINGULAR = "an acceleration stays open, as of a cart without mass over hanging bobs: give the cart some mass"
+SINGULAR = "an acceleration is undetermined, as for a massless cart above hanging bobs: give the cart some mass"
 
 
 class Drift(NamedTuple):
@@ -295,7 +295,9 @@ class Pivots:
             q = q + self.step(q, gaps)
         gap = _widest(self.gaps(q))
         if not gap <= OPEN_GAP_MAX * extent:
-            raise ComputationError(f"pivots still {gap:.2g} m open after {CLOSING_ROUNDS} steps: torn too far apart")
+            raise ComputationError(
+                f"pivots still {gap:.2g} m apart after {CLOSING_ROUNDS} corrections: too far apart to be closed"
+            )
         return q
 
     def step(self, q: Floats, gaps: Floats) -> Floats:

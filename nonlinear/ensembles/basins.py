@@ -23,6 +23,7 @@ from modal.report import Form, ReportTable, finite, silent
 from modal.scene import InitialCondition, Pendulum, Scene, describe, require
 from modal.scene.doors import checked
 from modal.scene.parameters import Variation, parse_variations
+from modal.scene.signal_names import column_label
 from modal.types import Floats
 from nonlinear.ensembles.attractors import Attractor, find_attractors
 from nonlinear.ensembles.measures import configurations
@@ -106,8 +107,9 @@ class Basins(EnsembleResult):
         )
         known = self.values[np.isfinite(self.values)]
         if not self.names and known.size:
-            yield f"{self.column}: from {known.min():.4g} to {known.max():.4g}, median {np.median(known):.4g}"
-        yield f"each simulated for {self.ensemble.question.duration:.4g} s{self._left()}"
+            low, middle, high = known.min(), np.median(known), known.max()
+            yield f"{column_label(self.column)}: from {low:.4g} to {high:.4g}, median {middle:.4g}"
+        yield f"Each start was simulated for {self.ensemble.question.duration:.4g} s{self._left()}."
         yield self.ensemble.words()
 
     def _left(self) -> str:

@@ -16,7 +16,7 @@ import numpy as np
 
 from modal.errors import MultipendulaError, SceneError
 from modal.report import Drawable, Form, ReportTable, Result, counted, finite, silent
-from modal.scene import Scene, drive_period, require, validate_scene
+from modal.scene import Scene, drive_period, number_words, require, validate_scene
 from modal.scene.doors import checked
 from modal.scene.parameters import Variable, Variation, find_places, parse_variations, validate_variations
 from modal.types import Floats, Ints
@@ -106,9 +106,12 @@ class BifurcationDiagram(Drawable, Result):
         """The periods of the motions at all values, and how they were sampled."""
         yield ReportTable(("repeats after (periods)", "values", "from", "to"), list(self._ranges()))
         values, settle = self.variation.values, self.settle[np.isfinite(self.settle)]
+        number = number_words(self.scene, self.variation.path)
+        span = f"of the {number} from {values[0]:g} to {values[-1]:g} {self.unit}".rstrip()
         lines = [
-            f"{counted(len(values), 'value', 'values')} of {self.variation.path} from {values[0]:g} to {values[-1]:g}",
-            f"the last {JUDGED_STROBES} strobes of each, at {self.phase_deg:g}° of the drives, after a transient of "
+            f"{counted(len(values), 'value', 'values')} {span}",
+            f"the last {JUDGED_STROBES} stroboscopic samples of each, at {self.phase_deg:g}° of the drives, after a "
+            "transient of "
             + (f"{settle.min():.4g} s" if np.ptp(settle) == 0 else f"{settle.min():.4g} to {settle.max():.4g} s"),
         ]
         failed = Counter(self.reasons.values()).items()

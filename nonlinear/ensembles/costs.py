@@ -79,7 +79,7 @@ def choose_engine(
         raise SceneError([f"engine {asked}: must be one of auto, {', '.join(ENGINES)}"])
     why_not = why_not or why_one_by_one(measures)
     if asked == PLAIN:
-        return Decision(PLAIN, "as asked for, one by one")
+        return Decision(PLAIN, "as requested, one by one")
     if asked != "auto" and (reasons := refusals(members.scene, f"engine {asked}", *members.varied)):
         raise SceneError(reasons)
     if why_not:
@@ -90,7 +90,7 @@ def choose_engine(
         where = "hoist" if members.scene.is_hoisted else "support.motion" if members.scene.is_moved else "force"
         raise SceneError([f"{where}: engine {asked} {RECORDED}: take engine numpy"])
     if asked != "auto":
-        return Decision(asked, "as asked for")
+        return Decision(asked, "as requested")
     if begun in SOONER and _takes(begun, members):
         return Decision(begun, FOLDERS)
     offers = _offers(members, duration, tolerance, measures)

@@ -31,7 +31,7 @@ from nonlinear.dynamics import children_without_interrupts
 from nonlinear.integration import validate_whole
 
 DIED = "its process died, perhaps for lack of memory"
-DEAD = "the workers have died: give in place of the executor what makes one, and what they had is done again"
+DEAD = "the workers have died: give a function that makes an executor in place of one, and their work is repeated"
 SIZES = ("_max_workers", "max_workers", "num_workers")
 """Where executors of the standard library and loky, of executorlib and of mpi4py say how many workers they have."""
 PROCESS_SECONDS = 2.0

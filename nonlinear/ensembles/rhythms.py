@@ -21,7 +21,7 @@ import numpy as np
 
 from modal.errors import MultipendulaError
 from modal.report import Displayed, Drawable, Form, ReportTable, Result, finite
-from modal.scene import Scene, describe
+from modal.scene import Scene, describe, number_label, number_words
 from modal.scene.parameters import Variation
 from modal.types import Floats
 from nonlinear.ensembles.endings import UNDECIDED
@@ -232,7 +232,7 @@ class RhythmMap(Drawable, Result):
     def parts(self, form: Form = "text") -> Iterator[ReportTable | str]:
         """The shares at every value, then births and deaths."""
         undecided = [UNDECIDED] * any(value.undecided for value in self.values)
-        columns = [f"{self.variation.path} ({self.variation.unit or '–'})", *self.names, *undecided]
+        columns = [number_label(self.scene, self.variation.path), *self.names, *undecided]
         rows = []
         for number, value in enumerate(self.values):
             present = {rhythm.name for rhythm in value.rhythms}
@@ -364,8 +364,9 @@ class RhythmGrid(Drawable, Result):
     def parts(self, form: Form = "text") -> Iterator[ReportTable | str]:
         """The rhythm in which most starts end at every pair of values, or that most are undecided."""
         first, second = self.axes
-        yield f"the rhythm in which most starts end, with its share (%), {first.path} ({first.unit or '–'}) across:\n"
-        columns = [f"{second.path} ({second.unit or '–'})", *(f"{value:g}" for value in first.values)]
+        across = number_label(self.scene, first.path)
+        yield f"The rhythm in which most starts end, with its share (%); across: {across}.\n"
+        columns = [number_label(self.scene, second.path), *(f"{value:g}" for value in first.values)]
         cells = [
             [f"{value:g}", *(_most_words(at, row.members) for at in row.values)]
             for value, row in zip(second.values, self.maps, strict=True)
@@ -375,7 +376,7 @@ class RhythmGrid(Drawable, Result):
         for value, row in zip(second.values, self.maps, strict=True):
             if row.births:
                 words = " ".join(map(row.event_words, row.births))
-                yield f"{second.path} = {value:g}{f' {second.unit}'.rstrip()}: {words}"
+                yield f"{number_words(self.scene, second.path)} = {value:g}{f' {second.unit}'.rstrip()}: {words}"
 
 
 def _most_words(at: ValueRhythms, members: int) -> str:

@@ -92,7 +92,7 @@ class Ensemble(Displayed):
     def column(self, name: str) -> Floats:
         """One quantity of all members, (S, ...), NaN if it is not known; of crossings one after the other."""
         if name not in self.columns:
-            raise SceneError([f"{name}: was not kept; there are {', '.join(self.columns)}"])
+            raise SceneError([f"{name}: was not stored; there are {', '.join(self.columns)}"])
         if name.startswith("crossing_"):
             return np.concatenate([chunk.columns[name] for chunk in self.chunks if name in chunk.columns])
         whole: Floats | None = None
@@ -384,7 +384,7 @@ def _question(
     question = EnsembleRequest(members, duration, tolerance, chosen, wanted, times, keeps_end, checked)
     fitting = chunk or chunk_of(scene, duration, tolerance, len(question.wanted.times), chosen)
     if (numbers := members.size * len(times) * 2 * scene.n_links) > 2 * GROWTH_SAMPLES_MAX:
-        raise SceneError([f"output: {numbers:.3g} numbers are too many to keep: use fewer samples, or measures"])
+        raise SceneError([f"output: {numbers:.3g} numbers are too many to store: use fewer samples, or measures"])
     return replace(question, chunk=fitting), decision
 
 

@@ -23,6 +23,7 @@ from modal.errors import SceneError
 from modal.report import Form, silent
 from modal.scene import Scene, require
 from modal.scene.doors import checked, checked_index, checked_number, formerly
+from modal.scene.signal_names import symbols_in
 from modal.types import Floats
 from nonlinear.chaos import usual_duration
 from nonlinear.dynamics import Lanes
@@ -79,7 +80,7 @@ class PoincareSection(EnsembleResult):
         orbit, members = self.orbit, self.ensemble
         counts = np.bincount(orbit.astype(int), minlength=members.size)
         lines = [
-            f"{len(orbit)} crossings of {self.coordinate} by {members.size} motions "
+            f"{len(orbit)} crossings of {symbols_in(self.coordinate)} by {members.size} motions "
             f"of {members.question.duration:.4g} s, {counts.min()} to {counts.max()} each",
             f"energy {self.energy:.6g} J above equilibrium",
             members.words(),

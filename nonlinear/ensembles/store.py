@@ -96,7 +96,7 @@ class ChunkFolder:
         path = self.folder / f"{kind}.json"
         if not path.exists():
             if any(self.folder.glob("part-*.npz")):
-                raise SceneError([f"{self.folder}: holds parts of another {kind}"])
+                raise SceneError([f"{self.folder}: contains parts of another {kind}"])
             with whole_file(path) as stream:
                 stream.write(content)
         elif not _is(path, content):

@@ -69,7 +69,7 @@ def repetition_words(period: Ints) -> str:
     ]
     if count := int(np.count_nonzero(period == 0)):
         lines.append(
-            f"{counted(count, 'motion does', 'motions do')} not repeat within {REPEAT_PERIODS_MAX}, or not yet"
+            f"{counted(count, 'motion does', 'motions do')} not repeat within {REPEAT_PERIODS_MAX} periods, or not yet"
         )
     return ", ".join(lines)
 
@@ -137,7 +137,7 @@ class StroboscopicSection(EnsembleResult):
         """The number of motions, the sampling times, and after how many periods they repeat."""
         motions, times = counted(self.ensemble.size, "motion", "motions"), counted(len(self.times), "time", "times")
         lines = [
-            f"{motions} of {self.ensemble.question.duration:.4g} s, looked at once a period of {self.period:.6g} s, "
+            f"{motions} of {self.ensemble.question.duration:.4g} s, sampled once per period of {self.period:.6g} s, "
             f"at {self.phase_deg:g}°, {times} from {self.times[0]:.4g} s on",
             f"starts within {self.spread_deg:g}° of the scene's",
             repetition_words(self.repeats),

@@ -14,6 +14,7 @@ from modal.identification.decays import TURNING_POINTS_MIN
 from modal.identification.parameters import BOUND_DISTANCE
 from modal.modes import natural_modes
 from modal.report import counted, listed, percent, short
+from modal.scene.signal_names import signal_words
 from modal.types import Floats
 from nonlinear.identification.records import SEGMENT_ROWS_MIN, is_wrapped
 from nonlinear.identification.result import MISFIT_MAX, SIGNIFICANCE, UNIT_WORDS, Fit, root_mean_square
@@ -45,10 +46,10 @@ def diagnose(result: Fit, mistake: str = "") -> list[str]:
 def _turns(result: Fit) -> Iterator[str]:
     """Angles that jump by a turn."""
     for name in result.recording.continued:
-        yield f"{name} jumps by a turn, as angles from atan2 do: it was continued"
+        yield f"{signal_words(name)} jumps by a turn, as angles from atan2 do: it was continued"
     for c, sensor in enumerate(result.recording.sensors):
         if sensor.is_angle and any(is_wrapped(segment.values[:, c]) for segment in result.recording.segments):
-            yield f"{sensor.name} jumps by a turn, as angles from atan2 do: take recording.unwrap_angles()"
+            yield f"{sensor.words} jumps by a turn, as angles from atan2 do: take recording.unwrap_angles()"
 
 
 def _outliers(result: Fit) -> Iterator[str]:
@@ -58,7 +59,7 @@ def _outliers(result: Fit) -> Iterator[str]:
             continue
         count = sum(outliers(miss) for k, _, miss in _misses(result) if k == c)
         if count:
-            words = f"{sensor.name}: {counted(count, 'reading is an outlier', 'readings are outliers')}, beyond "
+            words = f"{sensor.words}: {counted(count, 'reading is an outlier', 'readings are outliers')}, beyond "
             words += f"{OUTLIER_STDS:g} standard deviations of the others"
             yield words + (": `loss=soft_l1` gives them less weight" if result.loss == "linear" else "")
 
@@ -82,7 +83,7 @@ def _prior_values(result: Fit) -> Iterator[str]:
             names = listed([*direction.changes], len(direction.changes))
             yield (
                 f"the standard deviations of {names} are those for {direction.held} = {value} exactly: a prior, "
-                f"`priors={direction.held}={value}±…`, adds its doubt"
+                f"`priors={direction.held}={value}±…`, adds its uncertainty"
             )
 
 
@@ -98,7 +99,7 @@ def _scales(result: Fit) -> Iterator[str]:
     def lasting(r: Floats) -> float:
         return abs(float(sum(r[part][1:] @ r[part][:-1] for part in values)))
 
-    sensors = [(sensor.name, [layout.scales.start + c]) for c, sensor in enumerate(result.recording.sensors)]
+    sensors = [(sensor.words, [layout.scales.start + c]) for c, sensor in enumerate(result.recording.sensors)]
     angles = [c for c, sensor in enumerate(result.recording.sensors) if sensor.is_angle]
     if len(angles) > 1:
         sensors.append(("all angles", [layout.scales.start + c for c in angles]))
@@ -127,7 +128,9 @@ def _misfit(result: Fit, is_explained: bool) -> Iterator[str]:
     worst = int(np.argmax(result.misfit))
     words = "the motion does not fit the record, so its numbers have no standard deviations"
     if result.misfit[worst] >= MISFIT_MAX:
-        words += f": {percent(result.misfit[worst])} of the readings of {result.recording.sensors[worst].name} are left"
+        words += (
+            f": {percent(result.misfit[worst])} of the readings of {result.recording.sensors[worst].words} are left"
+        )
     if result.gap >= 2 * SIGNIFICANCE:
         words += ": the windows do not join"
     unit = UNIT_WORDS.get(result.rms_unit, result.rms_unit)
@@ -150,7 +153,7 @@ def _bounds(result: Fit) -> Iterator[str]:
         number = result.parameters[k]
         if number.z_min == 0.0 and result.unknowns[k] < BOUND_DISTANCE:
             white = all(len(rho) == 1 for rho in result.rho)
-            yield f"{number.path} is at its bound, 0" + (": the record gives no sign of it" if white else "")
+            yield f"{number.words} is at its bound, 0" + (": the record gives no sign of it" if white else "")
 
 
 def _whiteness(result: Fit) -> Iterator[str]:
@@ -158,12 +161,12 @@ def _whiteness(result: Fit) -> Iterator[str]:
     for sensor, rho in zip(result.recording.sensors, result.rho, strict=True):
         if len(rho) == 1:
             count = sum(outliers(miss) for k, _, miss in _misses(result) if result.recording.sensors[k] == sensor)
-            yield f"{sensor.name}: the residuals are white" + (", but for the outliers" if count else "")
+            yield f"{sensor.words}: the residuals are white" + (", but for the outliers" if count else "")
         else:
             yield (
-                f"{sensor.name}: the residuals are correlated over {short(float(len(rho) * step))} s, "
-                "so the model lacks something or the sensor drifts; standard deviations allow for the correlation, not "
-                "for what is lacking"
+                f"{sensor.words}: the residuals are correlated over {short(float(len(rho) * step))} s, "
+                "so the model lacks something or the sensor drifts; standard deviations allow for the correlation, "
+                "but not for what is lacking"
             )
 
 
@@ -202,7 +205,7 @@ def _lines(result: Fit) -> Iterator[str]:
             hertz = modes.omega / (2 * np.pi)
             mode = int(np.argmin(np.abs(hertz - frequency[peak])))
             yield (
-                f"{sensor.name}: {100 * share:.0f} % of the residuals' power is near {frequency[peak]:.3g} Hz "
+                f"{sensor.words}: {100 * share:.0f} % of the residuals' power is near {frequency[peak]:.3g} Hz "
                 f"(mode {mode + 1} has {hertz[mode]:.3g} Hz)"
             )
 
@@ -227,7 +230,7 @@ def _growth(result: Fit) -> Iterator[str]:
         if len(sizes) >= WINDOWS_MIN:
             rank = scipy.stats.spearmanr(sizes, misses)
             if rank.statistic > 0.5 and rank.pvalue < CHANCE_MAX:
-                grow = f"{sensor.name}: the residuals grow with the amplitude"
+                grow = f"{sensor.words}: the residuals grow with the amplitude"
                 if len(result.rho[c]) > 1:
                     yield f"{grow}: a loss or a length of the model is wrong"
                 else:
@@ -240,7 +243,7 @@ def _white_growth(rates: Floats, misses: Floats) -> str:
     if rank.statistic > 0 and rank.pvalue < CHANCE_MAX:
         jitter = np.sqrt(np.mean(misses**2) / np.mean(rates**2))
         return f"they follow the rate, as if the clock jittered by {1e3 * jitter:.2g} ms"
-    return "the noise is larger where the swing is, and the model is not to blame"
+    return "the noise grows with the swing, and the model is not at fault"
 
 
 def _turning(result: Fit) -> Iterator[str]:
@@ -253,7 +256,7 @@ def _turning(result: Fit) -> Iterator[str]:
             is_present = np.isfinite(segment.values[:, c])
             loss = turning_points(segment.times[is_present], segment.values[is_present, c], result.problem.system.rate)
             if loss:
-                words = f"{sensor.name}: turning points fall on a straight line, {loss:.2g} rad a half swing"
+                words = f"{sensor.words}: turning points fall on a straight line, {loss:.2g} rad per half swing"
                 yield words + ("" if has_friction else ": try friction")
                 break
 

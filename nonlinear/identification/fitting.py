@@ -103,7 +103,7 @@ def fit(
     full_recording, recording = recording, recording if window is None else recording.windows(window)
     problem = FitProblem(scene, parameters, recording, coarse_noise(recording), scale, shifted=shift)
     if shift and not Inputs(problem.system).count:
-        raise SceneError(["shift: no motion or force of the scene depends on time, so that no delay matters"])
+        raise SceneError(["shift: no motion or force of the scene depends on time, so a delay has no effect"])
 
     def beginning(trial: Recording) -> float:
         return _beginning(replace(problem, recording=trial))
@@ -241,7 +241,7 @@ class Search:
             if tries[-1][0] < 1:
                 break
         if not tries:
-            raise ComputationError("the scene's motion cannot be followed from the first samples of the record")
+            raise ComputationError("the scene's motion cannot be simulated from the first samples of the record")
         cost, self.begun, v = min(tries, key=lambda attempt: attempt[0])
         if cost > (2 * MISFIT_MAX / NOISE_AT_FIRST) ** 2:
             self.mistake = self.look()
@@ -371,7 +371,7 @@ class Search:
         sizes, first_residuals = 1, residuals(start)
         sizes = len(first_residuals)
         if not np.all(np.isfinite(first_residuals)):
-            raise ComputationError("the scene's motion cannot be followed from the first samples of the record")
+            raise ComputationError("the scene's motion cannot be simulated from the first samples of the record")
         try:
             solution: Any = scipy.optimize.least_squares(
                 residuals,

@@ -1,6 +1,6 @@
 """Mistakes in the interpretation of a record that explain why no motion of the scene fits it.
 
-Each mistake is the record read in another way: in other units, with a sensor that counts the other way, with two
+Each mistake is the record read in another way: in other units, with a sensor that has the opposite sign, with two
 sensors exchanged.  The scene is fitted to the beginning of each; a mistake is named where that fits and the record as
 it was given does not.
 """
@@ -70,7 +70,7 @@ def possible(scene: Scene, recording: Recording) -> Iterator[Mistake]:
     for c in angles if len(angles) > 1 or upright else []:
         name = sensors[c].name
         yield Mistake(
-            _multiply(recording, [c], -1.0), f"{name} counts the other way", f"`columns={name}_rad=-{name}_rad`"
+            _multiply(recording, [c], -1.0), f"{name} has the opposite sign", f"`columns={name}_rad=-{name}_rad`"
         )
     for a, b in combinations(angles, 2):
         order = [*range(len(sensors))]

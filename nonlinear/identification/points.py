@@ -99,4 +99,4 @@ def unreadable(system: System) -> str:
 def require_readable(system: System, names: Sequence[str]) -> None:
     """Raise SceneError for sensors of these names where points cannot be read."""
     if names and (reason := unreadable(system)):
-        raise SceneError([f"column {name}: {reason}, where angles and rates alone are read" for name in names])
+        raise SceneError([f"column {name}: {reason}, where only angles and rates are read" for name in names])

@@ -7,7 +7,7 @@ link its rate `theta_dot_P_L_rad_per_s`, the angle from the link above `theta_P_
 `x_P_L_m` and `y_P_L_m`, or the acceleration at a point of it with gravity in it, `acceleration_along_P_L_m_per_s2@R`
 and `acceleration_across_P_L_m_per_s2@R` (`nonlinear.identification.points`), in these units or others.  A column
 `segment` separates motions that were recorded apart; other columns select rows.  An empty cell or "nan" is a
-missing value.  The time may be `time_ms`, and `-theta_P_L_rad` is a sensor that counts the other way.  Angles that jump
+missing value.  The time may be `time_ms`, and `-theta_P_L_rad` is a sensor of opposite sign.  Angles that jump
 by a turn, as those of atan2 do, are continued.
 
 Files are read by `modal.scene.tables`, whatever divides their cells; columns of angles with other names are the links
@@ -30,6 +30,7 @@ from modal.errors import SceneError, gathered, refuse_any, spelling_hint
 from modal.report import Displayed, counted, listed
 from modal.scene import Scene
 from modal.scene.contents import MEASURED_MAX, MEASURED_MIN, SIZES_READ
+from modal.scene.signal_names import signal_words
 from modal.scene.tables import DataTable, in_si, read_table, time_unit
 from modal.structure import structure_of
 from modal.types import Floats
@@ -100,6 +101,11 @@ class Sensor:
             return "cart"
         name = QUANTITIES[self.quantity][0].format(f"{self.pendulum}_{self.link}")
         return f"{name}@{self.radius:g}" if self.quantity in ACCELERATIONS else name
+
+    @property
+    def words(self) -> str:
+        """What reports call it."""
+        return signal_words(self.name)
 
     @property
     def unit(self) -> str:
@@ -425,7 +431,7 @@ def _absent(scene: Scene, sensor: Sensor) -> Iterator[str]:
     elif sensor.link > sizes[sensor.pendulum - 1]:
         yield f"column {sensor.name}: the pendulum has {counted(sizes[sensor.pendulum - 1], 'link', 'links')}"
     elif sensor.is_of_point and (reason := unreadable(system_of(scene))):
-        yield f"column {sensor.name}: {reason}, where of links angles and rates alone are read"
+        yield f"column {sensor.name}: {reason}, where only angles and rates of links are read"
 
 
 def _recorded_table(
@@ -451,7 +457,7 @@ def _recorded_table(
         raise SceneError([f"{table.name}: {problem}" for problem in problems])
     used = table.where(where)
     if not len(used):
-        asked_for = " with the values that were asked for" if len(table) and where else ""
+        asked_for = " with the requested values" if len(table) and where else ""
         raise SceneError([f"{table.name}: has no rows{asked_for}"])
     return used
 
@@ -535,7 +541,7 @@ def _segments(table: DataTable, sensors: Sequence[Sensor], carriers: Carriers, p
         problems += _segment_problems(segments[-1], sensors, table.lines[within])
     titles = [segment.name for segment in segments]
     duplicates = [title for title in dict.fromkeys(titles) if titles.count(title) > 1]
-    problems += [f"{name}: segment {title}: its rows do not follow one another" for title in duplicates]
+    problems += [f"{name}: segment {title}: its rows are not contiguous" for title in duplicates]
     refuse_any(problems)
     return segments
 
@@ -548,7 +554,7 @@ def _segment_problems(segment: Segment, sensors: Sequence[Sensor], lines: Sequen
     back = np.flatnonzero(np.diff(segment.times) <= 0)
     if len(back):
         at = segment.times[back[0]]
-        way = f"`where={TIME}=…:…` cuts such rows off"
+        way = f"`where={TIME}=…:…` removes such rows"
         yield f"{segment.where}: the time does not increase after {at:.9g} s, in line {lines[back[0] + 1]}: {way}"
     if len(segment.times) > 1:
         yield from _clock_problems(segment)

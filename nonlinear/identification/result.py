@@ -20,6 +20,7 @@ from modal.identification import (
 )
 from modal.report import NOTHING, Form, ReportColumn, ReportTable, finite, records_of
 from modal.scene import Scene
+from modal.scene.signal_names import signal_words
 from modal.types import Floats, Ints
 from nonlinear.identification.problem import FitProblem
 from nonlinear.identification.records import Recording
@@ -301,7 +302,7 @@ def _figure(name: str, sensor: dict[str, Any]) -> str:
 
 
 SENSOR = (
-    ReportColumn(lambda sensor: sensor["sensor"], None, "sensor"),
+    ReportColumn(lambda sensor: signal_words(sensor["sensor"]), None, "sensor"),
     *(
         ReportColumn(partial(_figure, name), None, f"{name} (s)" if name == "delay" else name)
         for name in ("noise", "offset", "delay", "scale")

@@ -41,7 +41,7 @@ from nonlinear.integration.switched import Switched
 from nonlinear.integration.timescales import estimate_timescales
 from nonlinear.system import Equations, Group, Load, System, ends_may_meet, system_of
 
-ASKED = "as asked for"
+ASKED = "as requested"
 METHODS = ("auto", *SCIPY, "taylor")
 FORMS = ("auto", "minimal", "maximal", "hamiltonian", "spatial")
 STIFFNESS_RATIO = 30.0

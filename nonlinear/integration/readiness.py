@@ -175,7 +175,7 @@ def made_private(path: Path) -> Path:
     if os.name == "posix":
         status = path.stat()
         if status.st_uid != os.geteuid():
-            raise PermissionError(EPERM, "the folder is somebody else's", str(path))
+            raise PermissionError(EPERM, "the folder belongs to another user", str(path))
         if status.st_mode & (S_IRWXG | S_IRWXO):
             path.chmod(S_IRWXU)
     return path

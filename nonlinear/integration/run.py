@@ -96,7 +96,7 @@ class Prepared:
             hint = _hint(system)
             if not hint and swing * duration >= PHASE_MAX:
                 hint = f"; the fastest swing of this scene, {swing:.3g} rad/s, cannot be followed for {duration:g} s"
-                hint += ": remove what is so light or so stiff, or simulate a shorter time"
+                hint += ": remove parts that are so light or so stiff, or simulate a shorter time"
             raise SimulationError(f"{record.stopped}{hint}", trajectory)
         return trajectory
 

@@ -17,6 +17,7 @@ from modal.exact import flint
 from modal.report import ReportColumn, Result, silent
 from modal.scene import CAPABILITIES, Scene, require
 from modal.scene.doors import checked, checked_number
+from modal.scene.signal_names import symbols_in
 from modal.types import Floats
 from nonlinear.dynamics import Generated
 from nonlinear.dynamics.generated import WRITTEN_LINKS_MAX
@@ -127,7 +128,9 @@ class Tube(Result):
         half = self.system.n_links + self.system.first
         columns = [ReportColumn("time", "time_s", "time (s)", ".9g")]
         for k, name in enumerate(self.names):
-            heading = f"{self.system.labels[k]} ({'rad' if name.endswith('_rad') else 'm'})" if k < half else None
+            heading = (
+                f"{symbols_in(self.system.labels[k])} ({'rad' if name.endswith('_rad') else 'm'})" if k < half else None
+            )
             columns.append(ReportColumn(_part_of(k, "words"), None, heading, str))
             columns.append(ReportColumn(_part_of(k, "mid"), name))
             columns.append(ReportColumn(_part_of(k, "radius"), f"{name}_radius"))
@@ -153,7 +156,7 @@ class Tube(Result):
         """Notes on what is proved."""
         yield (
             f"proved: the motion that begins with the stored numbers stays within {at_most(self.radius)} of these "
-            "values at these times, in rad, m and their rates; digits that are not certain are left out."
+            "values at these times, in rad, m and their rates; uncertain digits are omitted."
         )
         yield f"{self.steps} Taylor steps with {self.digits} digits, in ball arithmetic."
 
@@ -229,7 +232,7 @@ def enclose_motion(
         raise SceneError([f"the scene has {system.n_links} links: a proved motion takes at most {WRITTEN_LINKS_MAX}"])
     equations = Generated(system)
     if equations.inputs.count and not equations.is_time_only:
-        raise SceneError(["a proved motion follows sines in time alone, not records, sweeps or other functions"])
+        raise SceneError(["a proved motion supports only sines in time, not records, sweeps or other functions"])
     times = sample_times(scene, duration, start_time, output)
     state = validate_state(start if start is not None else initial_state(scene), system)
     y = [flint().arb(number) for number in equations.layout.begin(state).tolist()]

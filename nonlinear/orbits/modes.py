@@ -153,10 +153,10 @@ def oscillating(scene: Scene, number: int) -> tuple[Modes, int]:
         raise SceneError([f"mode {number}: the scene has modes 1 to {len(modes)}"])
     rows = np.flatnonzero(table_numbers(scene, conservative_modes) == number)
     if not rows.size:
-        raise SceneError([f"mode {number}: is a mode of the dampers alone, which does not oscillate"])
+        raise SceneError([f"mode {number}: is overdamped and does not oscillate"])
     row = int(rows[0])
     if conservative_modes.eigenvalue[row].real > 0:
-        raise SceneError([f"mode {number}: grows without swinging, as a link that stands does, and has no orbits"])
+        raise SceneError([f"mode {number}: grows without oscillating, as inverted links do, and has no orbits"])
     if conservative_modes.omega[row] == 0:
         raise SceneError([f"mode {number}: a rigid translation does not oscillate"])
     shape = conservative_modes.shape(row)

@@ -12,7 +12,7 @@ import numpy as np
 
 from modal.loci import state_columns
 from modal.report import ReportColumn, ReportTable, as_csv, counted, finite, line_width, listed, titled
-from modal.scene import Scene, title_of, validate_scene
+from modal.scene import Scene, number_label, number_words, title_of, validate_scene
 from nonlinear.orbits.branch import Branch
 from nonlinear.orbits.cycles import growth
 from nonlinear.orbits.flow import ORBIT_TOLERANCE
@@ -23,8 +23,8 @@ TABLE_ROWS_MAX = 16
 """Format: rows of a table in the text: orbits of a branch, spread over it."""
 STABLE = "stable: no perturbation grows; largest |μ|: of the non-trivial Floquet multipliers."
 PHASES = (
-    "phase: by how much the fundamental of the link with the largest angle is ahead of the first drive; fed: the "
-    "energy that the drives feed in a period."
+    "phase: lead of the fundamental of the link with the largest angle over the first drive; fed: energy that the "
+    "drives supply per period."
 )
 WORDS = {"energy": "of the energy", "omega": "of the frequency", "symmetry": "that breaks the symmetry"}
 
@@ -118,7 +118,7 @@ def orbits_text(scene: Scene, branches: Sequence[Branch], linear: float | None =
 
 def _parts(branches: Sequence[Branch], linear: float | None) -> Iterator[str]:
     for number, branch in enumerate(branches):
-        direction = f" along {branch.variation.path}" if branch.variation else ""
+        direction = f" along the {_number(branch)}" if branch.variation else ""
         count, worst = counted(len(branch.orbits), "orbit", "orbits"), max(orbit.residual for orbit in branch.orbits)
         closure = 10.0 ** ceil(log10(max(worst, ORBIT_TOLERANCE)))
         cycles = branch.orbits[0].cycles
@@ -137,7 +137,7 @@ def _parts(branches: Sequence[Branch], linear: float | None) -> Iterator[str]:
 def _quantities(branch: Branch, linear: float | None) -> Iterator[ReportColumn]:
     """Return the text on an orbit."""
     if branch.variation:
-        place = f"{branch.variation.path} ({branch.variation.unit or '–'})"
+        place = number_label(branch.orbits[0].scene, branch.variation.path)
         yield ReportColumn(partial(_parameter, branch), None, place, ".6g")
     yield ReportColumn(lambda orbit: degrees(orbit.amplitude), None, "largest angle (°)", ".3f")
     if branch.is_forced:
@@ -165,7 +165,7 @@ def _notes(branch: Branch) -> Iterator[str]:
         yield special_words(branch, special)
     last = branch.orbits[-1]
     if branch.is_forced and branch.orbits[0].floquet.neutral:
-        yield "nothing holds the cart: a multiplier is 1, that of motions beginning at another place than x = 0."
+        yield "nothing holds the cart: one multiplier is 1, for a shift of its position."
     if branch.is_forced and any(last.turns):
         yield f"whole turns of the links in a period: {', '.join(map(str, last.turns))}."
     if branch.is_forced and branch.returns:
@@ -182,8 +182,8 @@ def _missing_ends(branches: Sequence[Branch]) -> Iterator[str]:
     reached_values = np.concatenate([branch.value[[0, -1]] for branch in branches])
     for value in (variation.values[0], variation.values[-1]):
         if not np.any(np.isclose(reached_values, value, rtol=1e-9)):
-            place = f"{variation.path} = {value:g} {variation.unit}".rstrip()
-            yield fill(f"at {place} no motion was found: begin with a run that settles there.", line_width())
+            place = f"{_number(branches[0])} = {value:g} {variation.unit}".rstrip()
+            yield fill(f"at {place} no motion was found: start from a run that settles there.", line_width())
 
 
 def special_words(branch: Branch, special: Special) -> str:
@@ -195,9 +195,14 @@ def special_words(branch: Branch, special: Special) -> str:
     return f"{special.kind}{turns} at {_place(branch, special.orbit)}{fate}."
 
 
+def _number(branch: Branch) -> str:
+    """What is varied along a branch."""
+    return number_words(branch.orbits[0].scene, branch.variation.path) if branch.variation else ""
+
+
 def _place(branch: Branch, orbit: Orbit) -> str:
     digits = 10 if orbit.cycles else 8
     words = [f"{degrees(orbit.amplitude):.5g}°", f"{orbit.omega:.6g} rad/s"][: 1 if orbit.cycles else 2]
     if branch.variation and orbit.value is not None and isfinite(orbit.value):
-        words = [f"{branch.variation.path} = {orbit.value:.{digits}g} {branch.variation.unit}".rstrip(), *words]
+        words = [f"{_number(branch)} = {orbit.value:.{digits}g} {branch.variation.unit}".rstrip(), *words]
     return listed(words, len(words))

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from modal.plotting.layout import headline, key, legend, symbols_in
+from modal.plotting.layout import headline, key, legend
 from modal.plotting.style import (
     BAND_OPACITY,
     HUES,
@@ -22,6 +22,7 @@ from modal.plotting.style import (
     thickness,
 )
 from modal.scene import number_words, title_of
+from modal.scene.signal_names import symbols_in
 from modal.types import Floats, Ints
 from nonlinear.plotting.sweeps import colours_of, draw_map, draw_shades, label
 

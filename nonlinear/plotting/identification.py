@@ -43,12 +43,12 @@ def fit_figure(fit: Fit) -> Figure:
             axes[c].plot(times, factor * measured_values, ".", ms=2.5, color=ink(), label=names[0])
             axes[c].plot(times, factor * fitted_values, color=colour(c), lw=1.1, label=names[1])
             miss = 1e3 * (measured_values - fitted_values)
-            axes[-1].plot(times, miss, color=colour(c), lw=0.8, label="_" if s else sensor.name)
+            axes[-1].plot(times, miss, color=colour(c), lw=0.8, label="_" if s else sensor.words)
         if s:
             for axis in axes:
                 axis.axvline(times[0] - gap / 2, color=rest(), lw=0.6, ls=MARKED)
     for axis, sensor in zip(axes, sensors, strict=False):
-        axis.set_ylabel(f"{sensor.name} ({SHOWN[sensor.unit]})")
+        axis.set_ylabel(f"{sensor.words} ({SHOWN[sensor.unit]})")
     legend(axes[0], 2)
     units = {MISSED[sensor.unit] for sensor in sensors}
     axes[-1].set_ylabel(f"residual ({', '.join(sorted(units))})")

@@ -36,6 +36,7 @@ from modal.plotting.style import (
 from modal.plotting.vibration import QUANTITIES
 from modal.scene import Scene, title_of
 from modal.scene.doors import require_type
+from modal.scene.signal_names import link_names
 from modal.statespace.loops import loops_of
 from modal.types import Floats
 from nonlinear.dynamics.feedback import HeldInputs, input_of

@@ -6,9 +6,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from modal.plotting.layout import headline, set_values, symbols_in
+from modal.plotting.layout import headline, set_values
 from modal.plotting.style import colour, dot_size, stack
 from modal.scene import title_of
+from modal.scene.signal_names import symbols_in
 from nonlinear.ensembles import BifurcationDiagram, StroboscopicSection
 
 

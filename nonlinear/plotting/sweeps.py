@@ -36,6 +36,7 @@ from modal.plotting.style import (
 from modal.report import deferred
 from modal.scene import Scene, number_label, title_of
 from modal.scene.parameters import Variation
+from modal.scene.signal_names import column_name, column_words
 from modal.types import Floats
 from modal.vibration import KINDS
 
@@ -46,28 +47,6 @@ KIND_COLOURS = 0, 1, 2
 """Of growth at the frequency, at half of it and at a combination."""
 FRACTIONS = {"order", "survivor_share"}
 """Quantities from 0 to 1, whose scales are linear however small they get."""
-WORDS = {
-    "omega": "ω",
-    "survivor": "surviving mode",
-    "survivor share": "its share of the energy",
-    "order": "order parameter R",
-    "lyapunov": "largest Lyapunov exponent",
-}
-"""What quantities are called whose columns do not say it."""
-UNITS = (
-    ("_rad_per_s", "rad/s"),
-    ("_deg_per_s", "°/s"),
-    ("_m_per_s", "m/s"),
-    ("_per_s", "1/s"),
-    ("_deg", "°"),
-    ("_rad", "rad"),
-    ("_s", "s"),
-    ("_m", "m"),
-    ("_kg", "kg"),
-    ("_J", "J"),
-    ("_W", "W"),
-    ("_N", "N"),
-)
 
 
 def sweep_figure(sweep: Sweep) -> Figure:
@@ -100,26 +79,14 @@ def validate_axes(axes: Sequence[Variation]) -> None:
         raise ComputationError("a figure needs one or two parameters, each with two or more values")
 
 
-def words(column: str) -> tuple[str, str]:
-    """A column's name and unit for display: ("omega 1", "rad/s")."""
-    for ending, unit in UNITS:
-        if column.endswith(ending):
-            return column.removesuffix(ending).replace("_", " "), unit
-    return column.replace("_", " "), ""
-
-
 def label(column: str) -> str:
     """An axis label for a column."""
-    return f"{name_of(column)} ({words(column)[1] or NUMBER})"
+    return f"{name_of(column)} ({column_words(column)[1] or NUMBER})"
 
 
 def name_of(column: str) -> str:
-    """What a column is called in a figure: ω₁ or words."""
-    name = words(column)[0]
-    numbered = re.fullmatch(r"(omega|beat) (\d+[a-z]*)", name)
-    if numbered:
-        return rf"ω$_{{{numbered[2]}}}$" if numbered[1] == "omega" else f"beat of mode {numbered[2]}"
-    return WORDS.get(name, name)
+    """Return what a column is called in a figure: ω₁ or words."""
+    return re.sub(r"^omega (\d+[a-z]+)$", r"ω$_{\1}$", column_name(column))
 
 
 # ------------------------------------------------------------------------------------------------------- curves

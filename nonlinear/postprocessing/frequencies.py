@@ -115,7 +115,7 @@ class _Signal:
             waves, is_rounding = self._step(waves)
             if is_rounding:
                 return waves
-        raise ComputationError("the signal has no steady line: its frequency does not converge")
+        raise ComputationError("the signal has no steady spectral line: its frequency does not converge")
 
     def _step(self, waves: _Waves) -> tuple[_Waves, bool]:
         """One Gauss–Newton step, and whether the remainder is rounding."""

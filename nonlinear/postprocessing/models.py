@@ -110,7 +110,7 @@ def models_along(run: Trajectory, inputs: tuple[str, ...] = (), outputs: tuple[s
     (5, 4, 4)
     """
     if run.driven:
-        raise SceneError(["run: applied forces acted on it, which it does not tell"])
+        raise SceneError(["run: applied forces acted on it, which are not stored with it"])
     motion = _InMotion(run.scene)
     motion.validate(inputs, outputs)
     rows = motion.equations.layout.rows(run.motion)

@@ -26,7 +26,7 @@ def reaction_forces_of(trajectory: Trajectory) -> Reactions:
         raise ComputationError("the reaction forces of this run need its applied forces, which are not saved")
     system, motion = trajectory.system, trajectory.motion
     if system.is_sampled:
-        raise ComputationError("reaction forces: what sampled feedback held is not kept with a run")
+        raise ComputationError("reaction forces: the held inputs of sampled feedback are not stored with a run")
     support = system.support
     size, times = 3 if system.spatial else 2, trajectory.times
     support_motion = (support.accelerations(times, size), support.velocities(times, size)) if support else None

@@ -129,7 +129,7 @@ def slack_words(trajectory: Trajectory) -> list[str]:
     try:
         return words_of(pushing_links(trajectory), trajectory.scene)
     except ComputationError as error:
-        return [f"not judged whether a rope would be slack: {error}"]
+        return [f"whether a rope would be slack was not determined: {error}"]
 
 
 def words_of(links: Sequence[PushingLink], scene: Scene) -> list[str]:

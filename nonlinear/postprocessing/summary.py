@@ -62,10 +62,10 @@ def _lines(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
     if isfinite(run.error):
         yield "accuracy", f"no angle is off by more than {run.error:.2g} rad"
     elif run.form == TRUNCATED:
-        yield "accuracy", "unknown: nothing has judged what the other shapes would change"
+        yield "accuracy", "unknown: the effect of the omitted shapes was not estimated"
     yield from _ranges(trajectory)
     if trajectory.system.has_escapements:
-        yield "drives", f"{len(trajectory.kicks.time)} kicks fed {trajectory.kicks.energy.sum():.6g} J"
+        yield "drives", f"{len(trajectory.kicks.time)} kicks supplied {trajectory.kicks.energy.sum():.6g} J"
     yield from _friction(trajectory)
     if run.method == CLOSED and trajectory.system.works:
         yield "energy", "the work of dampers is not computed in closed form"
@@ -95,7 +95,7 @@ def _friction(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
     friction = trajectory.friction
     yield (
         "friction",
-        f"took {-friction.work.sum():.6g} J; {noun_count(len(friction.link), 'phase', 'phases')} of sticking",
+        f"dissipated {-friction.work.sum():.6g} J; {noun_count(len(friction.link), 'phase', 'phases')} of sticking",
     )
     if isfinite(friction.rest):
         yield "at rest", f"from {friction.rest:.9g} s on"

@@ -69,7 +69,7 @@ LOOKS_MAX = 20_000
 """Cost: times at which two runs are compared (benchmarks/few_modes.py)."""
 JUDGE_RATIO = 100.0
 """Tolerance: of the run over that of its judge, which sees the integrator's error too."""
-UNJUDGED = "not judged, for the second run did not reach its end"
+UNJUDGED = "not estimated, since the second run did not reach its end"
 
 
 class Kept(NamedTuple):
@@ -234,7 +234,7 @@ def in_modes(
     fewer = survey.columns(modes)
     look_times = _look_times(survey, np.arange(fewer), times)
     first = _simulate(survey, np.arange(fewer), np.union1d(times, look_times), method, tolerance, report)
-    errors, judge = np.full(len(first.times), np.inf), "not judged, for the run did not reach its end"
+    errors, judge = np.full(len(first.times), np.inf), "not estimated, since the run did not reach its end"
     if first.complete:
         errors, judge = _judge(survey, first, fewer, look_times, report)
     run = replace(first.run, error=float(errors[-1]), reason=f"{first.run.reason}; error {judge}")
@@ -270,9 +270,9 @@ def _judge(
     distances = np.abs(first.motion.links - second.motion.at(np.isin(times, first.times)).links).max(axis=1)
     errors = _within(durations, distances, 2 * np.pi / float(swings[swings > 0].min(initial=np.inf)))
     if is_full:
-        return 2 * errors, "judged by the whole scene"
+        return 2 * errors, "estimated with all shapes"
     errors = errors + survey.excitation(second, judging, finer)[1].sum(durations)
-    return 2 * errors, f"judged by {len(judging)} shapes, those that they excite"
+    return 2 * errors, f"estimated with {len(judging)} more shapes, those that they excite"
 
 
 def _look_times(survey: Survey, chosen: Ints, times: Floats) -> Floats:

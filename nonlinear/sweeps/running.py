@@ -16,9 +16,10 @@ import numpy as np
 
 from modal.errors import SceneError
 from modal.report import Drawable, TextResult, grid, silent, visible
-from modal.scene import Scene, SineMotion, left_out
+from modal.scene import Scene, SineMotion, left_out, number_words
 from modal.scene.doors import checked, formerly, require_type
 from modal.scene.parameters import Place, Variable, Variation, find_places, texts_of, variation_of
+from modal.scene.signal_names import column_label
 from modal.types import Floats
 from modal.vibration import Boundary, tongues, vertical_sine
 from nonlinear.ensembles.executors import DIED, PROCESS_SECONDS, Crew, computed, cores
@@ -273,10 +274,10 @@ def _lines(sweep: Sweep) -> Iterator[str]:
         for row in sweep.rows:
             (energy,) = sweep.study.point(row.index).values()
             lines.append([f"{energy:.6g}", *(f"{row.numbers.get(name, np.nan):.4g}" for name in sweep.columns)])
-        yield grid(lines, ("energy (J)", *sweep.columns))
+        yield grid(lines, ("energy (J)", *map(column_label, sweep.columns)))
     else:
         rows = [_range(sweep, name) for name in sweep.columns]
-        yield grid(rows, ("number", "smallest", "at", "largest", "at"))
+        yield grid(rows, ("quantity", "smallest", "at", "largest", "at"))
     yield from reasons(sweep)
     yield from notes(sweep)
     if sweep.study.members:
@@ -309,10 +310,15 @@ def notes(sweep: Sweep) -> tuple[str, ...]:
 def _range(sweep: Sweep, name: str) -> tuple[str, ...]:
     values = sweep.values(name).ravel()
     if np.all(np.isnan(values)):
-        return name, "nan", "", "nan", ""
+        return column_label(name), "nan", "", "nan", ""
     ends = int(np.nanargmin(values)), int(np.nanargmax(values))
-    return (name, *(words for end in ends for words in (f"{values[end]:.6g}", _place(sweep, end))))
+    return (column_label(name), *(words for end in ends for words in (f"{values[end]:.6g}", _place(sweep, end))))
 
 
 def _place(sweep: Sweep, index: int) -> str:
-    return ", ".join(f"{path} = {value:.6g}" for path, value in sweep.study.point(index).items())
+    study = sweep.study
+    units = {variation.path: variation.unit for variation in study.variations}
+    return ", ".join(
+        f"{'energy' if path == ENERGY else number_words(study.scene, path)} = {value:.6g} {units[path]}".rstrip()
+        for path, value in study.point(index).items()
+    )

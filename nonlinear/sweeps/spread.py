@@ -16,7 +16,7 @@ import os
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
@@ -40,6 +40,7 @@ from modal.report import (
 from modal.scene import Scene, describe, left_out
 from modal.scene.doors import checked, formerly
 from modal.scene.parameters import Place, Variable, texts_of, with_numbers
+from modal.scene.signal_names import symbols_in
 from modal.scene.unknowns import find_unknowns
 from modal.types import Floats
 from nonlinear.ensembles import Ensemble, ensemble
@@ -74,11 +75,12 @@ class Tolerance:
 
     def around(self, scene: Scene) -> str:
         """In words, with the scene's own number and its unit."""
-        unit = find_unknowns(scene, self.path)[0].unit_name
+        unknown = find_unknowns(scene, self.path)[0]
+        unit = unknown.unit_name
         if self.sigma:
             value = _value(scene, self.path)
-            return f"{self.path} = {value:g} ± {self.sigma:g} {unit}".rstrip()
-        return f"{self.path} from {self.low:g} to {self.high:g} {unit}".rstrip()
+            return f"{unknown.words} = {value:g} ± {self.sigma:g} {unit}".rstrip()
+        return f"{unknown.words} from {self.low:g} to {self.high:g} {unit}".rstrip()
 
     def drawn(self, value: float, count: int, rng: np.random.Generator) -> Floats:
         """So many values."""
@@ -211,7 +213,7 @@ class Spread(Drawable, Result):
                 ReportColumn(itemgetter(key), None, heading, f"{{:{digits}}}".format)
                 for key, heading, digits in zip(keys, (*headings, "5 %", "95 %"), shown, strict=True)
             ),
-            ReportColumn(_most, None, "matters most"),
+            ReportColumn(partial(_most, self.scene), None, "matters most"),
         )
 
     def records(self) -> Iterator[dict[str, Any]]:
@@ -243,7 +245,11 @@ class Spread(Drawable, Result):
                 f"{name}_deg": [[finite(value) for value in row] for row in band]
                 for name, band in zip(QUANTILE_NAMES, self.bands.tolist(), strict=True)
             }
-            motion = {"engine": self.ensemble.engine, "time_s": self.times.tolist(), "coordinates": _coordinates(self)}
+            motion = {
+                "engine": self.ensemble.engine,
+                "time_s": self.times.tolist(),
+                "coordinates": list(_coordinates(self)),
+            }
             whole["motion"] = motion | bands
         return whole
 
@@ -434,10 +440,10 @@ def spread_table(spread: Spread, form: Form) -> str:
     return spread.report(form)
 
 
-def _most(record: dict[str, Any]) -> str:
+def _most(scene: Scene, record: dict[str, Any]) -> str:
     """Which number matters most, and how much of the variance it explains."""
     most = record["matters_most"]
-    return f"{most} ({100 * record['shares'][most]:.0f} %)" if most else NOTHING
+    return f"{find_unknowns(scene, most)[0].words} ({100 * record['shares'][most]:.0f} %)" if most else NOTHING
 
 
 def motion_words(spread: Spread) -> str:
@@ -445,7 +451,7 @@ def motion_words(spread: Spread) -> str:
     if spread.ensemble is None:
         return ""
     widths = spread.bands[-1] - spread.bands[0]
-    labels = _coordinates(spread)
+    labels = map(symbols_in, _coordinates(spread))
     rows = [
         (label, f"{width[-1]:.3g}", f"{width.max():.3g}", f"{spread.times[width.argmax()]:.3g}")
         for label, width in zip(labels, widths.T, strict=True)

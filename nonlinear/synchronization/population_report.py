@@ -32,8 +32,8 @@ from nonlinear.synchronization.thresholds import MotionBranch, PopulationDiagram
 QUARTERS = "R, rates and the phase from population 1's are means over the last quarter of the run."
 RATES = (
     "Growth rates by Floquet multipliers of the full equations, and below them by the averaged ones. In these motions "
-    "every population moves as one pendulum. Disturbances keep their symmetry (own), lead towards the other motion "
-    "(other), or are of pendula against each other, which their support does not feel (within a population)."
+    "every population moves as one pendulum. Perturbations keep their symmetry (own), lead towards the other motion "
+    "(other), or act between pendula of one population without moving its support (within a population)."
 )
 EXACT = (
     "exact: where a growth rate by Floquet multipliers of the full equations vanishes; averaged: where one of the "
@@ -117,7 +117,7 @@ def _reasons(motions: tuple[SymmetricMotion, ...]) -> Iterator[str]:
             why = motion.reason(k)
             yield f"{capital(motion.pattern.name)} {leaves(motion.names[k])}{': ' + why if why else ''}."
         if not growing and (why := next(filter(None, map(motion.reason, range(len(motion.names)))), "")):
-            yield f"{capital(motion.pattern.name)} lasts: {why}."
+            yield f"{capital(motion.pattern.name)} is stable: {why}."
 
 
 def leaves(sector: str) -> str:
@@ -158,8 +158,8 @@ def _motion_record(motion: SymmetricMotion) -> dict[str, Any]:
 
 def diagram_text(diagram: PopulationDiagram) -> str:
     """One line for every symmetric motion, then one for every threshold, then their reasons."""
-    unit, where = diagram.variation.unit, span_of(diagram.variation)
-    head = f"{counted(len(diagram.branches), 'symmetric motion', 'symmetric motions')} over {where}"
+    unit, where = diagram.variation.unit, span_of(diagram.variation, diagram.scene)
+    head = f"{counted(len(diagram.branches), 'symmetric motion', 'symmetric motions')} for {where}"
     table = ReportTable.of(
         (
             ReportColumn("name", None, "motion"),
@@ -205,7 +205,7 @@ def ends_of(values: Floats) -> str:
 def threshold_words(threshold: Threshold) -> str:
     """What happens there: loses stability (neighbours beat at 0.2 rad/s)."""
     beats = f" (neighbours beat at {threshold.beat:.3g} rad/s)" if threshold.beat else ""
-    return (threshold.becomes or f"disturbances begin to {'grow' if threshold.rises else 'decay'}") + beats
+    return (threshold.becomes or f"perturbations begin to {'grow' if threshold.rises else 'decay'}") + beats
 
 
 def diagram_csv(diagram: PopulationDiagram) -> str:

@@ -55,20 +55,20 @@ from nonlinear.system import System
 
 NOT_COVERED = (
     "The averaged equations are of first order in dampers, drives, coupling within a band and squares of angles, with "
-    "the third harmonic of every swing. They omit: what else happens within a swing, stiction, backlash, "
-    "motion across the rail, inverted links, noise. Motions in which modes of one band beat for ever, with two or more "
-    "frequencies, may exist besides the steady ones; they are not searched for."
+    "the third harmonic of every swing. They neglect everything else within a swing, stiction, backlash, motion "
+    "across the rail, inverted links and noise. Motions in which modes of one band beat forever, with two or more "
+    "frequencies, may exist as well; they are not searched for."
 )
 EXACT = (
     "Frequency, stability and e-folding time are those of the periodic orbit near each: of its period and its "
     "Floquet multipliers in the full equations."
 )
-COPIED = "Copies are the same motion with the parts of equal pendula exchanged."
+COPIED = "Copies are the same motion with the roles of equal pendula exchanged."
 LEFT = "(averaged): no such orbit was found."
 LOCATED = (
     "exact: where periodic orbits of the full equations turn or change their stability, by their Floquet multipliers."
 )
-NUMBERED = "Modes have their numbers in the table."
+NUMBERED = "Modes are numbered as in the table."
 LISTED_FREQUENCIES_MAX = 6
 """Format: frequencies of pendula in a sentence."""
 
@@ -138,7 +138,7 @@ def _winner(study: SynchronizationStudy) -> Iterator[str]:
     if survival and survival.beat:
         beats = survival.beat
         outcome = (
-            f"the energy beats indefinitely: mode {survival.number} holds between {percent(beats.low)} and "
+            f"the energy beats indefinitely: mode {survival.number} contains between {percent(beats.low)} and "
             f"{percent(beats.high)} of it, every {beats.period:.4g} s ({_angles(study)})"
         )
     elif survival and outcome and not survival.is_settled:
@@ -149,10 +149,10 @@ def _winner(study: SynchronizationStudy) -> Iterator[str]:
         return
     prediction = study.theory.prediction
     if prediction.motion.dies:
-        yield "The swing dies out, by the prediction: no drive keeps it up."
+        yield "The swing dies out, by the prediction: no drive sustains it."
         return
     mode = f"mode {prediction.number} ({prediction.averaged.modes[prediction.row].family})"
-    strongest = f"No mode wins; {mode} holds most, {percent(prediction.share)}"
+    strongest = f"No mode wins; {mode} has most, {percent(prediction.share)}"
     forecast = f"{capital(mode)} wins" if prediction.is_won else strongest
     if not outcome:
         yield f"{forecast}, by the prediction."
@@ -164,7 +164,7 @@ def _winner(study: SynchronizationStudy) -> Iterator[str]:
             f"({end})."
         )
     elif study.agrees is None:
-        yield f"{forecast}, by the prediction; the simulation is too short to tell: {outcome}."
+        yield f"{forecast}, by the prediction; the simulation is too short to confirm it: {outcome}."
     else:
         yield f"The simulation differs from the prediction: {outcome}. Predicted: {forecast[:1].lower()}{forecast[1:]}."
 
@@ -204,7 +204,7 @@ def _since(study: SynchronizationStudy) -> Iterator[str]:
     if clauses:
         from_start = not any(time for time, _ in times)
         when = "from the start" if from_start else f"after {listed(clauses, len(clauses))}"
-        yield f"All other modes hold less than 1 % of the energy {when}."
+        yield f"All other modes contain less than 1 % of the energy {when}."
     elif study.survival and study.survival.beating:
         yield _beating(study.survival)
 
@@ -222,7 +222,7 @@ def _locking(study: SynchronizationStudy) -> Iterator[str]:
     if study.theory is not None and study.theory.prediction.motion.dies:
         return
     if study.survival and study.survival.beat:
-        yield f"The pendula are not locked: they beat, at {frequencies.mean():.6g} rad/s in the mean (R = {order:.4f})."
+        yield f"The pendula are not locked: they beat, at {frequencies.mean():.6g} rad/s on average (R = {order:.4f})."
     elif phases.locked:
         omega = f"{_locked_frequency(study):.6g} rad/s"
         yield f"The pendula are locked at {omega}, with the order parameter R = {order:.4f}."
@@ -258,7 +258,7 @@ def _table(theory: Theory) -> str:
     if any(state.copies > 1 for state, _ in motions):
         notes.insert(0, COPIED)
     if n_more := len(motions) - len(rows_shown):
-        notes.insert(0, f"{n_more} more, all unstable, are in the JSON form.")
+        notes.insert(0, f"{n_more} more, all unstable, are in the JSON output.")
     return "\n\n".join([rows, *(fill(note, line_width()) for note in notes)])
 
 
@@ -299,7 +299,7 @@ def _prediction(study: SynchronizationStudy, theory: Theory) -> Iterator[str]:
             f"that is off by {100 * ASIDE:.0f} %."
         )
     if prediction.motion.dies:
-        yield "The swing dies out: no drive keeps it up."
+        yield "The swing dies out: no drive sustains it."
         return
     mode = prediction.averaged.modes[prediction.row]
     share = percent(prediction.share)
@@ -307,7 +307,7 @@ def _prediction(study: SynchronizationStudy, theory: Theory) -> Iterator[str]:
     if prediction.is_won:
         yield f"Mode {prediction.number} survives {which}, with {share} of the energy."
     else:
-        yield f"No mode wins: mode {prediction.number} {which} holds most, {share} of the energy."
+        yield f"No mode wins: mode {prediction.number} {which} has most, {share} of the energy."
     if theory.ending:
         size = float(np.abs(theory.ending.floquet.others).max())
         yield f"The orbit in which it ends is stable in the full equations: no multiplier exceeds {size:.6g}."
@@ -320,7 +320,7 @@ def _prediction(study: SynchronizationStudy, theory: Theory) -> Iterator[str]:
     locking = prediction.locking_time()
     if locking is None or not np.ptp(prediction.averaged.row):
         return
-    yield f"All other modes hold less than 1 % of the energy after {short(locking)} s."
+    yield f"All other modes contain less than 1 % of the energy after {short(locking)} s."
     if doubts := prediction.timing_doubts[len(prediction.doubts) :]:
         yield f"That time is approximate: {'; '.join(doubts)}."
 
@@ -342,7 +342,8 @@ def _survivor(survival: Survival) -> Iterator[str]:
     except ComputationError as error:
         yield f"{capital(str(error))}."
         return
-    yield f"Mode {survival.number} holds {percent(survival.survivor_share)} of the energy at the end ({mode.family})."
+    share = percent(survival.survivor_share)
+    yield f"Mode {survival.number} contains {share} of the energy at the end ({mode.family})."
     time = survival.locking_time()
     if len(survival.row) == 1:
         return
@@ -351,7 +352,7 @@ def _survivor(survival: Survival) -> Iterator[str]:
     if time is None:
         yield "The others do not stay below 1 %."
     else:
-        yield f"All others hold less than 1 % after {short(time)} s."
+        yield f"All others contain less than 1 % after {short(time)} s."
 
 
 def _beating(survival: Survival) -> str:
@@ -407,7 +408,7 @@ def _energies(study: SynchronizationStudy) -> Iterator[str]:
     if len(kicks.time):
         kick_energy = float(kicks.energy.sum())
         rest = _others(trajectory.system, work - kick_energy)
-        yield f"{counted(len(kicks.time), 'kick', 'kicks')} fed {kick_energy:.6g} J{rest}."
+        yield f"{counted(len(kicks.time), 'kick', 'kicks')} supplied {kick_energy:.6g} J{rest}."
     elif trajectory.system.works:
         yield f"Drives and dampers together did {work:.6g} J of work."
     if isfinite(drift := trajectory.energy_drift()):
@@ -419,7 +420,7 @@ def _others(system: System, work: float) -> str:
     if any(group.has_active_laws for group in system.groups):
         return f", van der Pol drives and dampers together did {work:.6g} J of work"
     what = "dampers, friction and drag" if system.rubs or system.has_drag else "dampers"
-    return f", {what} took {-work:.6g} J" if system.dissipates else ""
+    return f"; {what} dissipated {-work:.6g} J" if system.dissipates else ""
 
 
 def sync_record(study: SynchronizationStudy) -> dict[str, Any]:
@@ -542,8 +543,8 @@ def _frequencies(study: SynchronizationStudy) -> dict[str, Any]:
 
 def branches_text(diagram: Branches) -> str:
     """One line per branch, counted from 1, then one per critical value."""
-    unit, where = diagram.variation.unit, span_of(diagram.variation)
-    head = f"{len(diagram.branches)} configurations over {where}"
+    unit, where = diagram.variation.unit, span_of(diagram.variation, diagram.scene)
+    head = f"{len(diagram.branches)} configurations for {where}"
     table = ReportTable.of(
         (
             ReportColumn(lambda row: row[0], None, ""),

@@ -37,7 +37,7 @@ PERIODS_AFTER_LOCKING = 30
 """Limit: periods of the slowest mode that are added to it."""
 USUAL_PERIODS = 200
 """Limit: default of `duration` in periods where nothing predicts it, and the least transient before strobes."""
-UNCERTIFIED = "no stable periodic orbit of the full equations was found beside the final state"
+UNCERTIFIED = "no stable periodic orbit of the full equations was found near the final state"
 PERIODS_MAX = 5000
 """Limit: the longest default of `duration` in periods."""
 SEARCHED_PENDULA_MAX = 8

@@ -125,7 +125,7 @@ def comparison_verdict(comparison: Comparison) -> list[str]:
     first, *others = rows[:4]
     shares = "".join(f", mode {row.mode.number} {percent(row.share)}" for row in others)
     rest = "" if len(rows) <= 4 else f", {len(rows) - 4} others the rest"
-    sentences = [f"Mode {first.mode.number} holds {percent(first.share)} of the energy{shares}{rest}."]
+    sentences = [f"Mode {first.mode.number} contains {percent(first.share)} of the energy{shares}{rest}."]
     lines = [(row, row.lines[0]) for row in rows[:4] if row.lines]
     off = [abs(line.omega / row.mode.omega - 1) for row, line in lines if row.mode.omega]
     if off:

@@ -284,7 +284,7 @@ def test_the_table_in_every_form(capsys: pytest.CaptureFixture[str]) -> None:
 def test_the_command(tmp_path, capsys: pytest.CaptureFixture[str]) -> None:  # type: ignore[no-untyped-def]
     words = "simulate paper-cart-2 --start mode:2:5 --accuracy 1e-3 --duration 10"
     assert main([*words.split(), "-o", str(tmp_path / "run.npz")]) == 0
-    assert "the cheapest way to 0.001 rad" in capsys.readouterr().out
+    assert "the cheapest method for 0.001 rad" in capsys.readouterr().out
     assert load_run(tmp_path / "run.npz").run.error <= 1e-3
     assert (
         main([*["simulate", "paper-cart-3", "--accuracy", "1e-3", "--duration", "25"], "-o", str(tmp_path / "b.npz")])

@@ -269,5 +269,5 @@ def test_a_force_starts_a_scene_at_rest_and_its_summary_tells_angles_in_degrees(
 def test_a_modal_support_stands_on_ground_at_rest() -> None:
     frame = ModalSupport(name="frame", M=((2.0,),), K=((50.0,),), points=(((1.0,), (0.0,)),))
     hung = [Pendulum(on="frame[0]", links=[Bob(mass=0.5, length=0.7)])]
-    with pytest.raises(SceneError, match="does not say how a moving ground shakes its own mass"):
+    with pytest.raises(SceneError, match="does not define how ground motion acts on its own mass"):
         Scene(gravity=9.81, support=frame, ground=Ground(motion=SHAKE), pendulum=hung)

@@ -412,11 +412,11 @@ def test_free_bodies_are_drawn_or_written(capsys: pytest.CaptureFixture[str], tm
 def test_what_free_bodies_do_not_take_is_said(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     picture = str(tmp_path / "parts.png")
     refusals = {
-        ("-o", picture): "free bodies alone are drawn",
-        ("--names", "paper"): "belongs to --show freebody",
-        ("--show", "freebody,modes"): "excludes other sections",
-        ("--show", "freebody", "--symbolic", "masses"): "all numbers of free bodies are symbols",
-        ("--show", "freebody", "--parts", "2"): "chooses what is drawn",
+        ("-o", picture): "only free-body diagrams are drawn",
+        ("--names", "paper"): "needs --show freebody",
+        ("--show", "freebody,modes"): "cannot be combined with other sections",
+        ("--show", "freebody", "--symbolic", "masses"): "not needed for free bodies",
+        ("--show", "freebody", "--parts", "2"): "selects what is drawn",
         ("--show", "freebody", "--parts", "2:9", "-o", picture): "the scene has parts 1 to 3",
     }
     for words, message in refusals.items():

@@ -53,7 +53,7 @@ def test_a_file_without_a_name_is_called_as_the_scene(
     ("words", "line"),
     [
         ("orbits chain-2 --largest-angle 5", "branch 1, from mode 1"),
-        ("response crane-hook", "peaks of the response to cart_acceleration (m/s^2)"),
+        ("response crane-hook", "peaks of the response to cart acceleration (m/s²)"),
         ("spread chain-2 --members 50", "50 members with gravity = 9.81 ± 0.0981 m/s²"),
         ("vibration tower --psd 1e-3", "RMS from 0.115437 to 2.8089 Hz"),
         ("table chain-2 --places", "pendulum[0].links[0].length"),

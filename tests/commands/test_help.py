@@ -178,7 +178,7 @@ def test_a_long_example_is_folded_between_an_option_and_the_next() -> None:
         ("shaper crane-hook --over 3", "--over: needs --travel METRES", "multipendula shaper --help"),
         ("basins chain-2 --engine heyoka", "--engine heyoka: is no longer there", "multipendula basins --help"),
         ("table chain-3 --modes 9:1", "--modes 9:1: begins after its end", "multipendula table --help"),
-        ("table chain-3 chain-4", "chain-4: is one argument too many", "multipendula table --help"),
+        ("table chain-3 chain-4", "chain-4: unexpected argument", "multipendula table --help"),
         ("shapes chain-3 -o a.avi", "-o a.avi: the name must end in", "multipendula shapes --help"),
         ("simulate chain-3 --samples 0", "must be a whole number", "multipendula simulate --help"),
         ("sweep chain-3 --vary gravity=1,2 -o a.txt", "-o a.txt: the name must end in", "multipendula sweep --help"),
@@ -223,8 +223,8 @@ def test_what_a_command_did_by_itself_is_told_with_its_new_words(capsys: pytest.
         ("simulate chain-2 --format json", ["--format: needs --accuracy RAD of a scene, --proved or --compile"]),
         ("simulate", ["SCENE: is required"]),
         ("scenes chain-2 --schema", ["chain-2: the schema is that of every scene"]),
-        ("poles modes.csv", ["modes.csv: has modes"]),
-        ("poles modes.csv --scene chain-2 --order 3", ["--order: is for measured motions"]),
+        ("poles modes.csv", ["modes.csv: contains modes"]),
+        ("poles modes.csv --scene chain-2 --order 3", ["--order: applies to measured motions"]),
     ],
 )
 def test_ways_that_do_not_go_together_are_refused(

@@ -152,8 +152,8 @@ def test_motions_have_a_band(folder: Path, capsys: pytest.CaptureFixture[str]) -
         (("poles", "crane.toml"), "is a scene, not a CSV table: the scene comes first"),
         (("poles", "missing.csv"), "No such file"),
         (("poles", "fit.json", "--scene", "crane.toml"), "is JSON, not a CSV table"),
-        (("fit", "crane.toml", "modes.csv", "--free", "gravity", "--scale"), "--scale: is for measured motions"),
-        (("fit", "crane.toml", "modes.csv", "modes.csv", "--free", "gravity"), "from one file"),
+        (("fit", "crane.toml", "modes.csv", "--free", "gravity", "--scale"), "--scale: applies to measured motions"),
+        (("fit", "crane.toml", "modes.csv", "modes.csv", "--free", "gravity"), "from a single file"),
     ],
 )
 def test_a_mistake_is_told_in_one_message(

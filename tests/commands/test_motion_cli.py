@@ -123,7 +123,7 @@ def test_a_scene_in_space_without_a_start_begins_along_the_rail(
         (["chaos", "paper:000", "--duration", "3"], "paper:000: has its own --duration"),
         (["tradeoff", "cart-upright", "--start", "scene"], "no pendulum has a start"),
         (["tradeoff", "chain-3", "-o", "film.avi"], "-o film.avi: the name must end in .png, .svg, .pdf, .txt"),
-        (["tradeoff", "chain-3", "--linear", "--duration", "3"], "--duration: is of motions: omit --linear"),
+        (["tradeoff", "chain-3", "--linear", "--duration", "3"], "--duration: applies to motions: omit --linear"),
         (["tradeoff", "chain-3", "--relative-error", "1e-3"], "--relative-error: needs --linear"),
         (["chaos", "chain-spatial"], "a Lyapunov exponent is computed in the plane"),
         (["simulate", "chain-2", "-o", "nowhere/run.npz"], "-o nowhere/run.npz: there is no folder nowhere"),

@@ -33,7 +33,7 @@ from multipendula.commands.evidence import angle_of_one_link, prove
 
 FILE = Path(check_proof.__file__)
 Documents = dict[str, Any]
-LEANING = "force[0]: links lean, at no fractions: enclosed at best"
+LEANING = "force[0]: links lean at irrational angles, enclosed at best"
 LARGE = {"rope", "thousand-pendula"}
 
 
@@ -231,11 +231,11 @@ def test_the_file_alone_says_what_is_proved(tmp_path: Path, capsys: pytest.Captu
     assert told.stdout.count("the only one") == 7
     table.write_text(table.read_text().replace('"multiplicity": 2', '"multiplicity": 3'))
     told = called(checker, scene, table, proof)
-    assert (told.returncode, told.stdout.count("NOT PROVED: the proof is of another multiplicity")) == (1, 2)
+    assert (told.returncode, told.stdout.count("NOT PROVED: the proof has a different multiplicity")) == (1, 2)
     scene.write_text(scene.read_text().replace("1.3", "1.3000000000000003"))
     told = called(checker, scene, table, proof)
     assert told.returncode == 2
-    assert 'scene: "mass": 1.3000000000000003, is "mass": 1.3, in the proof, thus of another scene' in told.stderr
+    assert 'scene: "mass": 1.3000000000000003, is "mass": 1.3, in the proof of another scene' in told.stderr
     assert called(checker, scene, table).returncode == 2
     assert called(checker, scene, table, tmp_path / "none.json").returncode == 2
 
@@ -255,15 +255,15 @@ def test_what_is_not_known_is_refused_by_name() -> None:
     frame = ModalSupport(M=[[3.0]], K=[[16.0]], points=[[[0.0], [1.0]]])
     windy = Scene(gravity=9.81, pendulum=(bob,), force=(ConstantForce(on="pendulum[0].links[0]", amplitude=1.0),))
     files = documents(Scene(gravity=9.0, support=frame, pendulum=(bob.replace(on="modal[0]"),)))
-    assert "kind = modal: this checker" in files["proof"]["modes"][0]["why"]
-    with pytest.raises(check_proof.UnreadableError, match="kind = modal: this checker does not know"):
+    assert "kind = modal: not supported by this checker" in files["proof"]["modes"][0]["why"]
+    with pytest.raises(check_proof.UnreadableError, match="kind = modal: not supported"):
         verdicts(files)
     assert [verdict.words for verdict in verdicts(documents(windy))] == [LEANING]
     assert [verdict.proved for verdict in verdicts(documents(windy))] == [False]
     files = documents(load("chain-2"))
     for data in (files["scene"], files["proof"]["scene"]):
         data["pendulum"][0]["links"][0]["springiness"] = 3.0
-    with pytest.raises(check_proof.UnreadableError, match=r"pendulum\[0\].links\[0\].springiness: this checker"):
+    with pytest.raises(check_proof.UnreadableError, match=r"pendulum\[0\].links\[0\].springiness: not supported"):
         verdicts(files)
 
 
@@ -343,7 +343,7 @@ def test_why_rows_are_not_proved_is_said(tmp_path: Path, capsys: pytest.CaptureF
     path = tmp_path / "loop.toml"
     path.write_text(dumps(Scene(gravity=9.81, support=Cart(mass=1.0), pendulum=(bob,), feedback=[loop])))
     assert main(["table", str(path), "--prove", str(tmp_path / "proof.json")]) == 0
-    assert "not proved, as scene.feedback: this checker does not know it" in capsys.readouterr().err
+    assert "not proved: scene.feedback: not supported by this checker" in capsys.readouterr().err
     assert main(["table", str(path), "--prove", str(tmp_path / "none" / "proof.json")]) == 2
     assert "--prove " in capsys.readouterr().err
 

@@ -190,7 +190,7 @@ def test_every_verb_takes_a_measure_by_the_same_words(capsys: pytest.CaptureFixt
     assert "beat_2_s" in capsys.readouterr().out
     grid = ["--vary", "pendulum[0].start.angles_deg[0]=10,20", "--vary", "pendulum[0].start.angles_deg[1]=5,9"]
     assert main(["basins", "chain-2", *grid, "--measure", "largest_angle:1"]) == 0
-    assert "each simulated for 1 s" in capsys.readouterr().out
+    assert "Each start was simulated for 1 s." in capsys.readouterr().out
     assert main(["basins", "chain-2", *grid, "--measure", "largest_angle:1", "--duration", "2"]) == 2
     assert "--measure largest_angle:1: has its own --duration" in capsys.readouterr().err
     assert main(["basins", "chain-2", *grid, "--measure", "beat"]) == 2

@@ -122,7 +122,7 @@ def test_chosen_columns_are_stacked_and_none_is_lost(printed: Printed) -> None:
 def test_a_terminal_shows_one_table_and_names_what_is_left_out(printed: Printed) -> None:
     whole, narrow = (printed("response paper-cart-3 --input cart_force --gains", columns) for columns in (None, 40))
     assert [text.count("ω (rad/s)") for text in (whole, narrow)] == [2, 2]
-    assert "omitted to fit 40 columns: multiplicity, theta_1_1, theta_1_2" in " ".join(narrow.split())
+    assert "omitted to fit 40 columns: multiplicity, cart position, θ₁₁, θ₁₂" in " ".join(narrow.split())
     assert "left out" not in whole
 
 

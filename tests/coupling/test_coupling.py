@@ -395,7 +395,7 @@ def test_no_beats_are_told_of_what_dampers_have_ended() -> None:
     for told in (creeping, held, coupling_report(explain(load("huygens")), words=True)):
         assert "recovers its energy" not in told
     assert "overdamped [σ ≥ ω]" in " ".join(creeping.split())
-    assert "never hold more than 25 %" in " ".join(held.split())
+    assert "never receive more than 25 %" in " ".join(held.split())
     assert not explain(scene(TWENTY, bob(1, 1, 2, damping=7.0))).families[0].beat
     record = json.loads(coupling_report(explain(UNEVEN), "json"))
     assert record["pairs"][0]["beat_period_s"] is None

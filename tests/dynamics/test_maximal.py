@@ -164,7 +164,7 @@ def test_a_cart_that_nothing_holds_back_is_refused(limit: int, monkeypatch: pyte
     scene = Scene(gravity=9.81, support=Cart(mass=0.0), pendulum=(Pendulum(links=(Bob(mass=1.0, length=1.0),)),))
     equations = Maximal(system_of(scene))
     equations.unknowns(0.0, equations.begin(State(np.ones(1), np.ones(1))))
-    with pytest.raises(ComputationError, match="cart without mass"):
+    with pytest.raises(ComputationError, match="massless cart"):
         equations.unknowns(0.0, equations.begin(State(np.zeros(1), np.ones(1))))
 
 
@@ -212,7 +212,7 @@ def test_pivots_torn_wide_open_are_refused(system: System) -> None:
     equations = Maximal(system)
     y = equations.begin(START)
     y[: equations.pivots.size] += 30 * np.random.default_rng(0).normal(size=equations.pivots.size)
-    with pytest.raises(ComputationError, match="m open after 6 steps"):
+    with pytest.raises(ComputationError, match="m apart after 6 corrections"):
         equations.project(y)
 
 

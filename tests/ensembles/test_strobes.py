@@ -422,7 +422,7 @@ def test_the_commands_write_what_they_show(capsys: pytest.CaptureFixture[str], t
     strobed = ["--phase-deg", "90", "--settle", "5", "--workers", "1"]
     words = ["section", path, "--members", "2", "--spread", "3", "--seed", "4", "--duration", "8", *strobed]
     assert main([*words, "-o", str(picture)]) == 0
-    assert "looked at once a period of 1 s, at 90°, 3 times from 5.25 s on" in capsys.readouterr().out.replace(
+    assert "sampled once per period of 1 s, at 90°, 3 times from 5.25 s on" in capsys.readouterr().out.replace(
         "\n", " "
     )
     assert picture.stat().st_size > 5000

@@ -155,14 +155,14 @@ def test_rows_within_a_range_and_every_second(tmp_path: Path) -> None:
     thinned = read_recording(None, [path], where={"time_s": "0.4:"}, every=3)
     np.testing.assert_allclose(thinned.segments[0].times, [0.4, 0.7, 1.0, 1.3, 1.6, 1.9])
     for wrong in ({"where": {"time_s": "9:"}}, {"every": 0}, {"where": {"tim": "1:2"}}):
-        with pytest.raises(SceneError, match=r"has no rows with the values|every 0: must be|column tim: is missing"):
+        with pytest.raises(SceneError, match=r"has no rows with the requested|every 0: must be|column tim: is missing"):
             read_recording(None, [path], **wrong)
 
 
 def test_a_repeated_time_is_named_by_its_row(tmp_path: Path) -> None:
     path = tmp_path / "run.csv"
     path.write_text("# three rows\n\ntime_s,theta_1_1_rad\n0,1\n1,2\n1,3\n2,1\n")
-    with pytest.raises(SceneError, match=r"does not increase after 1 s, in line 6: `where=time_s=…:…` cuts"):
+    with pytest.raises(SceneError, match=r"does not increase after 1 s, in line 6: `where=time_s=…:…` removes"):
         read_recording(None, [path])
 
 

@@ -27,7 +27,7 @@ LINKS: list[dict[str, Any]] = [
     {"kind": "rod", "mass": 1.0, "length": 0.5, "damping": 0.01},
     {"kind": "bob", "mass": 0.6, "length": 0.4, "damping": 0.005},
 ]
-WORDS = ("scale of", "outlier", "jumps by a turn", "look", "counts the other way", "exchanged", "does not fit")
+WORDS = ("scale of", "outlier", "jumps by a turn", "look", "has the opposite sign", "exchanged", "does not fit")
 
 
 def scene_of(links: int, lengths: Floats | None = None) -> Scene:
@@ -85,9 +85,9 @@ def kicked(values: Floats) -> Floats:
 DEFECTS: dict[str, tuple[int, Callable[[Floats], Floats], float, str]] = {
     "degrees": (2, np.degrees, 1.0, "theta_1_1_rad=theta_1_1_deg"),
     "milliseconds": (2, np.array, 1000.0, "time_s=time_ms"),
-    "scale": (1, lambda v: 1.03 * v, 1.0, "theta_1_1: a scale of 1.0"),
+    "scale": (1, lambda v: 1.03 * v, 1.0, "θ₁₁: a scale of 1.0"),
     "outliers": (1, kicked, 1.0, "20 readings are outliers"),
-    "reversed": (2, lambda v: v * [1, -1], 1.0, "counts the other way"),
+    "reversed": (2, lambda v: v * [1, -1], 1.0, "has the opposite sign"),
     "exchanged": (2, lambda v: v[:, ::-1], 1.0, "theta_1_1_rad=theta_1_2_rad"),
     "relative": (2, lambda v: np.column_stack((v[:, 0], v[:, 1] - v[:, 0])), 1.0, "`angles=relative`"),
 }

@@ -178,13 +178,13 @@ def test_a_chaotic_segment_is_fitted_in_windows_that_join() -> None:
 
 
 def test_the_measured_arm_is_stopped_by_dry_friction() -> None:
-    """0.0051 rad a half swing; rms of 1e-3 rad over 14 s, and a stop when the arm stopped (within 0.15 s)."""
+    """0.0051 rad per half swing; rms of 1e-3 rad over 14 s, and a stop when the arm stopped (within 0.15 s)."""
     viscous = scene_from({"gravity": 9.81, "pendulum": [{"links": [ARM]}]})
     record = read_recording(viscous, [SWING]).until(14.0)
     free = [f"pendulum[0].links[0].{name}" for name in ("inertia", "damping")]
     told = fit(viscous, record, free)
     assert any(
-        "turning points fall on a straight line, 0.0051 rad a half swing: try friction" in sentence
+        "turning points fall on a straight line, 0.0051 rad per half swing: try friction" in sentence
         for sentence in told.verdict
     )
     fitted = fit(viscous, record, [*free, "pendulum[0].links[0].friction"])
@@ -207,7 +207,7 @@ def test_dry_friction_is_told_of_turning_points() -> None:
     viscous = scene_from({"gravity": 9.81, "pendulum": [{"links": [ARM]}]})
     free = [f"pendulum[0].links[0].{name}" for name in ("inertia", "damping")]
     told = fit(viscous, read_recording(viscous, [SWING]).until(8.0), free)
-    words = "turning points fall on a straight line, 0.0051 rad a half swing: try friction"
+    words = "turning points fall on a straight line, 0.0051 rad per half swing: try friction"
     assert any(words in sentence for sentence in told.verdict)
 
 

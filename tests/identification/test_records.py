@@ -85,7 +85,7 @@ def test_units_gaps_segments_and_rows_to_use(tmp_path: Path) -> None:
     assert recording.relative  # type: ignore[attr-defined]
     with pytest.raises(SceneError, match="column used: is missing"):
         read(tmp_path / "run.csv", text, where={"used": "yes"})
-    with pytest.raises(SceneError, match="no rows with the values that were asked for"):
+    with pytest.raises(SceneError, match="no rows with the requested values"):
         read(tmp_path / "run.csv", text, where={"use": "maybe"})
     with pytest.raises(SceneError, match="COLUMN=VALUE"):
         parse_where(["use"])
@@ -95,5 +95,5 @@ def test_units_gaps_segments_and_rows_to_use(tmp_path: Path) -> None:
 
 def test_a_segment_stands_in_one_piece(tmp_path: Path) -> None:
     rows = [f"{seg},{k},{k % 3}" for seg in "aba" for k in range(5)]
-    with pytest.raises(SceneError, match="segment a: its rows do not follow one another"):
+    with pytest.raises(SceneError, match="segment a: its rows are not contiguous"):
         read(tmp_path / "run.csv", "\n".join(["segment,time_s,theta_1_1_rad", *rows]))

@@ -328,8 +328,11 @@ def test_who_cannot_take_friction_says_so() -> None:
         ({"form": "maximal"}, "friction = 0.1: form maximal"),
         ({"form": "hamiltonian"}, "friction = 0.1: form hamiltonian"),
         ({"method": "taylor"}, "friction = 0.1: method taylor"),
-        ({"method": "RK45"}, "friction = 0.1: a method other than DOP853 does not follow.* DOP853 takes it"),
-        ({"method": "Radau"}, "friction = 0.1: an implicit method does not follow.* DOP853 takes it"),
+        (
+            {"method": "RK45"},
+            "friction = 0.1: a method other than DOP853 does not support stick-slip.* DOP853 takes it",
+        ),
+        ({"method": "Radau"}, "friction = 0.1: an implicit method does not support stick-slip.* DOP853 takes it"),
     ]:
         with pytest.raises(SceneError, match=words):
             simulate(scene, 1.0, **how)

@@ -306,7 +306,7 @@ def test_sensitivities_in_every_format() -> None:
     assert "d_omega_d_gravity" in table(modes, rows, "csv", sensitive=True).splitlines()[0]
     for form in ("text", "markdown", "latex", "html"):
         text = table(modes, rows, form, sensitive=True)
-        assert "links[0].length" in text.replace("\\", "")
+        assert "length of links 1–2 of" in text
         assert (
             text.count(
                 "No single derivative: modes 2 and 4 (growing, damped by a damping_ratio, or shared by several modes)."
@@ -316,4 +316,4 @@ def test_sensitivities_in_every_format() -> None:
     with fitted(50):
         narrow = table(modes, rows, "text", sensitive=True)
     assert max(map(len, narrow.splitlines())) <= 50
-    assert narrow.count("pendulum[0].links[0].length") > 1
+    assert narrow.count("length of") > 1

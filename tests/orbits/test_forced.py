@@ -387,8 +387,8 @@ def test_an_end_of_the_range_without_a_motion_is_named() -> None:
     (branch,) = followed(shaken([BOB | {"damping": 0.05}]), "support.motion.amplitude=0.001:0.0011:2")
     cut = replace(branch, points=branch.points[:-1], complete=False)
     texts = [" ".join(orbits_text(branch.orbits[0].scene, [shown]).split()) for shown in (branch, cut)]
-    assert "at support.motion.amplitude = 0.0011 m no motion was found" in texts[1]
-    assert "was followed no further than support.motion.amplitude = 0.00" in texts[1]
+    assert "at amplitude of the motion of the support = 0.0011 m no motion was found" in texts[1]
+    assert "was followed no further than amplitude of the motion of the support = 0.00" in texts[1]
     assert "no motion was found" not in texts[0]
 
 

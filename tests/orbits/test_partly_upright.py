@@ -53,5 +53,5 @@ def test_the_period_is_that_of_shooting(ways: tuple[Way, Way]) -> None:
 
 @pytest.mark.parametrize("ways", [*SWINGING])
 def test_a_mode_that_grows_has_no_orbits(ways: tuple[Way, Way]) -> None:
-    with pytest.raises(SceneError, match="grows without swinging"):
+    with pytest.raises(SceneError, match="grows without oscillating"):
         nonlinear_mode(scene(ways), 3 - SWINGING[ways])

@@ -12,9 +12,9 @@ from matplotlib.text import Text
 
 from modal import load, natural_modes
 from modal.plotting import bode_figure, theme, travel_figure
-from modal.plotting.layout import link_names, signal_words
 from modal.plotting.vibration import random_figure
 from modal.scene.records import Spectrum
+from modal.scene.signal_names import link_names, signal_words
 from modal.statespace import shaper_for, state_space, to_modal_form
 from modal.statespace.travels import shaped_travel
 from modal.vibration import random_response

@@ -123,7 +123,7 @@ def test_uneven_times_are_refused() -> None:
 def test_what_never_settles_is_refused() -> None:
     """A frequency that runs away through the whole spectrum."""
     t = np.linspace(0, 100, 4000)
-    with pytest.raises(ComputationError, match="no steady line"):
+    with pytest.raises(ComputationError, match="no steady spectral line"):
         line(t, np.cos(2 * t + 0.1 * t**2))
 
 

@@ -203,7 +203,7 @@ def test_the_error_is_that_of_the_pendulum_that_moves_whoever_comes_next_in_the_
     assert true[-1] == pytest.approx(off, abs=1e-3)
     assert np.all(truncated.errors >= true)
     assert truncated.error < 3 * true[-1]
-    assert ("whole scene" in truncated.trajectory.run.reason) == cheap
+    assert ("all shapes" in truncated.trajectory.run.reason) == cheap
 
 
 def test_on_a_fixed_support_other_pendula_do_not_judge() -> None:
@@ -330,8 +330,8 @@ def test_without_its_second_run_nothing_is_stated() -> None:
     truncated = simulate_truncated(chain(0, 3), 1.0, 1, start=start, output=10, report=stop)
     assert truncated.trajectory.complete
     assert truncated.error == np.inf
-    assert "not judged" in truncated.trajectory.run.reason
-    assert "nothing has judged" in summary.text(truncated.trajectory)
+    assert "not estimated" in truncated.trajectory.run.reason
+    assert "was not estimated" in summary.text(truncated.trajectory)
 
 
 def test_modes_are_found_once_for_the_times_and_the_coordinates_of_a_run() -> None:

@@ -176,7 +176,7 @@ def test_columns_of_a_sweep_are_its_points() -> None:
     for row in swept.rows:
         assert columns["gravity_m_per_s2"][row.index] == swept.study.point(row.index)["gravity"]
         assert all(columns[name][row.index] == value for name, value in row.numbers.items())
-    assert repr(swept).startswith("13 of 13 points, 0 failed\nnumber")
+    assert repr(swept).startswith("13 of 13 points, 0 failed\n  quantity")
 
 
 def test_columns_of_a_branch_are_its_orbits() -> None:

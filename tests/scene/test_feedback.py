@@ -26,8 +26,8 @@ MISTAKES = {
     ),
     'input = "cart_acceleration"\noutput = "x"\ngain = 1.0': ("is prescribed: feedback acts by a force or a torque",),
     'input = "cart_force"': ("feedback[0]: needs either output and gain, or gains",),
-    'input = "cart_force"\noutput = "x"': ("feedback[0].gain: is required beside output",),
-    'input = "cart_force"\ngain = 0.0': ("feedback[0].output: is required beside gain",),
+    'input = "cart_force"\noutput = "x"': ("feedback[0].gain: is required with output",),
+    'input = "cart_force"\ngain = 0.0': ("feedback[0].output: is required with gain",),
     'input = "cart_force"\noutput = "x"\ngain = 1.0\nlimit = 0.0': ("feedback[0].limit = 0.0: must be positive",),
     'input = "cart_force"\noutput = "x"\ngain = 1.0\ndelay = 0.1': ("delay = 0.1: needs a sample_time",),
     'input = "cart_force"\noutput = "x"\ngain = 1.0\ndelay = 0.15\nsample_time = 0.1': (
@@ -35,7 +35,7 @@ MISTAKES = {
     ),
     'input = "cart_force"\ngains = "none.csv"': ('feedback[0].gains = "none.csv":',),
     'input = "cart_force"\ngains = "K.csv"\ngain = 1.0': ("cannot be combined with gain",),
-    'input = "joint_torques"\ngains = "K.csv"\nreference = 1.0': ("reference = 1.0: belongs to an output",),
+    'input = "joint_torques"\ngains = "K.csv"\nreference = 1.0': ("reference = 1.0: needs an output",),
     'input = ["cart_force", "torque_1_1"]\ngains = "K.csv"': ("feedback[0].gains: has 1 rows for 2 inputs",),
     'input = "cart_force"\ngains = { states = ["x", "x"], rows = [[1.0]] }': (
         "feedback[0].gains.rows[0]: must have a number for each of the 2 states, not 1",

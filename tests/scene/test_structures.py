@@ -128,7 +128,7 @@ MISTAKES = {
     "upwards": (pushed("right", direction="vertical"), "a support of kind cart moves only along a horizontal force"),
     "sideways": (pushed("left"), "a support of kind heave moves only along a vertical force"),
     "which cart": (pushed("cart"), 'force[0].on = "cart": there are several supports: write the name of one'),
-    "the ground": (pushed("ground"), 'force[0].on = "ground": the ground does not yield to a force'),
+    "the ground": (pushed("ground"), 'force[0].on = "ground": the ground cannot be moved by a force'),
     "constant": (
         pushed("right") | {"force": [{"on": "right", "kind": "constant", "amplitude": 1.0}]},
         'force[0].kind = "constant": constant forces are not supported in a structure',

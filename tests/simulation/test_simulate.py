@@ -386,7 +386,7 @@ def test_the_choice_says_why() -> None:
     scene = modal.load("paper-cart-2")
     assert choose(scene, 10, 1e-6).method == "DOP853"
     asked = choose(scene, 10, 1e-9, "RK45")
-    assert (asked.method, asked.reason.partition(",")[0]) == ("RK45", "as asked for")
+    assert (asked.method, asked.reason.partition(",")[0]) == ("RK45", "as requested")
     sticky = Scene(
         gravity=9.81,
         pendulum=(Pendulum(links=(Bob(mass=1, length=1, damping=1e4),), start=InitialCondition(angles_deg=(60,))),),

@@ -21,8 +21,8 @@ def test_two_loads_are_reached_and_two_equal_ones_are_not() -> None:
         assert rank(model) == states == 2 * int(gains.inputs.copies.sum())
         assert unreached(gains) == missed
     assert gains.inputs.gain[1, 0] == 0.0
-    assert gains.inputs.words == [["reached"], ["not reached"], ["reached"]]
-    assert gains.outputs.words[1] == ["not seen", "seen", "seen"]
+    assert gains.inputs.words == [["controllable"], ["not controllable"], ["controllable"]]
+    assert gains.outputs.words[1] == ["not observable", "observable", "observable"]
 
 
 def test_nearly_equal_loads_are_barely_reached() -> None:
@@ -113,7 +113,7 @@ def test_many_equal_pendula_need_as_many_sensors() -> None:
 def test_inputs_that_do_the_same_reach_one_copy() -> None:
     """Two inputs of one direction in a two-fold mode, whatever rounding adds."""
     part = np.outer([0.1, 0.7], [0.3, 0.9]) + np.diag([0.0, 4e-16]) + 0j
-    side = Side((Signal("a", "N", ""), Signal("b", "N", "")), "reached", (part, np.ones((1, 2)) + 0j))
+    side = Side((Signal("a", "N", ""), Signal("b", "N", "")), "controllable", (part, np.ones((1, 2)) + 0j))
     assert np.linalg.svd(part, compute_uv=False)[1] > 0
     assert side.copies.tolist() == [1, 1]
     assert side.missed() == (0,)
@@ -125,8 +125,8 @@ def test_text_and_records_name_every_mode_and_signal() -> None:
     records = list(gains.records())
     assert len(records) == 3 * (1 + 3)
     assert {record["signal"] for record in records} == {"cart_force", "x", "theta_1_1", "theta_2_1"}
-    assert all(record["word"] in {"reached", "seen", "not seen"} for record in records)
+    assert all(record["word"] in {"controllable", "observable", "not observable"} for record in records)
     lines = gains.text().splitlines()
-    assert lines[0].split()[-2:] == ["reached", "cart_force"]
-    assert lines[2].split()[-2:] == ["reached", "1"]
-    assert len(lines) == 11
+    assert lines[0].split()[-2:] == ["the", "cart"]
+    assert lines[2].split()[-2:] == ["1", "1"]
+    assert len(lines) == 13

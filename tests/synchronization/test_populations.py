@@ -289,7 +289,7 @@ def test_the_diagram_tells_intervals_thresholds_and_reasons() -> None:
     with pytest.raises(ComputationError, match="dies out"):
         averaged_pattern(beside[1])
     text = diagram_text(populations)
-    assert "disturbances begin to grow" in text
+    assert "perturbations begin to grow" in text
     assert all(f"{threshold.value:.9g}" in text for threshold in populations.thresholds)
     rows = list(csv.DictReader(StringIO(diagram_csv(populations))))
     assert {row["sector"] for row in rows} == set(NAMES)

@@ -132,7 +132,7 @@ def test_the_command_prints_draws_and_writes_it(capsys: pytest.CaptureFixture[st
     assert main(["vibration", "suspension", "--temperature", "290", "--at", "1,10", "-q"]) == 0
     text = capsys.readouterr().out
     assert "3.1656e-14" in text
-    assert "pendulum[0].links[2].wire_loss" in text
+    assert "loss angle of the wire of link 3 of pendulum 1" in text
     asked = ["vibration", "suspension", "--temperature", "290", "--psd", str(psd)]
     assert main([*asked, "--format", "csv", "-q"]) == 0
     head, *rows = capsys.readouterr().out.splitlines()
