@@ -193,9 +193,7 @@ def judged(scene: Scene, theory: Theory) -> SynchronizationStudy:
         except ComputationError as error:
             survival, unmeasured = None, str(error)
         orbit = orbit_at_the_end(trajectory) if survival and theory.doubts else None
-        study = SynchronizationStudy(
-            scene, theory, "", trajectory, phases_of(trajectory), survival, unmeasured, orbit
-        )
+        study = SynchronizationStudy(scene, theory, "", trajectory, phases_of(trajectory), survival, unmeasured, orbit)
         if not study.doubts or (study.agrees is False and orbit) or length >= longest:
             return study
         more = min(length, longest - length)

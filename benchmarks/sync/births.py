@@ -16,7 +16,6 @@ import argparse
 import json
 import sys
 from collections.abc import Iterator
-from itertools import pairwise
 from math import cos, pi, sin, sqrt
 from pathlib import Path
 from time import perf_counter
@@ -32,7 +31,7 @@ from nonlinear.ensembles import RhythmMap, find_rhythms, workers_at
 
 FINE, EVERY = 61, 10  # values of the sweep, and each of how many is one of the map
 STEPS, PERIODS, STARTS = 128, 250, 12  # steps a period, periods a start runs, starts at a value of the map
-MEMBERS = 24  # of the map
+MEMBERS, LIMIT = 24, 400.0  # of the map, s
 G = 9.81
 DIFFERENCE, CLOSED = 1e-4, 1e-9  # of Newton's method: step of differences, largest residual of a fixed point
 
@@ -143,7 +142,7 @@ def stepped(p, y, h):
 
 @njit(cache=True)
 def kicked(p, y, h, sides):
-    """The same of clocks that are kicked where they pass `sides` times the limit, which is where each is kicked next."""
+    """The same of clocks that are kicked where they pass `sides` times the limit, and then on the other side."""
     n = len(p.mass)
     while True:
         after, earliest, clock = stepped(p, y, h), h, -1
@@ -350,7 +349,7 @@ def compare(seed: int) -> dict[str, object]:
     fine = parse_variations([f"{text}:{FINE}"])[0]
     begun = perf_counter()
     with workers_at(None, 1) as crew:
-        rhythms = find_rhythms(scene, coarse, members=MEMBERS, largest_deg=largest_deg, crew=crew)
+        rhythms = find_rhythms(scene, coarse, members=MEMBERS, largest_deg=largest_deg, limit=LIMIT, crew=crew)
     mapped = perf_counter() - begun
     begun = perf_counter()
     missed = missed_of(scene, fine, rhythms, largest_deg)

@@ -14,7 +14,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import degrees, nan, sqrt
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,14 +22,9 @@ from modal.errors import MultipendulaError
 from modal.report import Displayed, Drawable, Form, ReportTable, Result, finite
 from modal.scene import Scene, describe
 from modal.scene.parameters import Variation
-from nonlinear.ensembles.endings import (
-    UNDECIDED,
-)
+from nonlinear.ensembles.endings import UNDECIDED
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.synchronization.report import AveragedThreshold, averaged_thresholds
-
-if TYPE_CHECKING:
-    pass
 
 
 def wilson(count: int, total: int) -> tuple[float, float]:
@@ -143,15 +138,20 @@ class RhythmMap(Drawable, Result):
     what, key = "map of rhythms", "values"
     figure = "nonlinear.plotting.rhythms:rhythm_figure"
 
-    @cached_property
+    @property
     def averaged(self) -> tuple[AveragedThreshold, ...]:
         """Where averaged equations let steady motions begin, end or change stability; () where they have none."""
+        return self._averaging[0]
+
+    @cached_property
+    def _averaging(self) -> tuple[tuple[AveragedThreshold, ...], str]:
+        """These thresholds, and why averaged equations have none, "" where they take the scene."""
         few = self.variation.values[:: max(1, len(self.variation.values) // 8)]
         values = (*few[:-1], self.variation.values[-1])
         try:
-            return averaged_thresholds(self.scene, replace(self.variation, values=values))
-        except MultipendulaError:
-            return ()
+            return averaged_thresholds(self.scene, replace(self.variation, values=values)), ""
+        except MultipendulaError as error:
+            return (), str(error)
 
     def distance(self, threshold: AveragedThreshold) -> float | None:
         """From a threshold of averaged equations to the nearest computed birth or death; None where there is none."""
@@ -247,6 +247,8 @@ class RhythmMap(Drawable, Result):
 
     def _footnotes(self) -> Iterator[str]:
         yield _sampling_words([self])
+        if reason := self._averaging[1]:
+            yield f"No averaged thresholds: {reason}."
         slow = [(r.name, r.slow_period, v.value) for v in self.values for r in v.rhythms if r.slow_period]
         for name in dict.fromkeys(entry[0] for entry in slow):
             periods = [f"{period:.4g} s at {value:g}" for entry, period, value in slow if entry == name]
