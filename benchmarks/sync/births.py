@@ -34,6 +34,7 @@ STEPS, PERIODS, STARTS = 128, 250, 12  # steps a period, periods a start runs, s
 MEMBERS, LIMIT = 24, 400.0  # of the map, s
 G = 9.81
 DIFFERENCE, CLOSED = 1e-4, 1e-9  # of Newton's method: step of differences, largest residual of a fixed point
+PERIOD_ERROR = 2e-6  # relative, of the steps taken here
 
 
 def random_scene(seed: int) -> tuple[Scene, str, float]:
@@ -329,9 +330,9 @@ def missed_of(scene: Scene, variation: Variation, rhythms: RhythmMap, largest_de
     pairs, missed_orbits = 0, []
     for number, at in enumerate(rhythms.values):
         periods = [rhythm.orbit.period for rhythm in at.rhythms if rhythm.orbit]
-        for period in {round(branch[EVERY * number].period, 6) for branch in branches if EVERY * number in branch}:
+        for period in {round(branch[EVERY * number].period, 9) for branch in branches if EVERY * number in branch}:
             pairs += 1
-            if not any(abs(period / other - 1) < 1e-4 for other in periods):
+            if not any(abs(period / other - 1) < PERIOD_ERROR for other in periods):
                 missed_orbits.append((at.value, period))
     return {
         "ends": sorted(ends),
