@@ -178,13 +178,13 @@ class Oracle:
 
 
 def judged(scene: Scene, theory: Theory) -> SynchronizationStudy:
-    """What `sync` says of a scene, of the shortest of some runs that decides, the last as long as its default.
+    """What `sync` says of a scene, of the shortest of some runs that decides, the last as long as its longest.
 
     Most sets are slow because a default run ends when the predicted motion has locked: the orbit beside the end of a
     shorter one has multipliers that tell as much.
     """
     prediction = theory.prediction
-    longest = usual_duration(scene, theory)
+    longest = 4 * usual_duration(scene, theory)
     length = min(SHORTEST_PERIODS * 2 * pi / float(prediction.averaged.omega.min()), longest)
     trajectory = simulate(scene, length, start=prediction.start)
     while True:
