@@ -174,7 +174,7 @@ def relative_equilibrium(equations: AveragedEquations, z: Complexes) -> Relative
     for _ in range(NEWTON_ROUNDS_MAX):
         flow, slope = _linearize(equations, z, turning, bands)
         residual = np.where(active, flow, 0.0)
-        if not np.all(np.isfinite(residual)):
+        if not (np.all(np.isfinite(residual)) and np.all(np.isfinite(slope))):
             return None
         if np.abs(residual).max() <= RATE_RESIDUAL_MAX * np.abs(equations.omega * z).max():
             return RelativeEquilibrium(equations, z, turning, *_rates(equations, z, slope[:, : 2 * len(z)], len(bands)))

@@ -158,15 +158,20 @@ class RhythmMap(Drawable, Result):
     what, key = "map of rhythms", "values"
     figure = "nonlinear.plotting.rhythms:rhythm_figure"
 
-    @cached_property
+    @property
     def averaged(self) -> tuple[AveragedThreshold, ...]:
         """Where averaged equations let steady motions begin, end or change stability; () where they have none."""
+        return self._averaging[0]
+
+    @cached_property
+    def _averaging(self) -> tuple[tuple[AveragedThreshold, ...], str]:
+        """These thresholds, and why averaged equations have none, "" where they take the scene."""
         few = self.variation.values[:: max(1, len(self.variation.values) // 8)]
         values = (*few[:-1], self.variation.values[-1])
         try:
-            return averaged_thresholds(self.scene, replace(self.variation, values=values))
-        except MultipendulaError:
-            return ()
+            return averaged_thresholds(self.scene, replace(self.variation, values=values)), ""
+        except MultipendulaError as error:
+            return (), str(error)
 
     def distance(self, threshold: AveragedThreshold) -> float | None:
         """From a threshold of averaged equations to the nearest computed birth or death; None if there is none."""
@@ -267,6 +272,8 @@ class RhythmMap(Drawable, Result):
 
     def _footnotes(self) -> Iterator[str]:
         yield _sampling_words([self])
+        if reason := self._averaging[1]:
+            yield f"No averaged thresholds: {reason}."
         slow = [(r.name, r.slow_period, v.value) for v in self.values for r in v.rhythms if r.slow_period]
         for name in dict.fromkeys(entry[0] for entry in slow):
             periods = [f"{period:.4g} s at {value:g}" for entry, period, value in slow if entry == name]

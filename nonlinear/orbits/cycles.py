@@ -105,13 +105,15 @@ def turning(problem: Shooting, y: Floats, period: float) -> tuple[Floats, int]:
         if not len(risen):
             raise ComputationError("the motion does not swing through the angle at rest")
         at = int(risen[-1]) + int(abs(angles[risen[-1] + 1, leader]) < abs(angles[risen[-1], leader]))
-    else:
-        at = int(np.abs(angles[:, leader]).argmax())
-    start_state = path.states[at].copy()
-    if problem.passes:
+        start_state = path.states[at].copy()
         start_state[first + leader] = flow.rest[first + leader]
     else:
-        start_state[layout.half + first + leader] = 0.0
+        at, rate = int(np.abs(angles[:, leader]).argmax()), layout.half + first + leader
+        bend = path.rates[at, rate] or 1.0  # none at rest
+        time = path.times[at] - path.states[at, rate] / bend
+        # not at the nearest sample: that may be the kick of another clock
+        start_state = flow(y, np.zeros((len(y), 0)), float(np.clip(time, 0.0, period))).y
+        start_state[rate] = 0.0
     return problem.centred_state(start_state), leader
 
 

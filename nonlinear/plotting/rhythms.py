@@ -18,6 +18,7 @@ from nonlinear.plotting.sweeps import colours_of, draw_map
 
 if TYPE_CHECKING:
     from nonlinear.ensembles import RhythmGrid, RhythmMap
+    from nonlinear.ensembles.rhythms import ValueRhythms
 
 
 def rhythm_figure(rhythms: RhythmMap) -> Figure:
@@ -63,23 +64,34 @@ def _mark(axis: Axes, marks: Sequence[tuple[float, str, str]]) -> None:
 
 
 def grid_figure(grid: RhythmGrid) -> Figure:
-    """The rhythm in which most starts end, a colour each, and the borders along each row, joined from row to row."""
+    """The rhythm in which most starts end, a colour each, and the borders along each row, joined from row to row.
+
+    What other starts of a cell end in are dots in it, the larger the more.
+    """
     figure, (axis,) = stack(1, 2)
     names = [*grid.names, "undecided"]
-    most = [
-        [v.rhythms[0].name if v.rhythms and v.rhythms[0].count >= v.undecided else "undecided" for v in row.values]
-        for row in grid.maps
-    ]
-    kinds = np.array([[names.index(name) for name in row] for row in most])
+    shares = np.array([[_shares(at, names, row.members) for at in row.values] for row in grid.maps])
+    kinds = shares.argmax(axis=-1)
     hues = [*(colour(k % HUES) for k in range(len(names) - 1)), rest()]
     first, second = grid.axes
     draw_map(axis, grid.scene, (second, first), kinds, alpha=0.75, **colours_of(hues))
+    others = np.argwhere((shares > 0) & (np.arange(len(names)) != kinds[..., None])).tolist()
+    for row, column, k in sorted(others, key=lambda place: -shares[tuple(place)]):
+        dot = first.values[column], second.values[row]
+        axis.scatter(*dot, s=300 * shares[row, column, k], color=hues[k], edgecolors=ink(), linewidths=0.6, zorder=3)
     for chains in grid.borders().values():
         for chain in chains:
             axis.plot(*np.array(chain).T, "o-", ms=2.5, lw=1.4, color=ink())
-    headline(figure, title_of(grid.scene), "the rhythm in which most starts end, and where rhythms are born and die")
-    handles: list[Patch | Line2D] = [Patch(color=hues[k], label=names[k]) for k in sorted(set(kinds.ravel().tolist()))]
+    headline(figure, title_of(grid.scene), "where most starts end, others as dots, and where rhythms are born and die")
+    present = np.flatnonzero(shares.any(axis=(0, 1))).tolist()
+    handles: list[Patch | Line2D] = [Patch(color=hues[k], label=names[k]) for k in present]
     if grid.borders():
         handles.append(Line2D([], [], marker="o", ms=2.5, color=ink(), label="birth or death, computed"))
     key(figure, handles, columns=min(3, len(handles)))
     return figure
+
+
+def _shares(at: ValueRhythms, names: list[str], members: int) -> list[float]:
+    """The shares of starts that end in each rhythm, the last one undecided."""
+    counts = [sum(rhythm.count for rhythm in at.rhythms if rhythm.name == name) for name in names[:-1]]
+    return [count / members for count in (*counts, at.undecided)]

@@ -17,7 +17,6 @@ from modal.plotting.layout import (
     even_choice,
     headline,
     legend,
-    link_names,
     mark_modes,
     set_frame,
     signal_words,

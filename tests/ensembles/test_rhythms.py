@@ -26,7 +26,13 @@ from nonlinear.orbits import follow_cycles, limit_cycles
 from nonlinear.orbits.cycles import beginnings
 from nonlinear.orbits.stable import stable_orbits
 from nonlinear.postprocessing.returns import returns_of
-from nonlinear.synchronization import ending_of, ending_orbit, orbit_amplitudes, rhythm_name
+from nonlinear.synchronization import (
+    ending_of,
+    ending_orbit,
+    orbit_amplitudes,
+    rhythm_name,
+    study_synchronization,
+)
 from nonlinear.synchronization.attractors import Ending, _is_chimera
 from nonlinear.system import Motion, State, motion_of
 
@@ -276,11 +282,30 @@ def test_two_numbers_are_a_grid_of_verdicts() -> None:
 
 
 def test_a_minority_is_not_the_most_frequent() -> None:
-    """Undecided starts are shown where they are most; of 3 of 10 the interval is farther above than below."""
+    """Undecided starts are shown where they are most, others as dots; the interval of 3 of 10 is uneven."""
     variation, second = parse_variations(["support.mass=0.1:0.12:2", "support.damping=0.01:0.02:2"])
     value = ValueRhythms(0.1, (Rhythm("in phase", 3, 10),), 7, ())
     row = RhythmMap(METRONOMES, variation, (value, value), (), 10, 52.0, 100.0, 7)
-    text = RhythmGrid(METRONOMES, (variation, second), (row, row)).report()
+    grid = RhythmGrid(METRONOMES, (variation, second), (row, row))
+    text, dots = grid.report(), grid.plot().axes[0].collections[1:]
     assert "undecided 70 (in phase 30)" in text
+    assert [dot.get_sizes().tolist() for dot in dots] == [[pytest.approx(90.0)]] * 4
     _, high = scipy.stats.binomtest(3, 10).proportion_ci(method="wilson")
     assert f"certain to {100 * (high - 0.3):.2g} %" in text
+
+
+def test_a_map_without_averaged_thresholds_says_why() -> None:
+    """Dry friction under the cart, as `sync` says of one run."""
+    variation, rubbing = parse_variations(["support.mass=0.05:0.2:2"])[0], vary(METRONOMES, {"support.friction": 0.001})
+    words = RhythmMap(rubbing, variation, (), (), 1, 52.0, 1.0, 7).report("text")
+    reason = "support.friction = 0.001: {} cannot tell when a cart sticks"
+    assert f"No averaged thresholds: {reason.format('a branch of configurations')}" in " ".join(words.split())
+    assert study_synchronization(rubbing, 1.0).silent.startswith(reason.format("a prediction of synchronization"))
+
+
+def test_explain_points_to_the_map_where_drives_act(capsys: pytest.CaptureFixture[str]) -> None:
+    """Not of a scene that nothing excites."""
+    for scene, is_driven in (("metronomes", True), ("paper-cart-2", False)):
+        main(["explain", scene])
+        pointer = f"sync {scene} --vary NUMBER=FIRST:LAST:COUNT --map"
+        assert (pointer in " ".join(capsys.readouterr().out.split())) == is_driven

@@ -13,7 +13,7 @@ from amounts import usually
 
 from modal import Bob, Cart, Pendulum, Scene, load
 from modal.errors import ComputationError, SceneError
-from modal.scene import scene_from
+from modal.scene import Escapement, scene_from
 from modal.scene.parameters import Variation, parse_variations, vary
 from nonlinear.averaging import average, relative_equilibria
 from nonlinear.orbits import (
@@ -204,3 +204,17 @@ def test_rest_is_no_limit_cycle() -> None:
     still = State(np.array([1e-12]), np.zeros(1))
     with pytest.raises(ComputationError, match="no limit cycle was found"):
         follow_cycles(scene, Variation("gravity", (9.0, 10.0)), start=(still, 2.0))
+
+
+def test_newton_does_not_begin_at_the_kick_of_another_clock() -> None:
+    """Three clocks in splay, from a state of the orbit: its period is that of benchmarks/sync/births.py."""
+    numbers = ((0.2521, 0.00296), (0.2511, 0.00289), (0.2522, 0.0032))
+    drives = [Escapement(impulse=impulse, angle_deg=2.0165) for _, impulse in numbers]
+    pairs = zip(numbers, drives, strict=True)
+    links = [Bob(mass=1.0, length=length, damping=0.0206, drive=drive) for (length, _), drive in pairs]
+    cart = Cart(mass=4.55, damping=8.18, stiffness=27.4)
+    scene = Scene(gravity=9.81, support=cart, pendulum=[Pendulum(links=[link]) for link in links])
+    angles, rates = np.array([0.0, -0.072727, 0.070602]), np.array([0.494355, -0.174864, -0.357078])
+    orbit = periodic_orbit(scene, State(angles, rates, 6.406e-05, 0.001128), 1.02022)
+    assert orbit.period == pytest.approx(1.020219311, rel=1e-7)
+    assert np.abs(orbit.floquet.others).max() == pytest.approx(0.9415, abs=1e-4)
