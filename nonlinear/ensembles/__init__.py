@@ -9,7 +9,8 @@ Start with `running`; `measures` says how measures are computed, `lanes` and `co
 takes one by one what these do not; `basins` and `sections` are what ensembles are run for most, of scenes that are
 driven in time `strobes`, `attractors` and `bifurcations`; `rhythms` maps what scenes with drives end in along a number,
 `rhythm_borders` where that of no orbit ends; `executors` and `cluster` share the work among processes, also that of
-other subpackages. `preparing` compiles ahead of time what a scene can use. """
+other subpackages. `preparing` compiles ahead of time what a scene can use.
+"""
 
 from nonlinear.ensembles.attractors import Attractor
 from nonlinear.ensembles.basins import Basins, basins_table, begins_in_mode, find_basins, grid_of

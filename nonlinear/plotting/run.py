@@ -19,7 +19,6 @@ from modal.plotting.layout import (
     legend,
     mark_modes,
     set_frame,
-    signal_words,
 )
 from modal.plotting.style import (
     CURVE_POINTS,
@@ -35,7 +34,7 @@ from modal.plotting.style import (
 from modal.plotting.vibration import QUANTITIES
 from modal.scene import Scene, title_of
 from modal.scene.doors import require_type
-from modal.scene.signal_names import link_names
+from modal.scene.signal_names import link_names, signal_words
 from modal.statespace.loops import loops_of
 from modal.types import Floats
 from nonlinear.dynamics.feedback import HeldInputs, input_of
