@@ -91,7 +91,7 @@ def test_the_description_on_an_index_leads_to_no_file() -> None:
     hook = hatch_build()
     text = hook.for_index((ROOT / "README.md").read_text(encoding="utf-8"))
     assert text.startswith("# multipendula\n\nNatural frequencies")
-    assert "a tour shows all" in " ".join(text.split())
+    assert "A tour shows all" in " ".join(text.split())
     assert [word for word in ("](docs", "](CHANGELOG", "<picture", "<img", "](notebooks") if word in text] == []
     assert hook.for_index("[a](https://b.c) [d](e.md#f) ![g](h.png)") == "[a](https://b.c) d "
 

@@ -60,7 +60,7 @@ def repetition_words(period: Ints) -> str:
     """Return how many motions have which period.
 
     >>> repetition_words(np.array([1, 2, 2, 0]))
-    '1 motion has period 1, 2 motions have period 2, 1 motion does not repeat within 16, or not yet'
+    '1 motion has period 1, 2 motions have period 2, 1 motion does not repeat within 16 periods, or not yet'
     """
     lines = [
         f"{counted(count, 'motion has', 'motions have')} period {p}"

@@ -493,7 +493,7 @@ def test_a_run_that_a_kick_stops_ends_behind_the_kick() -> None:
 
 def test_the_summary_says_what_escapements_did() -> None:
     run = simulate(beside_a_clock(), 6.0)
-    assert f"drives      {len(run.kicks.time)} kicks fed {run.kicks.energy.sum():.6g} J" in summary.text(run)
+    assert f"drives      {len(run.kicks.time)} kicks supplied {run.kicks.energy.sum():.6g} J" in summary.text(run)
     assert "drives" not in summary.text(simulate(load("paper-cart-1"), 1.0))
 
 

@@ -20,6 +20,8 @@ from modal.scene import CAPABILITIES, FEATURES
 from multipendula.cli import main
 from multipendula.flags import FLAGS, FORMER
 
+PARTICULAR = {"beamer"}
+"""Words of a choice that one command alone can take: only a derivation makes slides."""
 Use = tuple[str, argparse.Action]
 """A command and its option."""
 
@@ -50,7 +52,7 @@ def several_meanings(used: dict[str, list[Use]]) -> dict[str, set[str]]:
     """The options that mean several things, with the commands of each meaning but the most frequent one.
 
     Commands mean the same if its value is the same kind of thing, if their help begins with the meaning in the table,
-    and if, of a choice of words, one of them takes all that the others take.
+    and if, of a choice of words, one of them takes all that the others take but for particular ones.
     """
     odd: dict[str, set[str]] = {}
     for flag, known in used.items():
@@ -60,7 +62,7 @@ def several_meanings(used: dict[str, list[Use]]) -> dict[str, set[str]]:
             entry = FLAGS.get(flag)
             told = bool(entry and (action.help or "").startswith(entry.words))
             told &= (action.metavar or "") == (entry and entry.metavar)
-            groups[(kind_of(action), told, set(action.choices or ()) <= widest)].add(command)
+            groups[(kind_of(action), told, set(action.choices or ()) - PARTICULAR <= widest)].add(command)
         usual = max(groups, key=lambda group: (group[1], len(groups[group])))  # type: ignore[index]
         others = set().union(*(names for group, names in groups.items() if group != usual or not group[1]))  # type: ignore[index]
         if others:
