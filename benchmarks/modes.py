@@ -227,9 +227,9 @@ def stack_of(arrays: Sequence[tuple[np.ndarray, ...]], cart: float) -> np.ndarra
 
 
 def many(n: int) -> tuple[str, ...]:
-    """Scenes of n different rods on a cart: arrays of numbers beside NumPy's stack of matrices, which is there already.
+    """Scenes of n different rods on a cart: arrays of numbers compared with NumPy's stack of matrices, which is there already.
 
-    Lists of scenes beside the loop over `eigh` that makes its matrices.
+    Lists of scenes compared with the loop over `eigh` that makes its matrices.
     """
     numbers = np.random.default_rng(1).uniform(0.5, 2.0, (SCENES, n, 2))
     scenes = [on_cart([Pendulum(links=[Rod(mass=float(m), length=float(l)) for m, l in pairs])]) for pairs in numbers]
@@ -420,7 +420,7 @@ def figure(lengths: Sequence[Row], ratios: Sequence[Row], path: Path) -> None:
     def draw() -> Picture:
         made = sheet(12, 3.9)
         _panels(made.subplots(1, 3), lengths, ratios)
-        made.suptitle("Effective mass beside a dense eigensolver")
+        made.suptitle("Effective mass compared with a dense eigensolver")
         return made
 
     in_both_themes(draw, path)

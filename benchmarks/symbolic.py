@@ -221,7 +221,7 @@ def _cells(cost: Cost, limit: float) -> tuple[str, str]:
 
 
 def page(lengths: Sequence[int], costs: Costs, limit: float) -> str:
-    return f"""# Symbols beside SymPy's mechanics
+    return f"""# Symbols compared with SymPy's mechanics
 
 `python benchmarks/symbolic.py --write`, one run on {os.cpu_count()} cores; Python {platform.python_version()},
 SymPy {sp.__version__}. The scene is one chain of n bobs on a free cart, with a different symbol for every mass and
