@@ -2,9 +2,9 @@
 
 The end is a special point (`special`): a fold, a branch point, a Neimark–Sacker point or a period doubling; or a clock
 whose swing is too small for kicks grazes its escapement's angle.  As the number grows, that clock starts at the end of
-this branch, or stops at its beginning.  A clock that is kicked does not graze on a stable orbit: at the rate γ' with
-which it passes the angle, a kick P on a moment of inertia I adds the energy P γ', and its slope by the energy, P/(I γ'),
-makes a multiplier pass 1 before γ' is 0.
+this branch, or stops at its beginning.  A clock that is kicked does not graze on a stable orbit: a kick P at the rate
+γ' of passing adds the energy P γ', the slope of which by the energy, P/(I γ') for a moment of inertia I, makes a
+multiplier pass 1 before γ' is 0.
 """
 
 from __future__ import annotations
