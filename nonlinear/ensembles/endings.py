@@ -143,7 +143,7 @@ def _round(scene: Scene, motion: Motion, length: float, options: dict[str, Any])
     if "crossing_member" in found.columns:
         owner = found.column("crossing_member").astype(int)
         times, crossed = found.column("crossing_time_s"), found.states("crossing_")
-    states, endings = [final.state(member) for member in range(found.size)], []
+    states, endings = [final.state(member) for member in range(found.size)], list[Ending]()
     for member, state in enumerate(states):
         rows = np.flatnonzero(owner == member)
         if not len(rows):

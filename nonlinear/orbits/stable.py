@@ -97,7 +97,8 @@ def _follow_while_stable(beginning: Beginning, direction: float) -> tuple[list[O
 
 def _by_clocks(current: OrbitPoint, following: OrbitPoint) -> float:
     """No distance between neighbours on which the same clocks are kicked: no branch leads from others to them."""
-    return 0.0 if np.array_equal(*(_excess(point.orbit) > 0 for point in (current, following))) else inf
+    before, after = (_excess(point.orbit) > 0 for point in (current, following))
+    return 0.0 if np.array_equal(before, after) else inf
 
 
 def _excess(orbit: Orbit) -> Floats:
