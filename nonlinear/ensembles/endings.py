@@ -136,36 +136,22 @@ def _round(scene: Scene, motion: Motion, length: float, options: dict[str, Any])
     found = ensemble(
         scene, length, starts=motion, output="end", measures=[f"section:{label}>{rest:.17g}"], check=0, **options
     ).require()
-    final, owner = found.states(), np.array([], dtype=int)
+    links, *others = found.states()
+    final, owner = Returns(np.empty(0), (links, *others)), np.array([], dtype=int)
+    turned = np.remainder(links - system.rest + pi, 2 * pi) - pi
+    is_still = np.abs(natural_units(system, [turned, *others])).max(axis=-1) < CLOSING_GAP
     if "crossing_member" in found.columns:
         owner = found.column("crossing_member").astype(int)
         times, crossed = found.column("crossing_time_s"), found.states("crossing_")
-    endings = []
-    for member in range(found.size):
+    states, endings = [final.state(member) for member in range(found.size)], list[Ending]()
+    for member, state in enumerate(states):
         rows = np.flatnonzero(owner == member)
-        state = _state_of(final, member)
         if not len(rows):
-            is_still = _distance_from_rest(scene, state) < CLOSING_GAP
-            endings.append(Ending(AT_REST if is_still else OPEN, np.nan, np.zeros((0, 0)), state))
+            endings.append(Ending(AT_REST if is_still[member] else OPEN, np.nan, np.zeros((0, 0)), state))
             continue
         ending = ending_of(Returns(times[rows], tuple(part[rows] for part in crossed)), scene)
         endings.append(replace(ending, state=state) if ending.kind == OPEN else ending)
-    return motion_of([_state_of(final, member) for member in range(found.size)]), endings
-
-
-def _state_of(parts: list[Floats], member: int) -> State:
-    links, rates, cart, speed, *carried = (part[member] for part in parts)
-    return State(links, rates, float(cart), float(speed), *carried)
-
-
-def _distance_from_rest(scene: Scene, state: State) -> float:
-    """The largest part of a state in natural units."""
-    system = system_of(scene)
-    turned = np.remainder(state.links - system.rest + pi, 2 * pi) - pi
-    cart = np.full((1, 1), state.cart), np.full((1, 1), state.cart_rate)
-    carried = (state.supports[None, None], state.support_rates[None, None]) if len(state.supports) else ()
-    parts = (turned[None, None], state.link_rates[None, None], *cart, *carried)
-    return float(np.abs(natural_units(system, parts)).max())
+    return motion_of(states), endings
 
 
 def _periodic_groups(

@@ -38,6 +38,8 @@ from nonlinear.orbits.stable import StableOrbits, stable_branches
 from nonlinear.synchronization.attractors import PERIODIC, Ending, rhythm_of
 from nonlinear.system import Motion, State
 
+SHAPE = ("kind", "returns", "slow_period", "drifting", "chimera")
+
 
 @dataclass(frozen=True, eq=False)
 class MapTask:
@@ -168,12 +170,8 @@ def _header_and_arrays(groups: Sequence[EndingGroup]) -> tuple[dict[str, Any], d
                 "name": group.name,
                 "copies": group.copies,
                 "exponent": group.exponent,
-                "kind": group.ending.kind,
                 "period_s": finite(group.ending.period),
-                "returns": group.ending.returns,
-                "slow_period_s": group.ending.slow_period,
-                "drifting": group.ending.drifting,
-                "chimera": group.ending.chimera,
+                "shape": [getattr(group.ending, name) for name in SHAPE],
                 "cart": [group.ending.state.cart, group.ending.state.cart_rate],
             }
             for group in groups
@@ -197,8 +195,9 @@ def _groups_from(header: Mapping[str, Any], columns: Mapping[str, Any]) -> tuple
         )
         state = State(links, rates, float(entry["cart"][0]), float(entry["cart"][1]), supports, support_rates)
         period = nan if entry["period_s"] is None else float(entry["period_s"])
-        shape = entry["returns"], entry["slow_period_s"], entry["drifting"], entry["chimera"]
-        ending = Ending(entry["kind"], period, np.zeros((0, 0)), state, *shape)
+        ending = Ending(
+            period=period, record=np.zeros((0, 0)), state=state, **dict(zip(SHAPE, entry["shape"], strict=True))
+        )
         exponent = entry["exponent"] and (float(entry["exponent"][0]), float(entry["exponent"][1]))
         members = tuple(columns[f"members_{number}"].astype(int).tolist())
         groups.append(EndingGroup(entry["name"], members, ending, entry["copies"], exponent))

@@ -2,9 +2,9 @@
 
 At every value the same starts are run until they tell what they end in (`endings`).  The orbit of a periodic motion is
 followed along the number, to both sides of the value where it was found, while it is stable.  Where that ends, at a
-fold, a branch point, a Neimark–Sacker point or a doubling, it is born or dies.  Any other motion, a beat above all, is
-itself continued from value to value (`rhythm_borders`), and its end enclosed between two values.  The share of starts
-that end in a rhythm has Wilson's interval [Wilson1927]:
+fold, a branch point, a Neimark–Sacker point, a doubling or where a clock starts (`nonlinear.orbits.stable`), it is born
+or dies.  Any other motion, a beat above all, is itself continued from value to value (`rhythm_borders`), and its end
+enclosed between two values.  The share of starts that end in a rhythm has Wilson's interval [Wilson1927]:
 
     (p + z²/2n ± z sqrt(p(1 − p)/n + z²/4n²)) / (1 + z²/n),     z = 1.96
 """
@@ -45,7 +45,7 @@ def wilson(count: int, total: int) -> tuple[float, float]:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RhythmEvent(Displayed):
-    """Where a rhythm is born or dies along the number, as that grows: at an orbit's special point of a `kind`.
+    """Where a rhythm is born or dies along the number, as that grows: at an orbit's end of a `kind` (`stable`).
 
     The kind is "enclosed" where a motion without an orbit was continued: it ends within the two values `between`, and
     goes over into the `successor` beyond; "undecided" where runs beyond the first of them were.

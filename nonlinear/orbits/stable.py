@@ -1,22 +1,28 @@
 """Stable orbits along a parameter: each is followed to both sides while it is stable.
 
-The end is a special point (`special`): a fold, a branch point, a Neimark–Sacker point or a period doubling.
+The end is a special point (`special`): a fold, a branch point, a Neimark–Sacker point or a period doubling; or a clock
+whose swing is too small for kicks grazes its escapement's angle.  As the number grows, that clock starts at the end of
+this branch, or stops at its beginning.  A clock that is kicked does not graze on a stable orbit: a kick P at the rate
+γ' of passing adds the energy P γ', the slope of which by the energy, P/(I γ') for a moment of inertia I, makes a
+multiplier pass 1 before γ' is 0.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import nan
+from math import inf, nan
 
 import numpy as np
 
 from modal.report import Displayed
 from modal.scene.parameters import Variation
-from modal.types import Crew, map_by_crew
+from modal.types import Crew, Floats, map_by_crew
+from nonlinear.dynamics.contacts import escaping
+from nonlinear.dynamics.switching import joint_value
 from nonlinear.orbits.continuation import STEP_MAX, OrbitPoint, at_edge, follow, tangent_of, with_values
 from nonlinear.orbits.cycles import Beginning, is_same_orbit
-from nonlinear.orbits.orbit import Orbit
+from nonlinear.orbits.orbit import Orbit, largest
 from nonlinear.orbits.shooting import Shooting
 from nonlinear.orbits.special import along_cycles, bisect
 
@@ -74,7 +80,7 @@ def _follow_while_stable(beginning: Beginning, direction: float) -> tuple[list[O
     points = [OrbitPoint(u, tangent_of(problem.equations(u)[1], towards), beginning.orbit)]
     if not 0 < u[-1] + 1e-9 * direction < 1:
         return points, None
-    for current in follow(problem, points[0], step=STEP_MAX / 5, longest=STEP_MAX):
+    for current in follow(problem, points[0], step=STEP_MAX / 5, longest=STEP_MAX, distance=_by_clocks):
         if current is points[0]:
             continue
         is_inside = 0 < current.u[-1] < 1
@@ -84,7 +90,26 @@ def _follow_while_stable(beginning: Beginning, direction: float) -> tuple[list[O
         points.append(following)
         if not is_inside:
             return points, None
-    return points, None  # Newton's method lost it: no event is known
+    last = points[-1].orbit  # from which no step leads on
+    kind = "a clock starts" if direction > 0 else "a clock stops"
+    return points, (kind, float(last.value or 0.0)) if np.any(np.abs(_excess(last)) < 1e-6) else None
+
+
+def _by_clocks(current: OrbitPoint, following: OrbitPoint) -> float:
+    """No distance between neighbours on which the same clocks are kicked: no branch leads from others to them."""
+    before, after = (_excess(point.orbit) > 0 for point in (current, following))
+    return 0.0 if np.array_equal(before, after) else inf
+
+
+def _excess(orbit: Orbit) -> Floats:
+    """By how much the swings of clocks exceed the angles of their escapements (rad), (K,)."""
+    joints, half = escaping(orbit.flow.system), orbit.flow.equations.layout.half
+    if not joints.pairs:
+        return np.empty(0)
+    times, y, rates = orbit.path
+    curves = y[:, :half].T, y[:, half:].T, rates[:, half:].T
+    swings, speeds, bends = (np.array([joint_value(curve, pair) for pair in joints.pairs]).T for curve in curves)
+    return largest(times, swings - joints.joint_rest, speeds, bends) - joints.angle
 
 
 def _end_between(
@@ -97,7 +122,7 @@ def _end_between(
     else:  # equal multipliers that pass together
         point = bisect(problem, points[-1], unstable, lambda place: place.orbit.is_stable)
         others = point.orbit.floquet.others
-        largest = others[np.abs(others).argmax()]
-        kind = "torus" if abs(largest.imag) > abs(largest.real) * 1e-6 else "branch point"
-        kind = "period doubling" if kind == "branch point" and largest.real < 0 else kind
+        leading = others[np.abs(others).argmax()]
+        kind = "torus" if abs(leading.imag) > abs(leading.real) * 1e-6 else "branch point"
+        kind = "period doubling" if kind == "branch point" and leading.real < 0 else kind
     return [*points, point], (KINDS.get(kind, kind), nan if point.orbit.value is None else float(point.orbit.value))

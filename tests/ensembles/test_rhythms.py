@@ -107,6 +107,74 @@ def test_births_are_those_of_the_branches_of_orbits() -> None:
     assert segment.death[1] == pytest.approx(higher, rel=1e-6)
 
 
+def _kicked(base: float, state: State, limits: Floats, duration: float) -> tuple[int, float]:
+    """Huygens' clocks from a state of theirs, by Newton's laws: kicks of the second, its largest angle in the last 2 s.
+
+    The first is kicked once on each side in turn; the run starts where it turns back on the right, the second between.
+    """
+    m, length, damping, impulse = 0.082, 0.14, 1.35e-4, 2.9e-5
+
+    def accelerations(theta: Floats, torque: Floats, force: float) -> Floats:
+        matrix = np.diag([base + 2 * m, *[m * length**2] * 2])
+        matrix[0, 1:] = matrix[1:, 0] = m * length * np.cos(theta)
+        return np.linalg.solve(matrix, [force, *torque])
+
+    def rates(t: float, y: Floats) -> Floats:
+        theta, rate = y[1:3], y[4:]
+        torque = -m * 9.81 * length * np.sin(theta) - damping * rate
+        force = m * length * np.sum(np.sin(theta) * rate**2) - 4.0 * y[3]
+        return np.concatenate((y[3:], accelerations(theta, torque, force)))
+
+    y = np.concatenate(([state.cart], state.links, [state.cart_rate], state.link_rates))
+    sides, time, kicks, largest = np.array([-1.0, 1.0]), 0.0, 0, 0.0
+    while time < duration:
+        passes = [lambda t, y, k=k: sides[k] * y[1 + k] - limits[k] for k in (0, 1)]
+        for event in passes:
+            event.terminal, event.direction = True, 1.0
+        run = scipy.integrate.solve_ivp(
+            rates, (time, duration), y, "DOP853", None, True, passes, rtol=1e-10, atol=1e-12, max_step=0.02
+        )
+        if run.t[-1] > duration - 2.0:
+            fine = np.linspace(max(time, duration - 2.0), run.t[-1], 2000)
+            largest = max(largest, float(np.abs(run.sol(fine)[2]).max()))
+        time, y = float(run.t[-1]), run.y[:, -1].copy()
+        for k in (0, 1):
+            if len(run.t_events[k]):
+                y[3:] += accelerations(y[1:3], sides[k] * impulse * np.eye(2)[k], 0.0)
+                sides[k], kicks = -sides[k], kicks + k
+    return kicks, largest
+
+
+def test_an_orbit_ends_where_a_clock_starts() -> None:
+    """Of Huygens' clocks the second swings too little for kicks, to where it would reach its escapement's angle."""
+    scene, limits = vary(load("huygens"), {"pendulum[1].links[0].drive.angle_deg": 2.2}), np.radians([3.0, 2.2])
+    variation = parse_variations(["support.mass=14:18:2"])[0]
+    start = State(np.array([0.115, 0.0]), np.array([0.0, 0.28]))
+    (beginning,) = beginnings(scene, variation, 18.0, (start, 0.7524), 1e-12)
+    branch = stable_orbits(beginning)
+    assert branch.death is None
+    assert branch.birth
+    kind, value = branch.birth
+    assert kind == "a clock stops"
+    state = branch.orbits[0].state
+    assert _kicked(value, state, np.array([limits[0], 1.0]), 20.0)[1] == pytest.approx(limits[1], rel=1e-6)
+    assert _kicked(1.02 * value, state, limits, 20.0)[0] == 0
+    assert _kicked(0.98 * value, state, limits, 20.0)[0] > 0
+
+
+def test_a_stronger_neighbour_starts_a_clock() -> None:
+    """As the impulse of the first grows, so that the second reaches its angle."""
+    scene = vary(load("huygens"), {"pendulum[1].links[0].drive.angle_deg": 2.2, "support.mass": 16.0})
+    variation = parse_variations(["pendulum[0].links[0].drive.impulse=2.9e-5:3.5e-5:2"])[0]
+    start = State(np.array([0.103, -0.026]), np.array([0.0, -0.225]))
+    (beginning,) = beginnings(scene, variation, 2.9e-5, (start, 0.7523), 1e-12)
+    branch = stable_orbits(beginning)
+    assert branch.death
+    assert branch.death[0] == "a clock starts"
+    assert branch.orbits[-1].amplitudes[1] == pytest.approx(np.radians(2.2), abs=1e-6)
+    assert branch.orbits[-1].value == branch.death[1]
+
+
 def test_the_death_of_a_beat_is_enclosed() -> None:
     """From its own last state the beat goes on below that by the equations written here, and not above it."""
     (death,) = (event for event in two_values().births if event.name == "beat")
