@@ -273,14 +273,18 @@ def _valleys(objective: Objective, starts: Sequence[Floats], report: Report) -> 
 
 
 def _reported(evaluate: Evaluate, report: Report, begin: float, end: float) -> Evaluate:
-    """The same, each time reporting a twentieth of what is left: how many evaluations there will be is not known."""
+    """The same, of every point once, reporting a twentieth of what is left: how many there will be is not known."""
     done = begin
+    points: dict[tuple[bytes, bool], Evaluation] = {}
 
     def reported(z: Floats, with_gradients: bool) -> Evaluation:
         nonlocal done
-        done += (end - done) / 20
-        report(done)
-        return evaluate(z, with_gradients)
+        key = z.tobytes(), with_gradients
+        if key not in points:
+            done += (end - done) / 20
+            report(done)
+            points[key] = evaluate(z, with_gradients)
+        return points[key]
 
     return reported
 
@@ -288,7 +292,7 @@ def _reported(evaluate: Evaluate, report: Report, begin: float, end: float) -> E
 def _descend(objective: Objective, z: Floats) -> Minimum:
     """The minimum next to z, about which the arrays are interpolated anew."""
     _centre(objective, z)
-    return descend(objective.evaluate, z, objective.low, objective.high)
+    return descend(_reported(objective.evaluate, silent, 0.0, 1.0), z, objective.low, objective.high)
 
 
 def _centre(objective: Objective, z: Floats) -> None:
