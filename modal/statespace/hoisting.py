@@ -50,8 +50,6 @@ POWERS_OF_QUINTIC = 6
 """Format: coefficients of a quintic, of which a travel's law consists."""
 TOLERANCE_OF_HOIST = 1e-10
 """Tolerance: relative error of a step along a hoist, a thousandth of it near rest."""
-STAGES = 8
-"""Cost: points of a step along a hoist: about three steps a swing have all digits."""
 Command = Callable[[Floats], Floats]
 Equations = Callable[[Floats], tuple[Floats, Floats]]
 SWING = "swing: the largest angle of each mode relative to that at the beginning, if E/ω is conserved (a slow hoist)"
@@ -555,18 +553,19 @@ def motion_history(
 
 
 def _steps(
-    equations_at: Equations, command: Command, edges: Floats, size: float, entries: int = 2**20
+    equations_at: Equations, command: Command, edges: Floats, size: float, stages: int = 8, entries: int = 2**20
 ) -> Iterator[tuple[float, Floats]]:
     """The end of each step between `edges`, halved until halves agree, and what becomes in it of (q, q', 1) (2n, 2n+1).
 
-    `entries` bounds the arrays of the steps that are computed together.
+    With 8 `stages` about three steps a swing have all digits.  `entries` bounds the arrays of the steps that are
+    computed together.
     """
     n = equations_at(edges[:1])[0].shape[1]
-    for first in range(0, len(edges) - 1, together := max(1, entries // (STAGES * n) ** 2)):
+    for first in range(0, len(edges) - 1, together := max(1, entries // (stages * n) ** 2)):
         begin, end = edges[first : first + together + 1][:-1], edges[first + 1 : first + together + 1]
         middle = (begin + end) / 2
         whole, former, latter = (
-            _collocated(equations_at, command, *span) for span in ((begin, end), (begin, middle), (middle, end))
+            _collocated(equations_at, command, *span, stages) for span in ((begin, end), (begin, middle), (middle, end))
         )
         halves = latter[:, :, :-1] @ former
         halves[:, :, -1] += latter[:, :, -1]
@@ -581,11 +580,11 @@ def _steps(
                 yield float(end[k]), step
 
 
-def _collocated(equations_at: Equations, command: Command, begin: Floats, end: Floats) -> Floats:
+def _collocated(equations_at: Equations, command: Command, begin: Floats, end: Floats, stages: int) -> Floats:
     """What becomes of (q, q', 1) in T steps (T, 2n, 2n + 1), by collocation at Gauss's points [Hairer1993, II.7]."""
-    points, weights = np.polynomial.legendre.leggauss(STAGES)
-    degrees_of_points = np.arange(STAGES)[:, None]
-    basis = (degrees_of_points + 0.5) * weights * np.polynomial.legendre.legvander(points, STAGES - 1).T
+    points, weights = np.polynomial.legendre.leggauss(stages)
+    degrees_of_points = np.arange(stages)[:, None]
+    basis = (degrees_of_points + 0.5) * weights * np.polynomial.legendre.legvander(points, stages - 1).T
     a = np.polynomial.legendre.legval(points, np.polynomial.legendre.legint(basis, lbnd=-1)).T / 2
     b, c, h = weights / 2, (1 + points) / 2, (end - begin)[:, None, None, None]
     times = begin[:, None] + c * h[:, :, 0, 0]
@@ -595,7 +594,7 @@ def _collocated(equations_at: Equations, command: Command, begin: Floats, end: F
     driven = (B * command(times.ravel()).reshape(times.shape)[..., None])[..., None]
     right = np.concatenate((by_place, h * c[:, None, None] * by_place + by_rate, driven), 3)
     fed_back = np.einsum("ij,tiab->tiajb", a @ a, h**2 * by_place) + np.einsum("ij,tiab->tiajb", a, h * by_rate)
-    size = STAGES * n
+    size = stages * n
     slopes = np.linalg.solve(np.eye(size) - fed_back.reshape(-1, size, size), right.reshape(-1, size, 2 * n + 1))
     slopes = h * slopes.reshape(right.shape)
     step = np.zeros((len(begin), 2 * n, 2 * n + 1)) + np.eye(2 * n, 2 * n + 1)

@@ -188,7 +188,7 @@ def _descend_by_programs(
 
 
 def _line_search(evaluate: Evaluate, start: Evaluation, low: Floats, high: Floats) -> Evaluation:
-    """Where a descent of one number leads, which may be a bound: few evaluations, each of which may be a long motion."""
+    """Where a descent of one number leads, perhaps a bound: by few evaluations, as each may be a long motion."""
     points = [start]
 
     def merit(z: Floats) -> tuple[float, Floats]:
