@@ -190,8 +190,8 @@ def matrices_at(scene: Scene, time: float) -> Matrices:
     return matrices_along(scene)(time)
 
 
-def matrices_along(scene: Scene) -> Callable[[float], Matrices]:
-    """Return `matrices_at` as a function of time, for many times."""
+def matrices_along(scene: Scene) -> Callable[[Any], Matrices]:
+    """Return `matrices_at` as a function of a time (s), or along a hoist of many (...)."""
     validate_scene(scene)
     if not scene.is_hoisted:
         constant = matrices_of(rig_of(scene))
