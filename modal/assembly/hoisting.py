@@ -190,8 +190,8 @@ def matrices_at(scene: Scene, time: float) -> Matrices:
     return matrices_along(scene)(time)
 
 
-def matrices_along(scene: Scene) -> Callable[[float], Matrices]:
-    """Return `matrices_at` as a function of time, for many times."""
+def matrices_along(scene: Scene) -> Callable[[Any], Matrices]:
+    """Return `matrices_at` as a function of a time (s), or along a hoist of many (...)."""
     validate_scene(scene)
     if not scene.is_hoisted:
         constant = matrices_of(rig_of(scene))
@@ -213,7 +213,7 @@ def no_hoist(scene: Scene) -> SceneError:
 
 
 def instants(scene: Scene) -> Callable[[float], HoistInstant]:
-    """Return the linear equations of a scene with a hoist as a function of time (s).
+    """Return the linear equations of a scene with a hoist as a function of a time (s), or of many (...).
 
     Raise SceneError for a scene without a hoist, or with constant forces, whose equilibrium would change with the
     lengths.
@@ -248,24 +248,26 @@ def instants(scene: Scene) -> Callable[[float], HoistInstant]:
         return HoistInstant(matrices_of(rig_of(scene.at(time))), none, none, linear)
 
     def at(time: float) -> HoistInstant:
-        length, speed, acceleration = hoisting.at(time)
-        if not (speed.any() or acceleration.any()):
+        length, speed, acceleration = (part[..., None, :] for part in hoisting.at(time))
+        if not (np.ndim(time) or speed.any() or acceleration.any()):
             key = length.tobytes()
             return resting[key] if key in resting else resting.setdefault(key, rest(time))
-        rows = np.hstack((pivot_rows, lever_rows * length + arms))
-        rate, bend = (np.hstack((0 * pivot_rows, pattern * part)) for part in (speed, acceleration))
-        falling, fall_acceleration = rate.sum(1), bend.sum(1)
+        pivots = np.broadcast_to(pivot_rows, (*np.shape(time), *pivot_rows.shape))
+        rows = np.concatenate((pivots, lever_rows * length + arms), -1)
+        columns = rows.swapaxes(-1, -2)
+        rate, bend = (np.concatenate((0 * pivots, pattern * part), -1) for part in (speed, acceleration))
+        falling, fall_acceleration = rate.sum(-1), bend.sum(-1)
         drag = linear + quadratic * np.abs(falling)
-        massive, drag_rows = rows.T * mass, rows.T * drag
+        massive, drag_columns = columns * mass, columns * drag[..., None, :]
         M = massive @ rows + bare_M
-        M[index, index] += inertia
-        M[:first, :first] += (sunk * mass) @ down
+        M[..., index, index] += inertia
+        M[..., :first, :first] += (sunk * mass) @ down
         pull = mass * (rig.gravity - fall_acceleration) - drag * falling
-        K = bare_K + massive @ bend + drag_rows @ rate
-        K[index, index] += (rows.T @ pull)[first:]
-        K[range(first), range(first)] += pull @ curvatures
-        D = bare_D + 2 * massive @ rate + drag_rows @ rows
-        D[:first, :first] += (sunk * (linear + 2 * quadratic * np.abs(falling))) @ down
+        K = bare_K + massive @ bend + drag_columns @ rate
+        K[..., index, index] += (columns @ pull[..., None])[..., first:, 0]
+        K[..., range(first), range(first)] += pull @ curvatures
+        D = bare_D + 2 * massive @ rate + drag_columns @ rows
+        D[..., :first, :first] += (sunk * (linear + 2 * quadratic * np.abs(falling))[..., None, :]) @ down
         return HoistInstant(Matrices(M, K, D, labels), rate, bend, drag)
 
     return at

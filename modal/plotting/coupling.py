@@ -174,7 +174,7 @@ def draw_mass(axis: Axes, coupling: Coupling, s: int = 0) -> None:
         low, high = 0.0, 1.5 * high
     axis.set(xlim=(low, high), ylim=(-mass_at_rest, top), xscale="log" if is_logarithmic else "linear")
     axis.set(xlabel="angular frequency ω (rad/s)", ylabel="dynamic mass (kg)" if is_structured else FELT)
-    axis.yaxis.set_major_formatter("{x:g}")
+    axis.yaxis.set_major_formatter("{x:g}" if top < 1e6 else "{x:.3g}")  # not 800000 beside 1e+06
     axis.axhline(0.0, color=ink(), lw=0.8)
     if coupling.on_cart:
         axis.axhline(coupling.dynamic.at_infinity, color=secondary_colour(), lw=0.9, ls=MARKED)
@@ -301,7 +301,7 @@ def draw_close(axis: Axes, coupling: Coupling, number: int) -> None:
     axis.set(xlim=_window(family), ylim=(-3.2 * scale, 3.2 * scale), xlabel=f"ω − {name(number)} (rad/s)", ylabel=FELT)
     axis.set_title(f"close to {name(number)}: coupling ε = {family.strength:.3g}".replace("-", "−"))
     axis.locator_params(axis="x", nbins=4)
-    axis.yaxis.set_major_formatter("{x:g}")
+    axis.yaxis.set_major_formatter("{x:g}" if 3.2 * scale < 1e6 else "{x:.3g}")
 
 
 def mass_near_pole(coupling: Coupling, number: int, distances: Floats) -> Floats:

@@ -32,6 +32,7 @@ from modal.plotting.style import (
     stack,
     thickness,
 )
+from modal.plotting.travels import tuned_travel_figure
 from modal.scene import title_of
 from modal.scene.signal_names import signal_words, unit_words
 from modal.statespace import ModalForm, frequency_response, impulse_response, impulse_times
@@ -273,11 +274,13 @@ TUNED_DB = 40.0
 
 
 def tuning_figure(tuning: Tuned) -> Figure:
-    """|H| of every tuned peak before and after, with the equal peaks marked.
+    """|H| of every tuned peak before and after, with the equal peaks marked, or the swing of a tuned travel.
 
-    Raise ComputationError if no peak is tuned, or more than a picture holds.
+    Raise ComputationError if neither is tuned, or more peaks than a picture holds.
     """
     curves = tuning.curves()
+    if not curves and any(aim.quantity.kind == "residual" for aim in tuning.objective.aims):
+        return tuned_travel_figure(tuning)
     if not curves:
         raise ComputationError("no peak was tuned: there are no curves to draw")
     if len(curves) > HUES - 1:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,10 +26,12 @@ from modal.plotting.style import (
 )
 from modal.scene import title_of
 from modal.scene.signal_names import link_names
+from modal.statespace.shapers import shaper_for
+from modal.statespace.travels import ShapedTravel, shaped_travel
 
 if TYPE_CHECKING:
     from modal.statespace.hoisting import Along
-    from modal.statespace.travels import ShapedTravel
+    from modal.tuning import Tuned
 
 
 def hoist_figure(hoisting: Along) -> Figure:
@@ -88,19 +91,40 @@ def travel_figure(travel: ShapedTravel) -> Figure:
         _command(axis, travel, rows)
         set_frame(axis, "", label, title)
         legend(axis)
-    degrees = np.degrees(travel.angles)
-    numbers, names, _ = pick(np.concatenate(list(degrees)).T, labels, HUES)
-    limit = 4 / 3 * max(float(np.abs(degrees).max()), float(np.degrees(travel.residual).max()), 1e-9)
-    for row, axis in enumerate(axes[-2:]):
-        curves = [(travel.times, degrees[row, :, link]) for link in numbers]
-        draw_curves(axis, curves, names=names, bands=True)
-        axis.set(xlim=(travel.times[0], travel.times[-1]), ylim=(-limit, limit))
-        set_frame(axis, "", "angle (°)", f"Swing, {ROWS[row]}")
-        _residual(axis, travel, row)
-    legend(axes[-2], least_count=1)
-    axes[-1].set_xlabel("time (s)")
+    _swings(axes[-2:], [(travel, 0), (travel, 1)], ROWS)
     headline(figure, title_of(travel.scene), f"a travel of {travel.distance:g} m, unshaped and shaped")
     return figure
+
+
+def tuned_travel_figure(tuning: Tuned) -> Figure:
+    """The angles (°) of the links in the travel whose residual swing was tuned, before and after."""
+    setting = tuning.objective.quantities.setting
+    kind = setting.kind or "zv"
+    travels = [
+        shaped_travel(scene, shaper_for(scene, 1, kind), setting.travel or 0.0, setting.over)
+        for scene in (tuning.given, tuning.scene)
+    ]
+    figure, axes = stack(2, sharex=True)
+    axes[1].sharey(axes[0])
+    _swings(axes, [(travel, int(setting.kind is not None)) for travel in travels], ("before", "after"))
+    headline(figure, title_of(tuning.given), "before and after tuning")
+    return figure
+
+
+def _swings(axes: Sequence[Axes], ways: Sequence[tuple[ShapedTravel, int]], titles: Sequence[str]) -> None:
+    """The angles of the links along rows of travels, one below the other, and what swing they leave."""
+    degrees = [np.degrees(travel.angles[row]) for travel, row in ways]
+    labels = link_names(coordinate_labels(rig_of(ways[0][0].scene)))
+    numbers, names, _ = pick(np.concatenate(degrees).T, labels, HUES)
+    largest = max(float(np.degrees(travel.residual[row])) for travel, row in ways)
+    limit = 4 / 3 * max(*(float(np.abs(part).max()) for part in degrees), largest, 1e-9)
+    for axis, (travel, row), angles, title in zip(axes, ways, degrees, titles, strict=True):
+        draw_curves(axis, [(travel.times, angles[:, link]) for link in numbers], names=names, bands=True)
+        axis.set(xlim=(travel.times[0], travel.times[-1]), ylim=(-limit, limit))
+        set_frame(axis, "", "angle (°)", f"Swing, {title}")
+        _residual(axis, travel, row)
+    legend(axes[0], least_count=1)
+    axes[-1].set_xlabel("time (s)")
 
 
 def _command(axis: Axes, travel: ShapedTravel, rows: np.ndarray) -> None:

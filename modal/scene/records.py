@@ -118,8 +118,17 @@ def _refuse_contradictions(table: Table, times: Floats, acceleration: Floats, re
 def read_lengths(
     path: str | PathLike[str], *, has_quotes: bool = True, columns: Mapping[str, str] | None = None
 ) -> dict[str, Any]:
-    """Return `time_s` and `length_m` of a recorded `Hoist`; raise SceneError as `read_record` does."""
+    """Return `time_s` and `length_m` of a recorded `Hoist`; raise SceneError as `read_record` does.
+
+    Of the file that `hoist -o` writes, the one `length_P_I_m`.
+    """
     table = _table(path, has_quotes, columns)
+    lengths = [name for name in table.columns if name.startswith("length_") and name.endswith("_m")]
+    if "time_s" in table.columns and lengths and RECORD[1] not in lengths:
+        if len(lengths) == 1:
+            return read_lengths(path, has_quotes=has_quotes, columns={**(columns or {}), lengths[0]: RECORD[1]})
+        choice = f'{{ {lengths[0]} = "{RECORD[1]}" }}'
+        raise table.lacks(f"{' and '.join(RECORD)}: of {', '.join(lengths)} choose one, such as columns = {choice}")
     if not set(RECORD) <= set(table.columns):
         is_travel = not set(RECORDED).isdisjoint(table.columns)
         of_travel = ", that of a rope: this is the travel of a cart, as a moved support takes it"

@@ -18,7 +18,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from math import degrees, inf
+from math import ceil, degrees, inf
 from operator import itemgetter
 from typing import Any, NamedTuple
 
@@ -51,6 +51,7 @@ POWERS_OF_QUINTIC = 6
 TOLERANCE_OF_HOIST = 1e-10
 """Tolerance: relative error of a step along a hoist, a thousandth of it near rest."""
 Command = Callable[[Floats], Floats]
+Equations = Callable[[Floats], tuple[Floats, Floats]]
 SWING = "swing: the largest angle of each mode relative to that at the beginning, if E/ω is conserved (a slow hoist)"
 NO_MODE = "with the cart free no mode oscillates: a massless cart stays above its load"
 UNSTABLE = "the equilibrium is unstable along the hoist: no swing is left at rest"
@@ -538,24 +539,69 @@ def motion_history(
         if not swings <= MOST_SWINGS:
             raise ComputationError(f"the hoist takes {swings:.3g} swings: at most {MOST_SWINGS:g} are followed")
 
-        def slope(time: float, state: Floats, last: float = float(np.nextafter(end, begin))) -> Floats:
-            within = min(time, last)
-            A, B = equations_of_push(matrices_at(within), coordinate)
-            return np.concatenate((state[n:], A @ state + B * command(np.array([within]))[0]))
-
-        solution = scipy.integrate.solve_ivp(
-            slope,
-            (begin, end),
-            states[rows[0]],
-            method="DOP853",
-            t_eval=times[rows],
-            rtol=TOLERANCE_OF_HOIST,
-            atol=TOLERANCE_OF_HOIST * 1e-3 * size,
-        )
-        if not solution.success:
-            raise ComputationError(f"the motion along the hoist cannot be integrated: {solution.message}")
-        states[rows] = solution.y.T
+        edges = np.unique(np.concatenate((times[rows], np.linspace(begin, end, 2 + ceil(3 * swings)))))
+        state, is_sample = states[rows[0]], np.isin(edges, times[rows])
+        ends = dict(zip(edges[is_sample].tolist(), rows.tolist(), strict=True))
+        steps = _steps(lambda at: equations_of_push(matrices_at(at), coordinate), command, edges, size or 1.0)
+        for time, step in steps:
+            state = step[:, :-1] @ state + step[:, -1]
+            if time in ends:
+                states[ends[time]] = state
+        if not np.all(np.isfinite(state)):
+            raise ComputationError("the motion along the hoist exceeds double precision")
     return states
+
+
+def _steps(
+    equations_at: Equations, command: Command, edges: Floats, size: float, stages: int = 8, entries: int = 2**20
+) -> Iterator[tuple[float, Floats]]:
+    """The end of each step between `edges`, halved until halves agree, and what becomes in it of (q, q', 1) (2n, 2n+1).
+
+    With 8 `stages` about three steps a swing have all digits.  `entries` bounds the arrays of the steps that are
+    computed together.
+    """
+    n = equations_at(edges[:1])[0].shape[1]
+    for first in range(0, len(edges) - 1, together := max(1, entries // (stages * n) ** 2)):
+        begin, end = edges[first : first + together + 1][:-1], edges[first + 1 : first + together + 1]
+        middle = (begin + end) / 2
+        whole, former, latter = (
+            _collocated(equations_at, command, *span, stages) for span in ((begin, end), (begin, middle), (middle, end))
+        )
+        halves = latter[:, :, :-1] @ former
+        halves[:, :, -1] += latter[:, :, -1]
+        units = np.ones((len(begin), 1, 2 * n + 1))
+        units[:, 0, n:-1], units[:, :, -1] = (end - begin)[:, None], size
+        difference, scale = (np.abs(part / units).max(2) for part in (whole - halves, halves))
+        differs = (difference > TOLERANCE_OF_HOIST * scale).any(1) & (begin < middle) & (middle < end)
+        for k, step in enumerate(halves):
+            if differs[k]:
+                yield from _steps(equations_at, command, np.array([begin[k], middle[k], end[k]]), size)
+            else:
+                yield float(end[k]), step
+
+
+def _collocated(equations_at: Equations, command: Command, begin: Floats, end: Floats, stages: int) -> Floats:
+    """What becomes of (q, q', 1) in T steps (T, 2n, 2n + 1), by collocation at Gauss's points [Hairer1993, II.7]."""
+    points, weights = np.polynomial.legendre.leggauss(stages)
+    degrees_of_points = np.arange(stages)[:, None]
+    basis = (degrees_of_points + 0.5) * weights * np.polynomial.legendre.legvander(points, stages - 1).T
+    a = np.polynomial.legendre.legval(points, np.polynomial.legendre.legint(basis, lbnd=-1)).T / 2
+    b, c, h = weights / 2, (1 + points) / 2, (end - begin)[:, None, None, None]
+    times = begin[:, None] + c * h[:, :, 0, 0]
+    A, B = equations_at(times)
+    n = A.shape[2]
+    by_place, by_rate = A[..., :n], A[..., n:]
+    driven = (B * command(times.ravel()).reshape(times.shape)[..., None])[..., None]
+    right = np.concatenate((by_place, h * c[:, None, None] * by_place + by_rate, driven), 3)
+    fed_back = np.einsum("ij,tiab->tiajb", a @ a, h**2 * by_place) + np.einsum("ij,tiab->tiajb", a, h * by_rate)
+    size = stages * n
+    slopes = np.linalg.solve(np.eye(size) - fed_back.reshape(-1, size, size), right.reshape(-1, size, 2 * n + 1))
+    slopes = h * slopes.reshape(right.shape)
+    step = np.zeros((len(begin), 2 * n, 2 * n + 1)) + np.eye(2 * n, 2 * n + 1)
+    step[:, :n, n:-1] += h[..., 0] * np.eye(n)
+    step[:, :n] += h[..., 0] * np.einsum("i,tiam->tam", b @ a, slopes)
+    step[:, n:] += np.einsum("i,tiam->tam", b, slopes)
+    return step
 
 
 def _advance(states: Floats, times: Floats, rows: Ints, equations: tuple[Floats, Floats], command: Command) -> None:
@@ -585,11 +631,12 @@ def _step(A: Floats, B: Floats, duration: float) -> tuple[Floats, Floats]:
 
 
 def equations_of_push(linear: Matrices, coordinate: int | None) -> tuple[Floats, Floats]:
-    """A (n, 2n) and B (n,) of q'' = A (q, q') + B u, u the force on a coordinate, else the acceleration of a cart."""
+    """A (..., n, 2n) and B (..., n) of q'' = A (q, q') + B u, u the force on a coordinate or a cart's acceleration."""
     is_prescribed = coordinate is None
-    n, first = len(linear.M), int(is_prescribed)
-    force = -linear.M[:, 0] if is_prescribed else np.eye(n)[coordinate or 0]
-    right = np.hstack((-linear.K, -linear.D, force[:, None]))[first:]
-    solution = np.eye(n, 2 * n + 1, 2 * n) if is_prescribed else np.zeros((n, 2 * n + 1))
-    solution[first:] = np.linalg.solve(linear.M[first:, first:], right)
-    return solution[:, :-1], solution[:, -1]
+    n, first = linear.M.shape[-1], int(is_prescribed)
+    force = -linear.M[..., 0] if is_prescribed else np.broadcast_to(np.eye(n)[coordinate or 0], linear.M.shape[:-1])
+    right = np.concatenate((-linear.K, -linear.D, force[..., None]), -1)[..., first:, :]
+    solution = np.zeros((*linear.M.shape[:-1], 2 * n + 1))
+    solution[..., 0, -1] = is_prescribed
+    solution[..., first:, :] = np.linalg.solve(linear.M[..., first:, first:], right)
+    return solution[..., :-1], solution[..., -1]

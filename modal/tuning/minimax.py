@@ -122,7 +122,7 @@ def descend(
     """The minimum reached from z within bounds; a `coarse` one ends at a small trust region, or next to a known one."""
     point = evaluate(np.clip(z, low, high), True)
     if point.is_smooth:
-        point = _quasi_newton(evaluate, point, low, high)
+        point = (_line_search if len(z) == 1 else _quasi_newton)(evaluate, point, low, high)
     minimum = _descend_by_programs(evaluate, point, low, high, coarse=coarse, minima=minima)
     rng = np.random.default_rng(1)
     for _ in range(0 if coarse else 4):
@@ -185,6 +185,21 @@ def _descend_by_programs(
         else:
             radius = min(radius, float(np.abs(step.delta).max())) / 3
     return Minimum(point, False)
+
+
+def _line_search(evaluate: Evaluate, start: Evaluation, low: Floats, high: Floats) -> Evaluation:
+    """Where a descent of one number leads, perhaps a bound: by few evaluations, as each may be a long motion."""
+    points = [start]
+
+    def merit(z: Floats) -> tuple[float, Floats]:
+        points.append(evaluate(z, True))
+        return points[-1].merit, sum((face.gradients[0] for face in points[-1].costs), np.zeros_like(z))
+
+    bounds = np.column_stack((low, high))
+    scipy.optimize.minimize(
+        merit, start.z, jac=True, bounds=bounds, method="L-BFGS-B", options={"ftol": GAIN_MIN, "gtol": 0.0}
+    )
+    return min(points, key=lambda point: point.merit)
 
 
 def _quasi_newton(evaluate: Evaluate, start: Evaluation, low: Floats, high: Floats) -> Evaluation:

@@ -17,7 +17,7 @@ from modal.scene.parameters import Place, texts_of
 from modal.scene.records import Spectrum, read_spectrum
 from modal.statespace.shapers import Kind
 from modal.tuning.closed_forms import den_hartog, rest_of_scene, single_links, values_for
-from modal.tuning.minimax import COARSE, EDGE, ROUNDS, VALLEY_WIDTH, Minimum, descend
+from modal.tuning.minimax import COARSE, EDGE, ROUNDS, VALLEY_WIDTH, Evaluate, Evaluation, Minimum, descend
 from modal.tuning.model import DAMPING_MIN
 from modal.tuning.objective import Aim, Objective, worst_cases
 from modal.tuning.pieces import Quantities, Setting
@@ -41,7 +41,7 @@ START_SPREAD = 1.1
 WIDE_START_SPREAD = 2.5
 """Tolerance: the same of a damper, drag or spring, whose size is known to some powers of ten."""
 Report = Callable[[float], object]
-"""Takes the part of the starts that has been descended from."""
+"""Takes the part of the work that is done."""
 
 
 def tune(
@@ -250,9 +250,9 @@ def _valleys(objective: Objective, starts: Sequence[Floats], report: Report) -> 
     """The different minima that the starts lead into, the best first."""
     minima: list[Minimum] = []
     for number, z in enumerate(starts):
-        report(number / len(starts))
+        evaluate = _reported(objective.evaluate, report, number / len(starts), (number + 1) / len(starts))
         try:
-            minimum = descend(objective.evaluate, z, objective.low, objective.high, coarse=True, minima=minima)
+            minimum = descend(evaluate, z, objective.low, objective.high, coarse=True, minima=minima)
         except (ComputationError, SceneError):
             continue
         if not minimum.point.is_finite or minimum in minima:
@@ -272,10 +272,27 @@ def _valleys(objective: Objective, starts: Sequence[Floats], report: Report) -> 
     return sorted(minima, key=lambda minimum: minimum.point.merit)
 
 
+def _reported(evaluate: Evaluate, report: Report, begin: float, end: float) -> Evaluate:
+    """The same, of every point once, reporting a twentieth of what is left: how many there will be is not known."""
+    done = begin
+    points: dict[tuple[bytes, bool], Evaluation] = {}
+
+    def reported(z: Floats, with_gradients: bool) -> Evaluation:
+        nonlocal done
+        key = z.tobytes(), with_gradients
+        if key not in points:
+            done += (end - done) / 20
+            report(done)
+            points[key] = evaluate(z, with_gradients)
+        return points[key]
+
+    return reported
+
+
 def _descend(objective: Objective, z: Floats) -> Minimum:
     """The minimum next to z, about which the arrays are interpolated anew."""
     _centre(objective, z)
-    return descend(objective.evaluate, z, objective.low, objective.high)
+    return descend(_reported(objective.evaluate, silent, 0.0, 1.0), z, objective.low, objective.high)
 
 
 def _centre(objective: Objective, z: Floats) -> None:

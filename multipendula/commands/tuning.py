@@ -46,8 +46,9 @@ def tune(options: argparse.Namespace) -> Tuned | None:
     problems = []
     if options.largest_angle is not None:
         problems += _angle_problems(options)
-    if options.picture and not any("peak:" in aim for aim in (*(options.minimize or ()), *(options.maximize or ()))):
-        problems.append("--picture: needs an objective of the form peak:OUTPUT/INPUT")
+    aims = (*(options.minimize or ()), *(options.maximize or ()))
+    if options.picture and not any("peak:" in aim or "residual" in aim for aim in aims):
+        problems.append("--picture: needs an objective of the form peak:OUTPUT/INPUT, or residual")
     if problems:
         raise SceneError(problems)
     if options.travel is None:
@@ -167,7 +168,7 @@ COMMANDS = (
             ),
             main_file("the scene with the best numbers", ("toml",)),
             "--report: with the curves",
-            *picture_file("the peaks before and after"),
+            *picture_file("the peaks, or the swing of a travel, before and after"),
             *CREW,
             formats("text", "json"),
         ),

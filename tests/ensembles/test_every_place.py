@@ -76,7 +76,7 @@ def by_others(scene: Scene, seconds: float) -> Iterator[State]:
 @pytest.mark.parametrize("name", usually(["springs"], sorted({*SCENES} - LONG)))
 def test_every_number_is_that_of_its_member_in_every_engine(name: str) -> None:
     scene = started(load(SCENES[name]))
-    if refusals(scene, "an ensemble") or "sampled_feedback" in scene.features:  # members with samples go one by one
+    if refusals(scene, "an ensemble"):
         return
     seconds = 0.6 if "escapement" in scene.features else 0.1
     options: dict[str, Any] = {"tolerance": TOLERANCE, "workers": 1, "check": 0}

@@ -102,6 +102,10 @@ def test_extremes_of_many_pieces_are_those_of_a_fine_grid() -> None:
     ("rows", "words"),
     [
         ("t,l\n0,5\n", r"file = \"record.csv\": needs the columns time_s and length_m$"),
+        (
+            "time_s,length_1_1_m,length_1_2_m\n0,5,1\n1,4,1\n",
+            r'.*of length_1_1_m, length_1_2_m choose one, such as columns = \{ length_1_1_m = "length_m" \}',
+        ),
         ("time_s,displacement_m\n0,0\n1,2\n", r".*length_m, that of a rope: this is the travel of a cart"),
         ("time_s,length_m\n0,5\n", "time_s: has 1 samples: at least 2 are needed"),
         ("time_s,length_m\n0,5\n0,4\n", "time_s: must be strictly ascending"),
@@ -167,3 +171,9 @@ def test_the_example_is_the_shipped_scene_and_the_table_says_what_it_shows() -> 
     assert np.array_equal(modes.omega, still.omega)
     assert vary(example, {"pendulum[0].links[0].hoist.to": 7.0}).at(9.0).pendulum[0].links[0].length == 7.0
     assert isinstance(parse(dumps(example).encode()), Scene)
+
+
+def test_the_course_that_hoist_writes_is_a_record(tmp_path: Path) -> None:
+    load(written(tmp_path, "time_s,length_1_1_m,omega_1_rad_per_s\n0,5,1.4\n1,4.5,1.5\n2,4,1.6\n"))
+    hoist = load(tmp_path / "scene.toml").pendulum[0].links[0].hoist
+    assert (hoist.time_s, hoist.length_m) == ((0.0, 1.0, 2.0), (5.0, 4.5, 4.0))

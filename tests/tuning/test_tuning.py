@@ -6,6 +6,7 @@ import json
 from functools import cache
 from math import log, sqrt
 from pathlib import Path
+from typing import Any
 
 import mpmath as mp
 import numpy as np
@@ -25,6 +26,7 @@ from modal.tuning.interpolation import interpolate
 from modal.tuning.minimax import Evaluation, Faces, descend
 from modal.tuning.model import TunedNumbers, find_peaks
 from modal.tuning.objective import Objective
+from modal.tuning.pieces import Pieces, Quantities
 from modal.types import Floats
 from modal.vibration import random_response
 from multipendula import cli
@@ -322,6 +324,28 @@ def test_a_number_that_changes_nothing_is_left_after_some_fifty_scenes(monkeypat
     tuning = tune(scene, [f"{LENGTH}=0.3:0.8"], minimize=["residual"], travel=2.0, over=3.0)
     assert tuning.after == pytest.approx(travel_swing(scene, Travel(2.0, 0.0, 3.0)), rel=1e-12)
     assert len(scenes) <= 60
+
+
+def test_one_number_stops_at_its_bound_and_its_travel_is_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    scenes: set[bytes] = set()
+    done: list[float] = []
+    at = Quantities.at
+
+    def count(quantities: Quantities, values: Floats, *args: Any, **options: Any) -> list[Pieces]:
+        scenes.add(values.tobytes())
+        return at(quantities, values, *args, **options)
+
+    monkeypatch.setattr(Quantities, "at", count)
+    crane = load("hoisting-crane")
+    tuning = tune(crane, ["pendulum[0].links[0].length=10:12"], minimize=["residual"], travel=10.0, report=done.append)
+    assert tuning.numbers["pendulum[0].links[0].length"] == pytest.approx(10.0)
+    assert len(scenes) < 40
+    assert len(done) == len(set(done)) > 1
+    assert done == sorted(done)
+    before, after = tuning_figure(tuning).axes
+    for axis, scene in ((before, crane), (after, tuning.scene)):
+        swing = np.degrees(travel_swing(scene, Travel.along(scene, 10.0, None)))
+        assert axis.lines[-2].get_ydata()[0] == pytest.approx(swing, rel=1e-6)
 
 
 def test_robust_numbers_are_the_best_for_the_worst_masses() -> None:
