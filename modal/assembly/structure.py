@@ -172,7 +172,7 @@ class Hanging:
         )
 
     def _supporting(self, number: Number) -> Parts:
-        """The squares of carriers, with what hangs from them as they sink, and of springs between points."""
+        """The squares of supports, with what hangs from them as they sink, and of springs between points."""
         structure, gravity = self.structure, self.rig.gravity
         parts = carrier_squares(structure, gravity, number)
         for carrier, where in self._pendula_at_points if any(body.bends for body in structure.carriers) else ():

@@ -184,7 +184,7 @@ class ReducedStructure:
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """The kinds of pendula in words, with what they hang from if there are several carriers."""
+        """The kinds of pendula in words, with what they hang from if there are several supports."""
         names = tuple(self.rig.names.values())
         carriers = self.hanging.structure.carriers
         if len(carriers) == 1:

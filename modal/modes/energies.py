@@ -219,7 +219,7 @@ class _Parts:
         return self.numbers.setdefault((energy, sort, label, link), len(self.numbers))
 
     def _of_carriers(self, inertia: list[SquareRows], stiffness: list[SquareRows]) -> Iterator[Source]:
-        """What is of the carriers themselves."""
+        """What is of the supports themselves."""
         structure = self.hanging.structure
         for part in inertia:
             carrier = int(part.numbers[0, 0])

@@ -243,7 +243,7 @@ class _Balance:
             self.joints[:, links] = above + self._point(pivot)[0][:, None, None]
 
     def _point(self, end: CarrierEnd) -> tuple[Any, list[tuple[int, Any]]]:
-        """The place (2, A, T) of a point of a carrier, and its slope by every coordinate."""
+        """The place (2, A, T) of a point of a support, and its slope by every coordinate."""
         body, offset = self.structure.carriers[end.carrier], self.structure.offsets[end.carrier]
         eta = self.eta[offset : offset + body.size]
         moving = body.moving(end.where, list(eta), [0.0] * body.size)
@@ -269,7 +269,7 @@ class _Balance:
         return self._handed_up()
 
     def _masses(self, driven: float) -> None:
-        """What accelerations need and weights take, and what carriers store."""
+        """What accelerations need and weights take, and what supports store."""
         mass, _, centre, inertia = self.motion.links
         acceleration, gravity = driven**2 * _DERIVATIVE, np.array([0.0, self.motion.rig.gravity])
         self.force += mass * ((self.joints + centre * self.u) @ acceleration - gravity[:, None, None, None])

@@ -399,7 +399,7 @@ def _split(
 
 
 def _may_translate(carrier: CarrierNumbers) -> bool:
-    """Whether a carrier's own mass, if it has any, can move along the rail and do nothing else."""
+    """Whether a support's own mass, if it has any, can move along the rail and do nothing else."""
     if not carrier.size or carrier.M is not None:
         return not carrier.size
     zeros = (0.0,) * carrier.size

@@ -192,7 +192,7 @@ def unit_of(quantities: Quantities, quantity: Quantity) -> str:
 
 
 def _is_of_den_hartog(objective: Objective) -> bool:
-    """Whether one peak is tuned, of the displacement of a carrier under a force on it."""
+    """Whether one peak is tuned, of the displacement of a support under a force on it."""
     if len(objective.aims) != 1 or objective.aims[0].quantity.kind != "peak" or objective.aims[0].maximized:
         return False
     quantities = objective.quantities

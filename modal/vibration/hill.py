@@ -224,7 +224,7 @@ def hill_systems(scene: Scene) -> tuple[HillSystem, ...]:
 
 
 def _on_structure(scene: Scene) -> Iterator[HillSystem]:
-    """Those of a structure, all coordinates together, with P = ∂K/∂g; raise SceneError if weights push carriers."""
+    """Those of a structure, all coordinates together, with P = ∂K/∂g; raise SceneError if weights push supports."""
     structure = structure_of(scene)
     problems = [
         f"{name}: the ground shakes the weights that its spring carries, which then never rests: a Floquet multiplier "

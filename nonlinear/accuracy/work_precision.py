@@ -321,7 +321,7 @@ def late(motion: Motion, reference: Trajectory) -> float:
 
 
 def _flat(motion: Motion, system: System, rows: Any) -> tuple[Floats, Floats]:
-    """The q and q' at these samples, (T, n): the cart, or carriers, in lengths of the longest link, then every link."""
+    """The q and q' at these samples, (T, n): the cart, or supports, in lengths of the longest link, then every link."""
     count = int(np.sum(rows))
     links = (part[rows].reshape(count, -1) for part in (motion.links, motion.link_rates))
     carts: Any = (part[rows] / system.length for part in (motion.cart, motion.cart_rate))

@@ -119,7 +119,7 @@ class Elimination:
 
 
 class Eliminated:
-    """Pendula on carriers, with n across a link, u along it, slopes j_k of first joints and their acceleration ã.
+    """Pendula on supports, with n across a link, u along it, slopes j_k of first joints and their acceleration ã.
 
     M_kl = Σ m j_k·j_l − a_kᵀ M⁻¹ a_l,   force_k = Σ m j_k·ã − Σ b u·j_k θ'² + a_kᵀ M⁻¹ (Q − b n·ã),   a_k = b n·j_k
     """

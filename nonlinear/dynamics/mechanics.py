@@ -195,12 +195,12 @@ class Mechanics(Displayed):
 
     @property
     def cart_kinetic(self) -> Floats:
-        """Kinetic energy (J) of the cart or the carriers, (T,)."""
+        """Kinetic energy (J) of the cart or the supports, (T,)."""
         return np.asarray(self._parts.cart_kinetic + 0.0 * self.motion.cart)
 
     @property
     def cart_potential(self) -> Floats:
-        """Energy (J) of the cart's spring; that of carriers and of all springs between points, (T,)."""
+        """Energy (J) of the cart's spring; that of supports and of all springs between points, (T,)."""
         return np.asarray(self._parts.cart_potential + 0.0 * self.motion.cart)
 
     @cached_property
@@ -304,7 +304,7 @@ class Reactions(Displayed):
 
 
 class Energies(NamedTuple):
-    """Kinetic and potential energy (J) of every link, (L, ...), and of the carriers, such as a cart, (...).
+    """Kinetic and potential energy (J) of every link, (L, ...), and of the supports, such as a cart, (...).
 
     The latter is that of their springs and of all between points.  A joint's spring belongs to the link below it.
     """

@@ -62,11 +62,11 @@ class Projection(Protocol):
     """The reaction of a group of pendula on its supports, bundle by bundle in their order."""
 
     def project_on_carrier(self, columns: Any, slopes: Sequence[Any], bias: tuple[Any, Any], move_alike: bool) -> Any:
-        """The inertia (lower half) and the force on each coordinate of the carrier of the pendula in these columns.
+        """The inertia (lower half) and the force on each coordinate of the support of the pendula in these columns.
 
         First joints move by these slopes (m, or m/rad, along the rail and down), all by the same where they
         `move_alike`, and `bias` is their acceleration, less gravity, without that of the coordinates.  Of a group with
-        rotors each slope has a third entry, 1 for the coordinate that turns the carrier, else 0.
+        rotors each slope has a third entry, 1 for the coordinate that turns the support, else 0.
         """
 
     def fall(self, pushes: Sequence[Sequence[Any]], accelerations: Any) -> Any:
@@ -432,7 +432,7 @@ class Recursed:
 
 
 class RecursedWithRotors:
-    """The same with rotors at joints, by f = M ã + r α + p and the moment r·ã + s α + q, α of the carrier."""
+    """The same with rotors at joints, by f = M ã + r α + p and the moment r·ã + s α + q, α of the support."""
 
     def __init__(self, body: Recursion, answer: Geared, turns: Any, bias: Any) -> None:
         self.body, self.answer, self.turns, self.bias = body, answer, turns, bias

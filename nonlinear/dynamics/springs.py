@@ -1,4 +1,4 @@
-"""Springs and dampers between points of links, carriers and the ground, and between their angles.
+"""Springs and dampers between points of links, supports and the ground, and between their angles.
 
 With Δ the vector from one end to the other, Δ₀ as drawn and δ = Δ − Δ₀ what displacements add to it,
 
@@ -33,16 +33,16 @@ class Carrying(Protocol):
         """Displacements (m) and velocities (m/s) of first joints, (P, ...) each."""
 
     def point(self, end: CarrierEnd) -> tuple[Vector, Moving, Vector]:
-        """The displacement of a point of a carrier, how it moves, and its velocity."""
+        """The displacement of a point of a support, how it moves, and its velocity."""
 
     def angle(self, number: int, values: Sequence[Any] | None = None) -> Any:
-        """The angle (rad) of a carrier, or of other `values` of its coordinates."""
+        """The angle (rad) of a support, or of other `values` of its coordinates."""
 
     def push(self, number: int, moving: Moving, force: Vector) -> None:
-        """A force (N) on a point of a carrier."""
+        """A force (N) on a point of a support."""
 
     def turn(self, number: int, torque: Any) -> None:
-        """A torque (N m) on a carrier."""
+        """A torque (N m) on a support."""
 
 
 class Tension(NamedTuple):
@@ -104,7 +104,7 @@ def _tension(stiffness: Any, stretch: tuple[Any, ...]) -> Tension:
 
 
 class Nodes(NamedTuple):
-    """The points at which springs end: those of links, `link` (N,) and `below` (N, ...), then those of carriers."""
+    """The points at which springs end: those of links, `link` (N,) and `below` (N, ...), then those of supports."""
 
     link: Ints
     below: Any
@@ -234,7 +234,7 @@ class Springs:
         return places, speeds
 
     def forces(self, q: Any, v: Any, carrying: Carrying) -> Strained:
-        """What they do; carriers at which they end are pushed and turned at once."""
+        """What they do; supports at which they end are pushed and turned at once."""
         size, (nodes, pairs) = self.structure.size, self.nodes
         links, count = q[size:], len(nodes.link)
         torques, power = np.full(links.shape, 0.0, dtype=links.dtype), 0.0

@@ -24,7 +24,7 @@ from nonlinear.system import Layout, Numbers
 class MemberUnits:
     """Natural units of members: `length` (m) of the longest link, `rate` sqrt(g/l) (rad/s), `energy` g Σ b (J).
 
-    Each is (S,), or (1,) where members do not differ in it.  `turning` are the coordinates of carriers that are angles.
+    Each is (S,), or (1,) where members do not differ in it.  `turning` are the coordinates of supports that are angles.
     """
 
     length: Floats

@@ -161,7 +161,7 @@ def oscillating(scene: Scene, number: int) -> tuple[Modes, int]:
         raise SceneError([f"mode {number}: a rigid translation does not oscillate"])
     shape = conservative_modes.shape(row)
     hanging = float(np.finfo(float).eps ** 0.5) * np.abs(shape.supports).max(initial=0.0)
-    if np.abs(shape.angles).max() < hanging:  # a mode of carriers, which leaves every link as it hangs
+    if np.abs(shape.angles).max() < hanging:  # a mode of supports, which leaves every link as it hangs
         raise SceneError([f"mode {number}: moves no link, and orbits are labelled by the largest angle of one"])
     return conservative_modes, row
 

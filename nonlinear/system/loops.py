@@ -95,7 +95,7 @@ def _acting(scene: Scene, loop: Loop) -> ActingLoop:
 
 
 def _where(scene: Scene, name: str) -> tuple[tuple[Place, ...], Any, Any, int | None]:
-    """The places of an input, its direction, its point of a carrier, or the coordinate that it acts on."""
+    """The places of an input, its direction, its point of a support, or the coordinate that it acts on."""
     if is_point(name):
         point = point_input(scene, name)
         if not point.places and point.carrier is None:

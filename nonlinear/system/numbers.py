@@ -2,7 +2,7 @@
 
 The list is gravity, then of every link in the order of the file its mass, length, centre, inertia, the reflected
 inertia of its rotor, damper, spring and drag, field by field; then those of the supports of the pendula: of every
-carrier its place, mass, inertia, rods, centre, springs and dampers (of a modal one M, K, D and its points), of every
+support its place, mass, inertia, rods, centre, springs and dampers (of a modal one M, K, D and its points), of every
 entry of pendula where it hangs, of every spring its two numbers and its ends; last the parameters of joint laws, term
 by term. Beside it stand the entries of D_modal and the constants of sines that move the support, and of sines and
 constants that act as forces. Where members differ an entry is an array (S,), elsewhere one number.

@@ -124,7 +124,7 @@ def populations_of(scene: Scene) -> tuple[Population, ...]:
 
 
 def _move_alike(structure: Structure, pivots: Sequence[CarrierEnd]) -> bool:
-    """Whether these points of one carrier move alike: one point, or points of one that moves without turning."""
+    """Whether these points of one support move alike: one point, or points of one that moves without turning."""
     carrier = structure.carriers[pivots[0].carrier]
     shifts = carrier.turning is None and carrier.points is None
     return shifts or all(pivot.where == pivots[0].where for pivot in pivots)

@@ -346,7 +346,7 @@ class System(Displayed):
 
     @cached_property
     def total_mass(self) -> float:
-        """Total mass of all links and of their supports, modal carriers excepted (kg)."""
+        """Total mass of all links and of their supports, modal supports excepted (kg)."""
         return float(self.mass.sum()) + sum(float(carrier.mass) for carrier in self.suspension.carriers)
 
     @cached_property
@@ -575,7 +575,7 @@ def _drawn_point(structure: Structure, number: int, where: Any) -> tuple[Any, An
 def ends_may_meet(system: System) -> bool:
     """Whether pendula can bring both ends of a spring with a length as drawn together, where its force turns round.
 
-    There it jumps, which series of a motion do not see and error control does; carriers are taken to stay apart.
+    There it jumps, which series of a motion do not see and error control does; supports are taken to stay apart.
     """
     for spring in system.suspension.springs:
         if spring.torsion or not np.any(spring.stiffness) or not any(isinstance(end, LinkEnd) for end in spring.ends):
