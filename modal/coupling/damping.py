@@ -180,14 +180,14 @@ def _shapes(rig: Rig, spectrum: ModalSpectrum, source: int, parts: list[Spectrum
 
 @dataclass(frozen=True, eq=False)
 class _Losses:
-    """What drains and feeds the modes of a rig in natural units, `driven` the strengths of drives (n, P) of blocks."""
+    """Losses and drives of the modes of a rig in natural units, `driven` the strengths of drives (n, P) of blocks."""
 
     rig: Rig
     driven: tuple[Floats, ...]
 
     @cached_property
     def hanging(self) -> Hanging:
-        """What carries the pendula as a structure."""
+        """The supports of the pendula as a structure."""
         return Hanging(self.rig)
 
     @cached_property

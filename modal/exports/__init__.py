@@ -2,7 +2,7 @@
 
 In: a `StateSpace`.  Out: bytes that python-control, SciPy, MATLAB and Octave, C, Modelica, an FMI tool or a spreadsheet
 reads.  A format is a class of `modal.extend`, ours as a stranger's, in `FORMATS` by its name; the command, its help,
-shell completion and the manual read them.  `text` has what all formats need: numbers that read back bit for bit.
+shell completion and the manual read them.  `text` is shared by all formats: numbers that read back bit for bit.
 `read_json` and `read_npz` read files back, `to_control` and `to_scipy` make objects of these packages.
 """
 

@@ -17,7 +17,7 @@ from typing import Any, ClassVar, TypeVar
 from modal.errors import ExtensionError, MultipendulaError
 
 KINDS = ("joint law", "point force", "support", "measure", "format")
-"""What can be extended."""
+"""The kinds of extensions."""
 GROUP = "multipendula.extensions"
 """The group of entry points."""
 HOMES: dict[str, str] = {
@@ -28,7 +28,7 @@ HOMES: dict[str, str] = {
 OURS = ("modal", "nonlinear")
 """Packages whose errors are nobody else's."""
 NAME = re.compile(r"[a-z][a-z0-9_-]*")
-"""What an extension may be called."""
+"""Valid names of extensions."""
 
 
 class Extension:
@@ -52,7 +52,7 @@ T = TypeVar("T")
 
 
 class _Registry:
-    """The classes by kind and name, the package of each that is installed, and what could not be loaded."""
+    """The classes by kind and name, the package of each that is installed, and those that could not be loaded."""
 
     def __init__(self) -> None:
         self.classes: dict[str, dict[str, type[Extension]]] = {kind: {} for kind in KINDS}

@@ -46,7 +46,7 @@ class ModeStds:
 def mode_slopes(modes: Modes, estimate: Estimate, rows: Sequence[int]) -> tuple[Floats, Floats]:
     """∂ω/∂p and ∂ζ/∂p, (rows, p), of the modes with these indices."""
     dM, dK, dD = matrix_derivatives(estimate.scene, estimate.shared, estimate.units)
-    first = int(modes.scene.cart is None and estimate.scene.cart is not None)  # of modes on a cart that is held
+    first = int(modes.scene.cart is None and estimate.scene.cart is not None)  # of modes on a fixed cart
     derivatives = ModeDerivatives(modes, dM[:, first:, first:], dK[:, first:, first:], dD[:, first:, first:])
     pairs = [polar(complex(modes.eigenvalue[row]), derivatives.eigenvalue(row)) for row in rows]
     omega, zeta = (np.array(part).reshape(len(rows), len(estimate.unknowns)) for part in zip(*pairs, strict=True))
@@ -71,7 +71,7 @@ def mode_stds(modes: Modes, estimate: Estimate, rows: Sequence[int]) -> list[Mod
 def response_slopes(model: StateSpace, estimate: Estimate, omega: Floats) -> tuple[Complexes, Complexes]:
     """G(iω) (p, m, W) and its derivatives (p, m, W, numbers) by the estimate's numbers; NaN at a pole without a damper.
 
-    Those of every input and output by themselves (`modal.statespace.channels`); a cart whose motion is an input is held
+    Those of every input and output separately (`modal.statespace.channels`); a cart whose motion is an input is fixed
     under all others.
     """
     scene, at = estimate.scene, np.atleast_1d(omega)

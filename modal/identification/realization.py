@@ -1,6 +1,6 @@
 """Poles and shapes from free responses by the eigensystem realization algorithm (ERA).
 
-From samples y_k (C,) of free responses, in columns side by side, the block Hankel matrices
+From samples y_k (C,) of free responses, as columns, the block Hankel matrices
 
     H₀ = [y_{i+j}],   H₁ = [y_{i+j+1}],     H₀ = U S Vᵀ,    A = S^{-1/2} Uᵀ H₁ V S^{-1/2}
 

@@ -34,7 +34,7 @@ ROW = 2.4
 KEPT = ("axes", "figure", "font", "grid", "hatch", "lines", "mathtext", "patch", "savefig", "text", "xtick", "ytick")
 """Groups of settings that a picture keeps: matplotlib creates ticks only when a figure is drawn."""
 HUES = 6
-"""Format: colours of the cycle; curves drawn beside each other where a panel has many."""
+"""Format: colours of the cycle; curves drawn next to each other where a panel has many."""
 CURVE_POINTS = 6000
 """Format: points along a curve, so that a hundred swings have no corners."""
 SOLVED_POINTS = 200
@@ -46,9 +46,9 @@ VISIBLE_SHARE = 1e-6
 LOG_RATIO = 30.0
 """Format: ratio of largest to smallest from which a scale is logarithmic."""
 COMPUTED = "-"
-"""The line of what the model gives, or what was measured: solid."""
+"""The line of the model's or measured values: solid."""
 PREDICTED = "--"
-"""The line of what a simpler theory says beside it (small angles, κ, averaged equations, regular motion): dashed."""
+"""The line of a simpler theory, for comparison (small angles, κ, averaged equations, regular motion): dashed."""
 MARKED = ":"
 """The line of a value, of an instant or of a construction, where there is no curve: dotted."""
 UNSTABLE = "-."

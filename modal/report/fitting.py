@@ -31,7 +31,7 @@ _LIMIT: ContextVar[TableLimit | None] = ContextVar("limit", default=None)
 _RULE = re.compile(r"\s*([-=])\1+")
 _WORD = re.compile(r"\d\S* %[.,;:)]*(?=\s|$)|\S+")  # a number keeps its sign for per cent
 _HANGING = re.compile(r"\s*(?:[-*] |\S+ {2,})?")
-"""What stands before the text of a line: blanks, a bullet, or a name in a column of names."""
+"""The prefix of a line: blanks, a bullet, or a name in a column of names."""
 
 
 def charset() -> str | None:
@@ -167,7 +167,7 @@ def filled(text: str, most: int, first: str = "", then: str = "") -> Iterator[st
 
 
 def _pieces(word: str, most: int) -> Iterator[tuple[str, bool]]:
-    """A word, or where it is too wide its wide letters one by one; and whether each joins what stands before it."""
+    """A word, or where it is too wide its wide letters one by one; and whether each joins the one before it."""
     if word.isascii() or breadth(word) <= most:
         yield word, False
         return

@@ -154,7 +154,7 @@ class Result(TextResult):
     __slots__ = ()
     what: ClassVar[str] = ""
     key: ClassVar[str] = "rows"
-    """What it is, under the title of the scene, and the key of its records in JSON."""
+    """Its description, under the title of the scene, and the key of its records in JSON."""
     scene: Any
     rows: Any
 

@@ -58,7 +58,7 @@ class _NamedLaw(JointPart):
         return drag
 
     def problems(self) -> Iterator[str]:
-        """None, unless the law is not what it says: that is its own mistake."""
+        """None; a law that violates its own declarations is an error of its own."""
         kind: Any = type(self.law)
         _judge(kind, tuple(self.numbers.values()))
         return iter(())

@@ -70,7 +70,7 @@ class SampledLoops(ClosedLoops):
     @cached_property
     @np.errstate(all="ignore")
     def monodromy(self) -> Floats:
-        """What becomes of (q, q', inputs), those of each loop the last first, in a period, (S, S)."""
+        """The transition (S, S) over a period of (q, q', inputs), those of each loop the last first."""
         if is_singular(self.M):
             raise ComputationError(SINGULAR)
         states, (tick, counts) = 2 * len(self.M), self.clock
@@ -126,7 +126,7 @@ class SampledLoops(ClosedLoops):
 
     @property
     def note(self) -> str:
-        """What these poles are."""
+        """The heading of these poles."""
         return (
             f"Feedback in samples: s = ln(z)/T of the multipliers z from sample to sample, T = {self.period:.4g} s; "
             "those of samples and delays that decay fastest are omitted."

@@ -23,13 +23,13 @@ from modal.types import Floats, Ints
 
 Role = Literal["body", "line", "spring", "dot", "ground", "hatch", "guide"]
 STILL: frozenset[Role] = frozenset({"ground", "hatch", "guide"})
-"""The roles of what does not move with η."""
+"""The roles of parts that do not move with η."""
 HALF_HEIGHT = 0.05
 """Format: of a body, and radius of wheels, over the unit of a picture, as all lengths here."""
 BODY_MARGIN = 0.13
-"""Format: what a body reaches beyond its points; those farther above or below it have a stem."""
+"""Format: extent of a body beyond its points; those farther above or below it have a stem."""
 WALL_GAP = 0.55
-"""Format: room between bodies that are set apart, and to the wall that a spring is fixed to."""
+"""Format: space between bodies that are set apart, and to the wall that a spring is fixed to."""
 SPRING_TEETH = 7
 """Format: of the zigzag of a spring."""
 SPRING_LEAD = 0.18
@@ -37,7 +37,7 @@ SPRING_LEAD = 0.18
 SPIRAL_TURNS = 2.25
 """Format: of a torsion spring."""
 GAPS_OF_CARRIERS = (6.0, 2.5)
-"""Format: gap between supports, over the unit, from which on it is shortened, and to what."""
+"""Format: gap between supports, over the unit, above which it is shortened, and the length it is given."""
 STOREY = (0.75, 1.3, 0.7)
 """Format: half the width of a storey, and its height with a pendulum in it and without one, over the unit."""
 
@@ -181,7 +181,7 @@ class Scaffold:
 
     @cached_property
     def notes(self) -> list[str]:
-        """Sentences on what is not drawn in its place."""
+        """Sentences on parts that are not drawn in their places."""
         overlaps = (self.shifts[:, 0] > 0).any() > self.is_nearer or self.aside.any()
         words = ["what would overlap is drawn apart"] * bool(overlaps)
         words += ["heights of storeys not to scale"] * bool(self.storeys)
@@ -286,7 +286,7 @@ class Scaffold:
             yield from drawing(k, body, eta)
 
     def _ceiling(self, k: int) -> Iterator[Piece]:
-        """What stands still, hatched from above."""
+        """The fixed parts, hatched from above."""
         points, u = self._points[k], self.unit
         for h in np.unique(points[:, 1]):
             abscissas = points[points[:, 1] == h, 0]
@@ -464,7 +464,7 @@ class Scaffold:
         return len(carriers) == 2 and self.is_nearer and self.shifts[carriers[0], 0] != self.shifts[carriers[1], 0]
 
     def _edges(self, ends: tuple[End, End], first: Floats, second: Floats) -> tuple[Floats, Floats]:
-        """The ends of a spring between origins of supports side by side, at the edges of their bodies."""
+        """The ends of a spring between origins of neighbouring supports, at the edges of their bodies."""
         edges, abscissas = [first, second], [self._rest_place(end) for end in ends]
         for k, end in enumerate(ends):
             if isinstance(end, CarrierEnd) and end.where == (0.0, 0.0):

@@ -92,7 +92,7 @@ class SymbolicCarrier:
 
     `index` is what follows the letters of its coordinates: its name, or nothing for one cart alone.
     `stiffness` and `damping` are matrices (d, d), diagonal but for a modal support, whose masses are `masses` (d, d)
-    and whose `points` (P, 2, d) move with its coordinates.  `carries` tells for each coordinate whether the own spring
+    and whose `points` (P, 2, d) move with its coordinates.  `carries` says for each coordinate whether the own spring
     carries the weight as drawn.  Of a kind that others wrote the `path` says how it moves, by its `values`.
     """
 

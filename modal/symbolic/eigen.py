@@ -358,7 +358,7 @@ def _simple_root(polynomial: Any) -> Any:
 
 
 def _rank(polynomial: Any) -> tuple[int, int]:
-    """Ascending as far as symbols tell: of two sums of positive terms the one with fewer, behind it higher degrees."""
+    """Ascending as far as symbols have an order: of sums of positive terms the shorter first, higher degrees last."""
     is_of_one = polynomial.degree() == 1
     return polynomial.degree(), len(sp.Add.make_args(_simple_root(polynomial))) if is_of_one else 0
 

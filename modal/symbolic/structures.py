@@ -347,7 +347,7 @@ class SymbolicStructure(Displayed):
         ]
 
     def _words_of(self, spring: SymbolicSpring) -> str:
-        """A spring and what it joins."""
+        """A spring and the parts that it joins."""
         names = []
         for end in self.spring_entries[spring.number].ends:
             if isinstance(end, LinkEnd):
@@ -386,7 +386,7 @@ class SymbolicStructure(Displayed):
         return relative
 
     def joint_energy(self, p: int) -> Any:
-        """What the springs and laws at the joints of a chain store, in symbols."""
+        """The energy of the springs and laws at the joints of a chain, in symbols."""
         laws = zip(self.laws[p], self.joints(p), strict=True) if self.laws else ()
         potentials = (potential_of(part, gamma) for parts, gamma in laws for part in parts)
         return sp.Add(self.at_joints(p, self.chains[p].stiffness), *potentials)
@@ -569,5 +569,5 @@ def _shortest(entry: Any) -> Any:
 
 
 def indices(angle: Coordinate) -> list[str]:
-    """What follows the name of an angle: the numbers of its chain, if there are several, and of its link."""
+    """The indices of an angle: the numbers of its chain, if there are several, and of its link."""
     return list(angle.q.name.split("_")[1:])

@@ -1,7 +1,7 @@
 """Closed-form optimum of one pendulum as an absorber of one mode: Den Hartog's values, and the exact ones.
 
 A pendulum of one link with the inertia A about its joint and the first moment b is, next to a support that it pulls by
-b, a mass b²/A on a spring; what is left of the support is M + m − b²/A. With μ their ratio, ω_1² = k/(M + m − b²/A), f
+b, a mass b²/A on a spring, leaving the support M + m − b²/A. With μ their ratio, ω_1² = k/(M + m − b²/A), f
 = ω_d/ω_1 and ζ = c/(2 A ω_d), the peak of k|x/F| is least, to first order about its two fixed points, for
 
     f = 1/(1 + μ),    ζ = √(3μ/(8(1 + μ)))                      [DenHartog1956, §3.3]

@@ -364,7 +364,7 @@ def masses_of(scene: Scene) -> list[Place]:
 
 
 def _validate(scene: Scene, quantities: Sequence[Quantity], setting: Setting) -> None:
-    """Raise SceneError for quantities that this scene, or what they are taken over, does not have."""
+    """Raise SceneError for quantities that this scene, or their range, does not have."""
     kinds = {quantity.kind for quantity in quantities}
     if kinds - {"residual"}:
         require(scene, "tuning")

@@ -34,7 +34,7 @@ KINDS = {
     "damping": "damping ratio",
     "settling": "settling time",
 }
-"""What quantities are called."""
+"""The names of quantities."""
 POSITIVE = ("mass", "length", "centre", "inertia", "gear_ratio", "gravity")
 CAN_VANISH = ("damping", "stiffness", "drag", "rotor_inertia")
 DIRECTIONS = ("sway", "heave", "roll")
@@ -71,7 +71,7 @@ class Quantity(Displayed):
 
     @property
     def words(self) -> str:
-        """What reports call it.
+        """Its name in reports.
 
         >>> parse_quantity("peak:theta_1_1/cart_force").words, parse_quantity("settling").words
         ('peak of θ₁₁ over force on the cart', 'settling time')

@@ -68,7 +68,7 @@ class Tuned(Drawable, TextResult):
     certain: bool
     robust: bool
     open: float = 0.0
-    """What the last descent still gained where Newton's method did not settle, relative."""
+    """The relative gain of the last descent where Newton's method did not converge."""
     writer = "modal.tuning.report:tuned_text"
     figure = "modal.plotting.response:tuning_figure"
 

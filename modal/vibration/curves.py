@@ -33,7 +33,7 @@ class Curve(ABC):
 
     @abstractmethod
     def begin(self, point: Point) -> Any:
-        """What of the system at a point the function is about; None if nothing is there."""
+        """The part of the system at a point to which the function refers; None if there is none."""
 
     @abstractmethod
     def at(self, point: Point, frame: Any) -> tuple[float, Floats, Any]:

@@ -50,7 +50,7 @@ SPLINE_DEGREE = 5
 """Format: degree of the spline through a record of more samples than that: its acceleration is a cubic."""
 ORDERS = {"displacement": 0, "velocity": 1, "acceleration": 2}
 BAND_ERROR = 0.01
-"""Physics: relative error of the support's acceleration at the end of the band that is told of a record."""
+"""Physics: relative error of the support's acceleration at the end of the band that is reported for a record."""
 IMAGES = np.arange(1, 200)[:, None] * [1, -1]
 DRIFT_MIN = 1e-3
 """Tolerance: velocity at the end, over the largest in the record, from which on the record is said to drift."""

@@ -134,7 +134,7 @@ def _rests(y: Any, system: System) -> bool:
 
 
 def _drawing(system: System, structure: Structure) -> tuple[Module, list[dict[str, Any]]]:
-    """The functions "pivots", of y = η, and "pieces", also of u, the joints of all pendula, and what is still.
+    """The functions "pivots", of y = η, and "pieces", also of u, the joints of all pendula, and the fixed parts.
 
     Lengths are in m, along the rail and down.
     """

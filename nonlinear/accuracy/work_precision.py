@@ -145,7 +145,7 @@ class WorkPrecision(Result):
         return {**super().whole(), "skipped": [{"rung": name, "reason": reason} for name, reason in self.skipped]}
 
     def footnotes(self) -> Iterator[str]:
-        """What the comparison rests on, and what its columns are."""
+        """The basis of the comparison, and the meanings of its columns."""
         reference = self.reference
         yield (
             "reference: a proved tube, which shares no error with any method."
@@ -227,7 +227,7 @@ def _part(
 ) -> Callable[[float], object]:
     """A report of the share of a run, the `fraction` of which is a part of one candidate after those `count`.
 
-    It rises from what was `base`.
+    It rises from the former `base`.
     """
     reached_share = base
 

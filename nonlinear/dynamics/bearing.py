@@ -1,6 +1,6 @@
 """The supports of the first joints of pendula at one instant: a structure, a fixed support or a cart.
 
-Equations of motion ask a `Bearing` how the first joints move, hand over what hangs there group by group, and are given
+Equations of motion ask a `Bearing` how the first joints move, hand over the pendula there group by group, and are given
 back accelerations.
 """
 
@@ -50,7 +50,7 @@ class Bearing:
     ) -> None:
         """Without weights, springs and all that acts, if `bare`: then it answers generalized forces alone.
 
-        Without what their own mass does, if `massless`: then what acts here are forces alone.
+        If `massless`, without the effects of their own mass: then only forces act here.
         """
         self.carriers, self.structure, system = carriers, carriers.structure, carriers.system
         size = self.structure.size
@@ -179,7 +179,7 @@ class Bearing:
         return self.structure.carriers[end.carrier].displacement(end.where, eta), moving, moving.velocity(rates)
 
     def base(self, group: int) -> Base | None:
-        """Angles and rates of what carries the first joints of a group; None if nothing there turns."""
+        """Angles and rates of the body that carries the first joints of a group; None if nothing there turns."""
         bundles = self.carriers.bundles[group]
         if all(self.structure.carriers[bundle.carrier].turning is None for bundle in bundles):
             return None
@@ -255,7 +255,7 @@ class Bearing:
             self.power = self.power - external.at_base[bundle.columns].sum(0) * self.rates[angle]
 
     def add_outside_forces(self, drag: Any) -> tuple[Any, Any]:
-        """The generalized forces (first, ...) and the power (W) of what acts here; `drag` is that of damping ratios."""
+        """The generalized forces (first, ...) and the power (W) of the loads here; `drag` is that of damping ratios."""
         push, size = self.instant.push, self.structure.size
         outside = push.supports if self.system.is_structured else [push.cart] * size
         for forces in (drag, outside):

@@ -1,6 +1,6 @@
 """The equations of structures compiled by numba (extra `fast`): loops over flat arrays of supports, links and springs.
 
-What is done at each is the text of `nonlinear.dynamics.structure`, `springs` and `recursion` and of
+The operations at each are the text of `nonlinear.dynamics.structure`, `springs` and `recursion` and of
 `modal.structure.carriers`; here is only its order.  Modal supports and those that others write are left to the written
 text and to NumPy.
 """
@@ -34,7 +34,7 @@ from nonlinear.dynamics.text import sincos
 from nonlinear.system import System
 
 STRAIGHT, ARC, TURNING = range(3)
-"""Kinds of coordinates: along a line, of a swing along its arc, of what turns."""
+"""Kinds of coordinates: along a line, of a swing along its arc, of rotation."""
 TIGHT, LOOSE, TORSION = range(3)
 GROUND, ON_LINK, ON_CARRIER = range(3)
 
@@ -55,7 +55,7 @@ _stretch_law, _slack, _eliminate = in_place(stretch_law), in_place(slack), in_pl
 
 
 class FlatStructure(NamedTuple):
-    """A structure in flat arrays; the last are room for what is computed.
+    """A structure in flat arrays; the last are storage for results.
 
     Of every coordinate `kind`, `length` of rods, and `law` (d, 3): stiffness, damping, carried weight; of every support
     its first coordinate (c + 1,), the one that is its angle or −1, and `body` (c, 4): mass, inertia about its origin,
@@ -335,7 +335,7 @@ def link_at(links, i):  # type: ignore[no-untyped-def]
 
 @in_place
 def _hinge(F, links, laws, y, half, i, top, c):  # type: ignore[no-untyped-def]
-    """Moment (N m) on link i of the spring, damper and laws above it, and the power (W) of what does work."""
+    """Moment (N m) on link i of the spring, damper and laws above it, and the power (W) of the parts that do work."""
     at, law = len(F.kind) + i, links[i]
     bend, speed = y[at], y[half + at]
     if i > top:
@@ -351,7 +351,7 @@ def _hinge(F, links, laws, y, half, i, top, c):  # type: ignore[no-untyped-def]
 
 @in_place
 def _project(F, y, half, gravity, p, part):  # type: ignore[no-untyped-def]
-    """What the pendula that end with p answer, on the coordinates of their support."""
+    """The reaction of the pendula that end with p, on the coordinates of their support."""
     c = F.carrier[p]
     bx, bz = _slope(F, y, half, c, F.where[p, 0], F.where[p, 1])
     fx, fz = _driven(part.xx, part.xz, part.zz, bx, bz - gravity)

@@ -104,7 +104,7 @@ class Inputs:
 
     @cached_property
     def samples(self) -> HeldInputs:
-        """What loops that are sampled hold."""
+        """The held inputs of sampled loops."""
         return HeldInputs(self.system.loops)
 
     @property
@@ -266,7 +266,7 @@ class Inputs:
         return Inputs(self.system)
 
     def at(self, time: Any, y: Any, layout: Layout) -> Instant:
-        """The instant at one time (s) and state, or at many times side by side."""
+        """The instant at one time (s) and state, or at many times at once."""
         instant = self._of_time_alone.instant(self.of_time(time)) if self._of_time_alone.count else QUIET
         return instant._replace(push=self.load(time, layout.state(y))) if self.load else instant
 

@@ -185,7 +185,7 @@ def _tails(system: System) -> list[tuple[int, ...]]:
 
 
 def _variation(scene: Scene, vary: str | Variation) -> Variation:
-    """What is varied; raise SceneError for no place, and for a number on which it depends how many links there are."""
+    """The varied number; raise SceneError for no place, and for one that changes the number of links."""
     variation = parse_variations([vary])[0] if isinstance(vary, str) else vary
     validate_variations(scene, (variation,))
     if variation.path.endswith(".count"):

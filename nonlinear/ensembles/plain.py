@@ -55,7 +55,7 @@ def state_columns(is_structured: bool) -> dict[str, str]:
 
 @reproducible()
 def columns(question: EnsembleRequest, scene: Scene, start: State) -> Columns:
-    """What is requested of one member, each of shape (...); raise SimulationError if it cannot reach its end."""
+    """The requested results of one member, each of shape (...); raise SimulationError if it cannot reach its end."""
     wanted, spatial = replace(question.wanted, times=()), scene.space == "space"
     needed = sorted({0.0, *question.wanted.times, question.duration})
     if why_one_by_one(question.measures.names):  # a whole motion, as a sweep has it

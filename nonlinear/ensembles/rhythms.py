@@ -1,6 +1,6 @@
 """Map of rhythms along a parameter: outcomes of a driven scene, their shares, and where each is born and dies.
 
-At every value the same starts are run until they tell what they end in (`endings`).  The orbit of a periodic motion is
+At every value the same starts are run until they have settled (`endings`).  The orbit of a periodic motion is
 followed along the number, to both sides of the value where it was found, while it is stable.  Where that ends, at a
 fold, a branch point, a Neimark–Sacker point or a doubling, it is born or dies.  Any other motion, a beat above all, is
 itself continued from value to value (`rhythm_borders`), and its end enclosed between two values.  The share of starts
@@ -71,7 +71,7 @@ class RhythmEvent(Displayed):
 class Rhythm(Displayed):
     """The outcome of `count` of the `total` starts at a value; `branch` is the number of its orbit's branch, from 0.
 
-    With a count of 0 it was found by continuation.  What has no orbit has a `state` on it.
+    With a count of 0 it was found by continuation.  Motions without an orbit have a `state` on it.
     """
 
     what, shows = "Rhythm", "name: name; share: share of starts"
@@ -141,7 +141,7 @@ class ValueRhythms(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RhythmMap(Drawable, Result):
-    """What starts end in along a number; `values` in its order, `births` the events, births and deaths, in order.
+    """The outcomes of starts along a number; `values` in its order, `births` the events, births and deaths, in order.
 
     `members` starts have angles up to `largest_deg`; none ran longer than `limit` (s).
     """
@@ -192,7 +192,7 @@ class RhythmMap(Drawable, Result):
         return [wilson(round(share * self.members), self.members) for share in self.shares(name)]
 
     def records(self) -> Iterator[dict[str, Any]]:
-        """A row for each rhythm at each value, and for what is undecided."""
+        """A row for each rhythm at each value, and for undecided starts."""
         for value in self.values:
             at = {self.variation.column: value.value}
             for rhythm in value.rhythms:
@@ -288,7 +288,7 @@ class RhythmMap(Drawable, Result):
             yield from self._shapes(name)
 
     def _shapes(self, name: str) -> Iterator[str]:
-        """Of a rhythm whose name tells neither phases nor amplitudes, what these are at both ends."""
+        """The phases and amplitudes at both ends of a rhythm whose name implies neither."""
         if not name.startswith(("unequal", "out of phase")):
             return
         ends = [(value.value, r) for value in self.values for r in value.rhythms if r.name == name and r.orbit]
@@ -387,7 +387,7 @@ class RhythmGrid(Drawable, Result):
 
 
 def _most_words(at: ValueRhythms, members: int) -> str:
-    """What most starts end in at a value, with its share (%), and how many are undecided."""
+    """The most frequent outcome at a value, with its share (%), and how many are undecided."""
     shares = [(rhythm.count, rhythm.name) for rhythm in at.rhythms[:1] if rhythm.count] + [(at.undecided, UNDECIDED)]
     most, *others = sorted((share for share in shares if share[0]), key=lambda share: -share[0])
     words = [f"{name} {100 * count / members:.3g}" for count, name in (most, *others)]

@@ -1,7 +1,7 @@
 """Poincaré sections at an energy: crossings of many motions of a conservative scene through one value of a coordinate.
 
 Starts lie on the section and have the energy.  They are drawn at random: angles are even over all that it allows; the
-rates have the direction of a normal distribution, and are scaled so that kinetic energy makes up what potential energy
+rates have normally distributed directions and are scaled so that kinetic energy is the part that potential energy
 leaves.  A cart begins in the middle of its rail.  As no spring stores less than nothing, each link alone bounds its
 angle,
 
@@ -88,7 +88,7 @@ class PoincareSection(EnsembleResult):
         yield "\n".join(lines)
 
     def points(self) -> tuple[Floats, Floats]:
-        """What is drawn: an angle in (−180°, 180°] and its rate in °/s, or the cart's m and m/s, (C,) each."""
+        """Plotted coordinates: an angle in (−180°, 180°] and its rate in °/s, or the cart's m and m/s, (C,) each."""
         links, rates, cart, speed, *carried = self.ensemble.states("crossing_")
         place = self.system.labels.index(self.shown)
         if carried and place < self.system.first:
@@ -113,7 +113,7 @@ def find_section(
 ) -> PoincareSection:
     """Compute the section of a conservative plane scene at an energy (J), by default that of its usual start.
 
-    `crossing` is a coordinate with what it passes, such as "theta[1,1]>0" (deg, or m of the cart), by default the first
+    `crossing` is a coordinate with its level, such as "theta[1,1]>0" (deg, or m of the cart), by default the first
     angle upwards through 0. Raise SceneError for a scene that does not keep its energy, and where no start has it.
     """
     require(scene, "a Poincaré section")

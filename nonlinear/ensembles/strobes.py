@@ -48,7 +48,7 @@ def strobe_times(period: float, phase_deg: float = 0.0, *, settle: float = 0.0, 
 
 
 def settling_time(scene: Scene, period: float) -> float:
-    """Ten times the slowest decay of the modes (s), where they tell one, and at least 200 periods."""
+    """Ten times the slowest decay of the modes (s), where there is one, and at least 200 periods."""
     try:
         decay = [-float(value.real) for value in natural_modes(scene).eigenvalue if value.real < 0]
     except MultipendulaError:
@@ -79,7 +79,7 @@ def repetition_words(period: Ints) -> str:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class StroboscopicSection(EnsembleResult):
-    """The strobes of an ensemble at `times` (K,) in s, once a `period` (s) at `phase_deg` of it, from `settle` (s) on.
+    """Stroboscopic samples at `times` (K,) in s, once a `period` (s) at `phase_deg` of it, from `settle` (s) on.
 
     Starts lie within `spread_deg` of the scene's; `shown` are the links that are drawn, from 0.
     """

@@ -28,7 +28,7 @@ from nonlinear.integration.switches import numbers_of as switching_of
 from nonlinear.system import Numbers, System, numbers_of, system_of, translations
 
 MOTION_TOLERANCE = 1e-8
-"""Tolerance: of the motion: well below what sensors resolve."""
+"""Tolerance: of the motion: well below the resolution of sensors."""
 GAP_STD = 0.1
 """Tolerance: of the sensors' noise, a gap between a motion and its continuation: less than is seen."""
 DELAY_MAX = 0.1
@@ -97,7 +97,7 @@ class EvaluatedMotions(NamedTuple):
 class FitProblem(Displayed):
     """A recording, and a scene of which these numbers are free; `scaled` frees the sensors' scales.
 
-    Where it is `shifted`, the first sensor has a delay too, behind what time prescribes to the scene.
+    Where it is `shifted`, the first sensor has a delay too, relative to the prescribed motions of the scene.
 
     `noise` (C,) is the standard deviation of every sensor, `tightness` times that the one of a gap between a motion and
     its continuation.  Motions of more than so many `steps` are not followed.  `evaluations` are the last two, of this
@@ -170,7 +170,7 @@ class FitProblem(Displayed):
 
     @cached_property
     def _points(self) -> list[PointReading | None]:
-        """What every sensor reads that is of a point."""
+        """The readings of every sensor at a point."""
         return [
             PointReading(self.system, sensor.quantity, self._links(sensor), sensor.radius)
             if sensor.is_of_point
@@ -180,7 +180,7 @@ class FitProblem(Displayed):
 
     @cached_property
     def picks(self) -> Floats:
-        """What the sensors read of the coordinates, (C, coordinates)."""
+        """The matrix from coordinates to the readings of sensors, (C, coordinates)."""
         picks = np.zeros((len(self.recording.sensors), self.coordinates))
         for c, sensor in enumerate(self.recording.sensors):
             for row, sign in self.parts(sensor):
@@ -195,7 +195,7 @@ class FitProblem(Displayed):
 
     @property
     def is_read_by_motion(self) -> bool:
-        """Whether other sensors determine, through the motion, what the angles do not."""
+        """Whether other sensors determine, through the motion, numbers that the angles do not."""
         return not self.is_seen and any(
             sensor.is_of_point or sensor.quantity == "rate" for sensor in self.recording.sensors
         )
@@ -232,7 +232,7 @@ class FitProblem(Displayed):
         return scene_with(self.scene, numbers_at(self.parameters, u[: self.layout.numbers]))
 
     def readings(self, u: Floats, with_derivatives: bool = False) -> list[Floats]:
-        """What the sensors would read, (K, C) for each segment; raise ComputationError if a motion cannot be followed.
+        """The predicted readings, (K, C) for each segment; raise ComputationError if a motion cannot be followed.
 
         With `with_derivatives` these are computed along, as for `residuals`.
         """

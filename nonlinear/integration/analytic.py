@@ -2,7 +2,7 @@
 
 The equations are analytic, so that the imaginary part ε of a number makes ε times the derivative by it in the imaginary
 part of the motion, to the last digit [Squire1998].  The real part takes the steps and
-meets the switches; where a column would meet one earlier or later by δt = −Im(value)/value', it goes on in the flow
+meets the switches; where a column would meet one earlier or later by δt = −Im(value)/value', it continues in the flow
 before until then and in the flow after from then on: y₊ = G(y₋ + i f₋ δt) − i f₊ δt, which is the saltation matrix.
 """
 

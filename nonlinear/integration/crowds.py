@@ -26,7 +26,7 @@ from nonlinear.system import Numbers, System
 class Crowd:
     """The flow of members with these numbers, whose `switching` entries are those of `Switches`.
 
-    What `tangent` lanes have after y is a column of derivatives, which kicks change by saltation.
+    After y `tangent` lanes have a column of derivatives, which kicks change by saltation.
     """
 
     lanes: Lanes
@@ -38,7 +38,7 @@ class Crowd:
 
     @property
     def inputs(self) -> Inputs:
-        """What time brings."""
+        """The inputs that depend on time."""
         return self.lanes.inputs
 
     @cached_property
@@ -51,7 +51,7 @@ class Crowd:
 
     @cached_property
     def members(self) -> dict[int, Switches]:
-        """Those of every member, by its number, with what happened to it."""
+        """Those of every member, by its number, with its outcome."""
         return {}
 
     def of(self, member: int) -> Switches:
@@ -97,14 +97,14 @@ class Crowd:
 
     @cached_property
     def equations(self) -> tuple[Module, str]:
-        """The texts in which the rates stand, and what they are called there."""
+        """The texts in which the rates stand, and their names there."""
         form = self.switches.form
         if self.lanes.tangent:
             return module_of(form, tangent=True), "rates"
         return self.switches.module, "sticking" if form.contacts else "rates"
 
     def constants(self) -> list[Any]:
-        """What stands in the text of the rates for these members: numbers and arrays (S,)."""
+        """The values in the text of the rates for these members: numbers and arrays (S,)."""
         numbers = self.lanes.numbers
         return self.equations[0].constants(self.switches.form.numbers(numbers.entries, numbers.constants))
 

@@ -217,7 +217,7 @@ class DiscSearch:
     def _sector(
         self, places: Sequence[Ball], changes: Sequence[Ball], time: Ball, width: Ball, inner: Sequence[Ball]
     ) -> list[Ball]:
-        """E at the outer edge of a ring, as far as one sector of it tells."""
+        """E at the outer edge of a ring, by one sector of it."""
         guess = [bound * 1.25 for bound in inner]
         for _ in range(6):
             set_ = [place + _square(bound) for place, bound in zip(places, guess, strict=True)]
@@ -250,7 +250,7 @@ def _value(coefficients: Sequence[Ball], at: Ball) -> Ball:
 
 @dataclass(frozen=True)
 class LohnerStep:
-    """What encloses the motion from the set m + C r at an exact time up to `length` (s) later."""
+    """The enclosure of the motion from the set m + C r at an exact time up to `length` (s) later."""
 
     time: Fraction
     length: Fraction
@@ -261,7 +261,7 @@ class LohnerStep:
     bits: int
 
     def image(self, tau: Ball) -> tuple[list[Ball], Ball]:
-        """Balls around what comes of m, with all remainders of the set, and the matrix of derivatives, after τ (s)."""
+        """Balls around the image of m, with all remainders of the set, and the matrix of derivatives, after τ (s)."""
         arb, disc = flint().arb, self.disc
         q, s = tau.abs_upper() / disc.rho, arb(0)
         for k, sigma in enumerate(disc.sigma):

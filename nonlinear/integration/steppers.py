@@ -339,5 +339,5 @@ class DOP853Stepper(SciPyStepper, Generic[E]):
         super().__init__("DOP853", equations.derivative, start, y, end, tolerance, absolute, pace)
 
     def steps_of_sweep(self) -> Any:
-        """The steps of the last sweep side by side, a `nonlinear.integration.within.Step`."""
+        """The steps of the last sweep, joined, a `nonlinear.integration.within.Step`."""
         raise NotImplementedError

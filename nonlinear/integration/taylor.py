@@ -178,7 +178,7 @@ def uneven(tolerance: float) -> float:
 
 
 class Originals(dict[Any, Any]):
-    """What has been compiled in this process, by what it was compiled from: a copy for everyone who asks.
+    """The code compiled in this process, by its source: a copy for every caller.
 
     Integrators of heyoka write into memory of their own while they work, and let Python's other threads run: no two
     threads may use the same one.  A copy has its own memory and is not compiled again; as it takes
@@ -190,9 +190,9 @@ class Originals(dict[Any, Any]):
         self._lock = Lock()
 
     def copy_of(self, key: Any, compile_original: Callable[[], Any], user: object = None) -> Any:
-        """A copy of what is kept under this key, which is compiled first where there is nothing.
+        """A copy of the code cached under this key, compiled first if there is none.
 
-        Nobody else gets it while its `user` lives, nor ever if none is told.
+        It is reserved while its `user` lives, and for good without one.
         """
         with self._lock:
             if key not in self:
@@ -215,7 +215,7 @@ def _leave(idle: list[Any], copy: Any) -> None:
 
 
 _COMPILED = Originals()
-"""By the text of their equations and what else they were compiled for."""
+"""By the text of their equations and the options of compilation."""
 
 
 def code_of(form: Form, pieces: Sequence[Polynomials], tolerance: float) -> Code:
@@ -234,7 +234,7 @@ def pieces_of(equations: Arranged) -> Sequence[Polynomials]:
 
 
 def _text(module: Module, pieces: Sequence[Polynomials]) -> str:
-    """What is compiled: the equations, and the degrees of the polynomials that are their inputs."""
+    """The source of the code: the equations, and the degrees of the polynomials that are their inputs."""
     return f"{module.python('rates')}\n{[piece.coefficients.shape[1] for piece in pieces]}"
 
 

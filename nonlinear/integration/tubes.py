@@ -153,7 +153,7 @@ class Tube(Result):
         return {**super().whole(), self.key: rows}
 
     def footnotes(self) -> Iterator[str]:
-        """Notes on what is proved."""
+        """Notes on the proof."""
         yield (
             f"proved: the motion that begins with the stored numbers stays within {at_most(self.radius)} of these "
             "values at these times, in rad, m and their rates; uncertain digits are omitted."
@@ -254,7 +254,7 @@ def enclose_motion(
 
 
 def _kinks(scene: Scene) -> list[str]:
-    """What may have ended a tube."""
+    """The possible causes of the end of a tube."""
     sentences = CAPABILITIES["a proved motion"].unless
     return [sentences[feature] for feature in ("quadratic_drag", "massless_cart") if feature in scene.features]
 

@@ -130,7 +130,7 @@ class Step:
 
 
 class Watch(Protocol):
-    """Sees every step, of members side by side or of one run."""
+    """Is called with every step, of an ensemble or of one run."""
 
     def see(self, step: Step) -> None:
         """A step of all lanes, of which some may have been refused."""

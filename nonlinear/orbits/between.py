@@ -4,7 +4,7 @@ Two pairs of multipliers may collide and part again within one step, so that bot
 them are not: a bubble of instability, as narrow as the coupling of the pairs is weak. The margins of `floquet` see it
 as they dip below 0. The map of perturbations itself has no narrow feature: it changes smoothly along the branch, and
 Lagrange's polynomials through the orbits nearby give it between them, with the difference of two orders as its doubt.
-Where the margins of that map less their doubt fall below 0, the orbit there is computed, and the search goes on next to
+Where the margins of that map less their doubt fall below 0, an orbit is computed, and the search continues next to
 it.
 """
 
@@ -22,7 +22,7 @@ from nonlinear.orbits.continuation import OrbitPoint, OrbitProblem, between
 from nonlinear.orbits.floquet import Map
 
 POLYNOMIAL_NODES = 6
-"""Tolerance: orbits through which the finer polynomial passes, the coarser through two fewer: their difference is what
+"""Tolerance: orbits through which the finer polynomial passes, the coarser through two fewer: their difference
 judges both."""
 INTERVAL_PLACES = 24
 """Cost: places between two orbits at which the polynomials are evaluated, and in turn about the lowest of them, and

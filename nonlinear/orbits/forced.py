@@ -5,7 +5,7 @@ the linear response, the steady solution of
 
     y' = A (y − y_e) + f(y_e, t),   A = mean of ∂f/∂y at y_e
 
-about the equilibrium y_e under the mean of what acts [Nayfeh1979, section 2.2], or
+about the equilibrium y_e under the mean load [Nayfeh1979, section 2.2], or
 else where the motion from there settles.
 """
 

@@ -39,7 +39,7 @@ TITLES = {
 
 
 def basins_figure(basins: Basins) -> Figure:
-    """The measure over both numbers: a colour each for configurations, else shades; what never happens stays blank."""
+    """The measure over both numbers: a colour each for configurations, else shades; others stay blank."""
     figure, (axis,) = stack(1, 2)
     scene = basins.ensemble.question.scene
     (_kinds if basins.names else _shades)(figure, axis, basins)
@@ -140,7 +140,7 @@ def _crossing(text: str) -> str:
 
 
 def spread_figure(spread: Spread) -> Figure:
-    """The deviation of every frequency with what explains it, and above it bands of the motion if there is one."""
+    """The deviation of every frequency with its cause, and above it bands of the motion if there is one."""
     motion = spread.ensemble is not None
     figure, panels = stack(1 + motion)
     if motion:

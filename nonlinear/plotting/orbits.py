@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 MARKS = {"fold": "o", "branch point": "D", "period doubling": "s", "torus": "^", "collision": "v"}
 BACKBONE_DEG = 170.0
-"""Format: largest angle of a backbone beside a resonance: short of the top, where its period has no limit."""
+"""Format: largest angle of a backbone next to a resonance: short of the top, where its period has no limit."""
 
 
 def orbits_figure(scene: Scene, branches: Sequence[Branch], mode: Mode | None = None) -> Figure:

@@ -23,13 +23,13 @@ FORMS = {"minimal", "maximal", "hamiltonian", "spatial"}
 CUBIC_PLACES = 8
 """Tolerance: places on each cubic, between which a parabola passes them by an eighth of their second differences."""
 STRETCH_LOOKS = 64
-"""Cost: looks in a stretch that is integrated anew, and again beside its extreme (benchmarks/engines.py)."""
+"""Cost: samples of a stretch that is integrated anew, and again around its extreme (benchmarks/engines.py)."""
 STRETCHES_MAX = 24
 """Cost: stretches integrated anew for an extreme: a steady motion comes as near to it in every period."""
 PLACES_MAX = 2_000_000
 """Cost: places on cubics in a run beyond which extremes are those of the samples, as the summary says."""
 EXTENT_TURN_MAX = 1.5
-"""Tolerance: rad from one sample to the next, from which on cubics do not tell where extremes are."""
+"""Tolerance: rad from one sample to the next, above which cubics do not locate extremes."""
 Quantity = Callable[[Motion], Floats]
 WAY = Choice("minimal", "DOP853", compiled=False, reason="")
 

@@ -211,7 +211,7 @@ def measure_each(task: SweepTask, chunk: PointChunk) -> Iterator[Row]:
 
 
 def _of_members(task: SweepTask, points: Sequence[Point], scenes: Sequence[Scene | Exception]) -> Iterator[Row]:
-    """The rows of points at which starts are drawn, those of one scene side by side."""
+    """The rows of points at which starts are drawn, grouped by scene."""
     alike: dict[Scene, list[tuple[int, float]]] = {}
     measured: dict[int, dict[str, float] | str] = {}
     for (index, values), scene in zip(points, scenes, strict=True):
@@ -256,7 +256,7 @@ def _row(task: SweepTask, index: int, scene: Scene | Exception, portion: Portion
 
 
 def validate_energies(scene: Scene, requests: Sequence[RequestedMeasure], members: int, seed: int) -> None:
-    """Raise SceneError if a scene does not keep its energy, or what is measured does not depend on the start."""
+    """Raise SceneError if a scene does not keep its energy, or if the measures do not depend on the start."""
     names = [request.name for request in requests]
     validate(
         lambda: require(scene, CAPABILITY),
@@ -279,7 +279,7 @@ def _of_starts(request: RequestedMeasure) -> None:
 
 
 def measured_at(scene: Scene, points: Sequence[tuple[int, float]], task: SweepTask) -> dict[int, Measured]:
-    """What is measured of so many starts at each energy (J), all side by side, by the indices of the points."""
+    """The measures of so many starts at each energy (J), all computed at once, by the indices of the points."""
     results: dict[int, Measured] = {}
     starts, known = [], []
     for index, energy in points:

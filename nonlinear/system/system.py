@@ -88,7 +88,7 @@ class JointTerm:
     pulls: bool = True
 
     def torques(self, bends: Any, rates: Any) -> tuple[Any, Any]:
-        """What its potential accounts for and what does work (N m), (C, ...), of these joints' bends and rates."""
+        """The conservative part and the part that does work (N m), (C, ...), from these joints' bends and rates."""
         elastic, working = self.law.torques(bends, rates, self._parameters(bends))
         return self._times_scale(elastic) if self.pulls else 0.0, self._times_scale(working)
 
@@ -258,7 +258,7 @@ class System(Displayed):
     that moves as prescribed, in whose frame the scene is then described; `rail` the dry friction on the rail; `forces`
     act on points of links and on the cart. The `suspension` holds the supports of the pendula: no coordinates for a
     fixed support, one for a cart, and if the scene `is_structured` any `structure`, of whose springs `slack` says which
-    have no length as drawn. `loops` of feedback act like forces, by what they measure.
+    have no length as drawn. `loops` of feedback act like forces, by their measurements.
 
     >>> from modal import load
     >>> from nonlinear import system_of
@@ -374,7 +374,7 @@ class System(Displayed):
 
     @cached_property
     def may_turn_singular(self) -> bool:
-        """Whether the mass matrix may turn singular on the way: of a massless cart, while what is damped decays."""
+        """Whether the mass matrix may turn singular on the way: of a massless cart, while damped motions decay."""
         loses = self.dissipates or bool(self.loops)
         return bool(self.cart and not np.any(self.cart.mass) and loses and not self.spatial)
 
@@ -444,7 +444,7 @@ class System(Displayed):
         return (*motions, *(force.motion for force in self.forces))
 
     def courses(self, *, drags: bool = False) -> tuple[Course, ...]:
-        """What these bring: the support's accelerations, where links have drag its velocities; sizes of forces."""
+        """The inputs: the support's accelerations, where links have drag its velocities; sizes of forces."""
         if not self.prescribed_motions:
             return ()
         from modal.vibration import Course
