@@ -108,7 +108,7 @@ def test_births_are_those_of_the_branches_of_orbits() -> None:
 
 
 def test_the_death_of_a_beat_is_enclosed() -> None:
-    """From its own last state the beat goes on below that by the equations written here, and not above it."""
+    """From its own last state the beat continues below that by the equations written here, and not above it."""
     (death,) = (event for event in two_values().births if event.name == "beat")
     assert death.between
     assert not death.is_birth
