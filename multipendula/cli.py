@@ -89,7 +89,7 @@ def _stoppable(alone: bool) -> Iterator[list[int]]:
 
 
 def _remind(seconds: float) -> None:
-    """Where the platform has timers, raise the interrupt again after so many seconds, never for 0."""
+    """Where the platform has timers, raise the interrupt again after this many seconds, never for 0."""
     if hasattr(signal, "setitimer"):
         signal.setitimer(signal.ITIMER_REAL, seconds)
 

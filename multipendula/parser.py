@@ -130,7 +130,7 @@ class Page(argparse.ArgumentParser):
         return min(pages, key=lambda page: page.count("\n") >= SCREEN_LINES)
 
     def _screen(self, most: int) -> Iterator[str]:
-        """The parts of that, of each option so many lines at most."""
+        """The parts of that, of each option this many lines at most."""
         import textwrap
 
         columns = self._get_formatter()

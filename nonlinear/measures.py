@@ -210,7 +210,7 @@ class LargestExponent(Measure):
         return {"lyapunov_per_s": results.stretching / context.wanted.duration}
 
     def require(self, scene: Scene, seconds: float | None) -> None:
-        """Raise SceneError if a scene has none, or not from so many seconds, 0 for its usual ones."""
+        """Raise SceneError if a scene has none, or not from this many seconds, 0 for its usual ones."""
         from modal.scene import require
         from nonlinear.chaos import validate_duration
 

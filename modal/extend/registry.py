@@ -24,9 +24,9 @@ HOMES: dict[str, str] = {
     **dict.fromkeys(("joint law", "point force"), "modal.extend.laws"),
     **{"support": "modal.scene.carriers", "measure": "nonlinear.measures", "format": "modal.exports"},
 }
-"""Modules with the classes of this project, which are imported when their kind is asked for."""
+"""Modules with the classes of this project, which are imported when their kind is requested."""
 OURS = ("modal", "nonlinear")
-"""Packages whose errors are nobody else's."""
+"""Packages whose errors are their own."""
 NAME = re.compile(r"[a-z][a-z0-9_-]*")
 """Valid names of extensions."""
 
@@ -61,7 +61,7 @@ class _Registry:
         self.is_complete = False
 
     def of_kind(self, kind: str) -> dict[str, type[Extension]]:
-        """The classes at hand, ours among them."""
+        """The available classes, ours among them."""
         if kind in HOMES:
             import_module(HOMES[kind])
         return self.classes[kind]
@@ -127,7 +127,7 @@ def register(cls: type[T]) -> type[T]:
 
 
 def _definition(cls: type) -> tuple[str, str]:
-    """Where a class is defined: a cell that is run again, or a module that is loaded again, defines it anew."""
+    """Where a class is defined: a cell that is run again, or a module that is loaded again, redefines it."""
     return getattr(sys.modules.get(cls.__module__), "__file__", None) or cls.__module__, cls.__qualname__
 
 

@@ -129,7 +129,7 @@ class Windows:
 
     @property
     def amplitudes(self) -> Floats:
-        """Those of the first harmonic (W,)."""
+        """The amplitudes of the first harmonic (W,)."""
         return np.abs(self.harmonics[:, 0])
 
     @property

@@ -22,7 +22,7 @@ NOISE_AT_FIRST = 0.02
 NOISE_MIN = 1e-9
 """Tolerance: of the size of readings or shapes, the least noise: residuals of exact data are rounding."""
 CHANCE_MAX = 0.01
-"""Tolerance: probability of chance below which something is said of residuals; a report has some ten sentences."""
+"""Tolerance: probability of chance below which residuals are remarked on; a report has some ten sentences."""
 
 
 def autocorrelation(series: Sequence[Floats]) -> Floats:

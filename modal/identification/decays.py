@@ -356,7 +356,7 @@ def _project(record: Series, model: DecayModel, k: int) -> tuple[Floats, Complex
 
 
 def tall_qr(matrix: Floats, rows: int = 256) -> tuple[Floats, Floats]:
-    """Q and R of a matrix (K, n), of blocks of so many rows and of their triangles [Demmel2012].
+    """Q and R of a matrix (K, n), of blocks of this many rows and of their triangles [Demmel2012].
 
     LAPACK takes the rows at once, with threads that wait for each other at every column.
     """

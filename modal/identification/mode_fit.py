@@ -29,7 +29,7 @@ class FittedMode(Displayed):
 
     @property
     def deviation(self) -> float:
-        """Of the frequency."""
+        """The deviation of the frequency."""
         return (self.frequency - self.measured.frequency) / self.measured.std
 
 
@@ -68,7 +68,7 @@ class Solution(Displayed):
 
     @cached_property
     def covariance(self) -> Floats:
-        """Of the numbers, (p, p)."""
+        """The covariance of the numbers, (p, p)."""
         slopes = np.array([parameter.slope(float(z)) for parameter, z in zip(self.parameters, self.z, strict=True)])
         return np.asarray(slopes[:, None] * self.cov * slopes)
 

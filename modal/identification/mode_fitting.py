@@ -316,7 +316,7 @@ def _shape_noise(problem: _ModeFitProblem, z: Floats) -> float:
 
 
 def _solve(problem: _ModeFitProblem, z: Floats, loss: str, evaluations: int | None = None) -> Floats:
-    """The minimum that a search from z leads into, or so many evaluations."""
+    """The minimum of a search from z, after at most this many evaluations."""
     columns = np.flatnonzero(problem.is_fitted)
     if not len(columns):
         return z
@@ -354,7 +354,7 @@ def _solve(problem: _ModeFitProblem, z: Floats, loss: str, evaluations: int | No
 
 
 def _covariance(problem: _ModeFitProblem, z: Floats) -> Floats:
-    """Of z, (p, p), zero for numbers that are fixed, at a minimum.
+    """The covariance of z, (p, p), zero for numbers that are fixed, at a minimum.
 
     Along each singular vector of the Jacobian the standard deviation is a half of the 95 % interval (1.96 to either
     side) in which chi-square, the least over the other directions, rises by 3.84: 1/s where residuals are linear.
@@ -429,7 +429,7 @@ def _least_beside(problem: _ModeFitProblem, z: Floats, steps: Floats, y: Floats,
 
 
 def _solutions(problem: _ModeFitProblem, z: Floats, cov: Floats, minima: Sequence[Floats]) -> list[Solution]:
-    """Those of other minima that fit as well as z and differ from it, and from each other."""
+    """The solutions at other minima that fit as well as z and differ from it, and from each other."""
     largest = _square(problem, z) + _quantile(max(1, int(np.count_nonzero(problem.is_fitted))))
     solutions: list[Solution] = []
     regions = [(z, cov)]
@@ -451,7 +451,7 @@ def _quantile(freedom: int) -> float:
 def _certify(
     problem: _ModeFitProblem, z: Floats, shape_std: float | None, loss: str, minima: Sequence[Floats] = ()
 ) -> ModeFit:
-    """The fit at the minimum z, with all that is said of it."""
+    """The fit at the minimum z, with all remarks."""
     fitted, held = np.flatnonzero(problem.is_fitted), np.flatnonzero(~problem.is_fitted)
     residuals, J = problem.residuals(z), problem.jacobian(z)
     cov = _covariance(problem, z)

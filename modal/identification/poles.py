@@ -551,7 +551,7 @@ def _mode_of_pole(pole: complex, cov: Floats, shape: Complexes, shape_std: float
 
 
 def _decrements(even_values: Sequence[Floats], step: float) -> list[Decrement]:
-    """Those of the sensor with the largest swing, of each segment."""
+    """The decrements of the sensor with the largest swing, of each segment."""
     columns = [values[:, int(np.argmax(values.std(axis=0)))] for values in even_values]
     return [log_decrement(step * np.arange(len(column), dtype=np.float64), column) for column in columns]
 

@@ -39,7 +39,7 @@ class ModeStds:
 
     @property
     def frequency(self) -> float:
-        """Of the natural frequency, in Hz."""
+        """The natural frequency, in Hz."""
         return self.omega / (2 * pi)
 
 
@@ -154,7 +154,7 @@ def shaped_modes(shaper: Shaper, estimate: Estimate, drive: Drive, count: int) -
 
 
 def _rms(shaper: Shaper, omega: float, zeta: float, slopes: Floats, estimate: Estimate) -> float:
-    """Of the residual vibration over ω and ζ with derivatives (2, p), by Gauss-Hermite quadrature."""
+    """The RMS of the residual vibration over ω and ζ with derivatives (2, p), by Gauss-Hermite quadrature."""
     strength, axes = np.linalg.eigh(slopes @ estimate.covariance @ slopes.T / np.outer([omega, 1.0], [omega, 1.0]))
     nodes, weights = np.polynomial.hermite_e.hermegauss(NODES)
     steps = np.stack(np.meshgrid(nodes, nodes)).reshape(2, -1) * np.sqrt(np.maximum(strength, 0.0))[:, None]

@@ -307,7 +307,7 @@ class _Parts:
         return energies
 
     def _energies(self, index: int, copy: int) -> Floats:
-        """Of one shape, as φᴴMφ = 1; NaN if rounding keeps them from their balance."""
+        """The energies of one shape, as φᴴMφ = 1; NaN if rounding keeps them from their balance."""
         value = complex(self.modes.eigenvalue[index])
         phi = self.modes.column(self.modes.shape(index, copy))
         energies = np.zeros(len(self.names))

@@ -177,7 +177,7 @@ def _size(axis: Axes) -> tuple[int, int]:
 
 
 def is_blob(y: Floats, columns: float, extent: float) -> bool:
-    """Whether a curve turns more than twice in each of so many columns, and not only by a trifle.
+    """Whether a curve turns more than twice in each of this many columns, and not only by a trifle.
 
     `extent` is the height of the panel in the units of the curve.
     """
@@ -191,7 +191,7 @@ def is_blob(y: Floats, columns: float, extent: float) -> bool:
 
 
 def envelope(x: Floats, y: Floats, columns: int) -> tuple[Floats, Floats, Floats]:
-    """The edges (C + 1,) of at most so many columns of ascending x, and below and above all samples there.
+    """The edges (C + 1,) of at most this many columns of ascending x, and below and above all samples there.
 
     Straight lines between the edges have every sample between them.
     """

@@ -1,6 +1,6 @@
 """Films: frames written as an animated GIF, an MP4 or an HTML page.
 
-A film is a figure that is mostly static: moving parts are drawn anew over the pixels of the rest.
+A film is a figure that is mostly static: moving parts are redrawn over the pixels of the rest.
 
 A film of modes shows all of them together, each swinging once per loop, so that the loop is seamless: a mode
 moves by q(s) = a Re(φ e^{−2πis}), s from 0 to 1 over the loop, its damping or growth omitted. One that does not

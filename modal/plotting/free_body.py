@@ -128,7 +128,7 @@ def _caption_words(bodies: FreeBodies) -> str:
 
 
 def _rows(pictures: Sequence[Diagram], columns: int = COLUMNS) -> list[list[Diagram]]:
-    """Diagrams in rows of so many columns; the links of a pendulum begin a row where they fit into one."""
+    """Diagrams in rows of this many columns; the links of a pendulum begin a row where they fit into one."""
     several = sum(diagram.title.startswith("pendulum") for diagram in pictures) > 1
     rows: list[list[Diagram]] = [[]]
     for diagram in pictures:

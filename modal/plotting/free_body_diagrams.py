@@ -74,7 +74,7 @@ class Lettering(NamedTuple):
 
 @dataclass(frozen=True)
 class Diagram:
-    """The strokes and the words of one part, in so many columns of the sheet; `title` is above it."""
+    """The strokes and the words of one part, in this many columns of the sheet; `title` is above it."""
 
     title: str
     strokes: tuple[Stroke, ...]

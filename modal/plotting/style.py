@@ -24,7 +24,7 @@ from modal.report import deferred
 from modal.types import Floats
 
 WIDTH = 8.0
-"""Format: width in inches of a figure of one column of panels, as both styles have it."""
+"""Format: width in inches of a figure of one column of panels, in both styles."""
 WIDE = 10.5
 """Format: width in inches of a figure of several columns."""
 HEAD = 1.2
@@ -96,12 +96,12 @@ def sheet(width: float, height: float) -> Picture:
 
 
 def sheet_of_rows(rows: float, width: float = WIDTH) -> Picture:
-    """An empty picture as high as so many rows of panels need; one panel alone has one and a half."""
+    """An empty picture as high as this many rows of panels need; one panel alone has one and a half."""
     return Picture(width, HEAD + ROW * max(rows, 3 / 2))
 
 
 def stack(count: int, rows: float | None = None, width: float = WIDTH, **options: Any) -> tuple[Picture, list[Axes]]:
-    """A picture of so many panels below each other, as high as `rows` of them, with the `options` of subplots."""
+    """A picture of this many panels below each other, as high as `rows` of them, with the `options` of subplots."""
     figure = sheet_of_rows(count if rows is None else rows, width)
     return figure, figure.subplots(count, 1, squeeze=False, **options)[:, 0].tolist()
 
@@ -114,7 +114,7 @@ def theme(name: str) -> AbstractContextManager[None]:
 def figure_at(place: str, *arguments: Any, theme: str = "", **options: Any) -> Figure:
     """The figure that the function at `module:name` draws in a theme, by default in the style in force.
 
-    Where nobody has chosen a style, and matplotlib's own is in force, that is the light theme.
+    Where no style was chosen, and matplotlib's own is in force, that is the light theme.
     """
     is_own = rcParams["axes.prop_cycle"] == rcParamsDefault["axes.prop_cycle"]
     with style.context(f"modal.plotting.{theme or 'light'}", after_reset=True) if theme or is_own else nullcontext():

@@ -274,5 +274,5 @@ def lock(stream: IO[bytes]) -> None:
     elif os.name == "nt":
         import msvcrt
 
-        stream.seek(sys.maxsize // 2)  # a byte that nobody reads: locked ones cannot be read
+        stream.seek(sys.maxsize // 2)  # a byte that is never read: locked ones cannot be read
         msvcrt.locking(stream.fileno(), msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined]

@@ -52,7 +52,7 @@ class _NamedLaw(JointPart):
 
     @property
     def linear_drag(self) -> float:
-        """That of a force on a centre of mass (N s/m)."""
+        """The linear drag of a force on a centre of mass (N s/m)."""
         law: Any = self.law
         drag: float = law.linear_drag(self.numbers)
         return drag

@@ -240,7 +240,7 @@ SPLINE_EXCESS_OF_SAMPLES = 0.45
 """Tolerance: and over the range of these samples: a sine of 2.8 samples a period, of which a spline still is within a
 percent, is 0.42 of it above them at its top."""
 SPLINE_PLACES = np.arange(1, 8) / 8
-"""Tolerance: places within an interval at which a spline is looked at."""
+"""Tolerance: places within an interval at which a spline is examined."""
 Spline = Callable[[int, int], Callable[[Floats], Floats]]
 """The spline through the samples from one to another, both included."""
 

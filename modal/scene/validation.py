@@ -103,7 +103,7 @@ REALS_OR_NONE = optional(REALS)
 
 
 def text(longest: int) -> Schema:
-    """Text of so many letters at most."""
+    """Text of this many letters at most."""
     return {"type": "str", "max_length": longest}
 
 

@@ -81,7 +81,7 @@ class Along(Result):
         return np.column_stack([self.times, self.lengths, self.omega, self.swing]).tolist()  # type: ignore[no-any-return]
 
     def columns(self) -> list[ReportColumn]:
-        """Of the numbers at a time."""
+        """The columns of the numbers at a time."""
         names = [("time_s", "t (s)")]
         places = [(p + 1, i + 1) for p, i in self.links]
         names += [(f"length_{p}_{i}_m", f"l{angle_symbol(p, i)[1:]} (m)") for p, i in places]

@@ -97,7 +97,7 @@ class SampledLoops(ClosedLoops):
 
     @cached_property
     def solution(self) -> ClosedSolution:
-        """Of the largest multipliers, as many as there are poles of loops that never wait."""
+        """The poles from the largest multipliers, as many as there are poles of loops that never wait."""
         P, n, T = self.monodromy, len(self.M), self.period
         feels = np.append(self.feels, np.ones(len(P) - 2 * n, dtype=bool))
         inner, (scale, _) = scipy.linalg.matrix_balance(P[np.ix_(feels, feels)], permute=False, separate=True)
@@ -141,7 +141,7 @@ def sampled_loops(modes: Modes) -> SampledLoops:
 def common_clock(periods: list[float], most: int = 1000) -> tuple[float, list[int]]:
     """The longest time of which all periods (s) are multiples, and the multiples.
 
-    ComputationError where a loop had more than so many samples before all meet again.
+    ComputationError where a loop had more than this many samples before all meet again.
 
     >>> common_clock([0.02, 0.05])[1]
     [2, 5]

@@ -133,7 +133,7 @@ class OutputGroup(NamedTuple):
 
     @property
     def order(self) -> int:
-        """Of the highest derivative that it contains."""
+        """The order of the highest derivative that it contains."""
         return 2 if self.acceleration is not None else 1 if self.rate is not None else 0
 
 

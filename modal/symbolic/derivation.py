@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 SECTIONS = ("lagrangian", "equations", "matrices", "polynomial", "modes")
 ASKED_FOR = ("hamiltonian",)
-"""Sections that are written where they are asked for by name, after the others."""
+"""Sections that are written where they are requested by name, after the others."""
 MOST_CHECKED = 6
 """Cost: links of which T and the equations are checked against Cartesian ones (benchmarks/symbolic.py)."""
 MOST_WRITTEN = 40

@@ -374,7 +374,7 @@ def in_display(formula: Any) -> str:
 
 
 def _display(formula: Any, line: float = LINE) -> str:
-    """A displayed formula, broken into lines if it is too long for one of so many letters."""
+    """A displayed formula, broken into lines if it is too long for one of this many letters."""
     text = _tex(formula)
     if letters(text) <= line:
         return f"\\begin{{equation*}}\n{text}\n\\end{{equation*}}"

@@ -78,11 +78,11 @@ class MechanicsTests(ExtensionTests):
 
     @property
     def written(self) -> dict[str, Any]:
-        """As a scene has it."""
+        """As in a scene."""
         return {"kind": self.extension.name, **self.parameters}
 
     def table(self, **wrong: Any) -> dict[str, Any]:
-        """A scene with it, a bob and a rod, as a file has it; `wrong` takes the place of numbers."""
+        """A scene with it, a bob and a rod, as in a file; `wrong` takes the place of numbers."""
         raise NotImplementedError
 
     def scene(self, angles: Sequence[float] = (40.0, -25.0)) -> Scene:

@@ -83,7 +83,7 @@ def interpolate(arrays_at: Callable[[Floats], Arrays], start: Floats) -> Interpo
 def _coefficients(
     at: Callable[[Sequence[float]], Floats], n: int, samples: dict[Powers, Floats]
 ) -> dict[Powers, Floats] | None:
-    """Those of Newton's form by the powers of all numbers; None for too many points."""
+    """The coefficients of Newton's form by the powers of all numbers; None for too many points."""
     coefficients: dict[Powers, Floats] = {}
     active: set[tuple[int, ...]] = set()
     for subset in _subsets(n, active):

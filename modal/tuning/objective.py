@@ -340,7 +340,7 @@ class Load(Displayed):
 
 
 def loads(objective: Objective, scene: Scene) -> tuple[Load, ...]:
-    """Those of the dampers of a scene that belong to links and springs with a free number."""
+    """The loads of the dampers of a scene that belong to links and springs with a free number."""
     aim = next((aim.quantity for aim in objective.aims if aim.quantity.kind in {"peak", "rms"}), None)
     if aim is None:
         return ()

@@ -221,7 +221,7 @@ class At:
         return rows, values, np.where(np.isfinite(slopes), slopes, 0.0)
 
     def pieces(self, quantity: Quantity) -> Pieces:
-        """Those of a quantity."""
+        """The pieces of a quantity."""
         of = {
             "peak": self._peak,
             "rms": self._rms,

@@ -207,7 +207,7 @@ class FreeNumber(OfUnknown, Displayed):
 
     @property
     def given_level(self) -> float:
-        """That of the scene, 0 if there is none."""
+        """The level in the scene, 0 if there is none."""
         return self.value + self.base
 
     @property
@@ -220,7 +220,7 @@ class FreeNumber(OfUnknown, Displayed):
         return level - self.base
 
     def numbers(self, level: float) -> dict[Place, float]:
-        """Those of the scene, by their places."""
+        """The numbers of the scene, by their places."""
         return self.unknown.numbers(self.at(level))
 
     @property

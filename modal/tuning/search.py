@@ -273,7 +273,7 @@ def _valleys(objective: Objective, starts: Sequence[Floats], report: Report) -> 
 
 
 def _descend(objective: Objective, z: Floats) -> Minimum:
-    """The minimum next to z, about which the arrays are interpolated anew."""
+    """The minimum next to z, about which the arrays are interpolated again."""
     _centre(objective, z)
     return descend(objective.evaluate, z, objective.low, objective.high)
 

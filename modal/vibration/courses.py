@@ -70,7 +70,7 @@ class Polynomials(NamedTuple):
 
 
 class FloatRows(dict[int, tuple[float, ...]]):
-    """The rows of these arrays joined, in plain floats, made as they are requested, so many at once."""
+    """The rows of these arrays joined, in plain floats, made as they are requested, this many at once."""
 
     BLOCK = 512
 

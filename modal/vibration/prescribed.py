@@ -130,7 +130,7 @@ class Record(PiecewiseMotion):
         return np.append(spline.x[:-1][has_length], self.last), derivatives
 
     def polynomials(self, order: int) -> Polynomials:
-        """Those of the spline; outside the record none, at constant velocity."""
+        """The polynomials of the spline; outside the record none, at constant velocity."""
         return self._polynomials[order - 1]
 
     @cached_property
@@ -152,7 +152,7 @@ class Record(PiecewiseMotion):
         return polynomials[0], polynomials[1]
 
     def derivative(self, time: Any, order: int) -> Any:
-        """Of the spline less its baseline; at constant velocity outside the record."""
+        """The derivative of the spline less its baseline; at constant velocity outside the record."""
         within = np.clip(time, self.first, self.last)
         value = self._without_drift(within, order)
         if order == 0:

@@ -44,7 +44,7 @@ def measured(verb: str, usual: str, **how: Any) -> Option:
 
 
 def strobed(transient: str) -> tuple[str, ...]:
-    """When a driven scene is looked at, and which of its links are drawn; `transient` says how long by default."""
+    """When a driven scene is sampled, and which of its links are drawn; `transient` says how long by default."""
     return (
         "--phase-deg (default 0)",
         f"--settle (default {transient})",

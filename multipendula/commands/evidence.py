@@ -1,4 +1,4 @@
-"""What `table` computes again about its rows when it is asked: angles by periodic orbits, and proofs of frequencies.
+"""What `table` computes again about its rows on request: angles by periodic orbits, and proofs of frequencies.
 
 A proof says for every row between which squares of frequencies its own is, and how many are below both: what
 `check_proof.py` counts again.  It is that file which judges here too, so that a table says no more than a reader will
@@ -194,7 +194,7 @@ class _Prover:
             self.why = f"with dampers, polynomials of at most {in_polynomials} coordinates are made"
 
     def claim(self, row: Mode, root: complex) -> dict[str, Any]:
-        """The claim for a row with this eigenvalue (rad/s), as the proof has it."""
+        """The claim for a row with this eigenvalue (rad/s), as in the proof."""
         try:
             if self.balls and not row.is_uncertain:
                 return {"mode": row.number, "why": self.why, "enclosed": self._counts(row)}

@@ -47,7 +47,7 @@ class RunOptions:
     """The request for a motion: a scene or a saved run, its duration (s), and options by name, if given.
 
     `output` is the file that the command writes, whose folder is looked for before anything is computed; where it
-    `resolves_modes`, a duration that nobody gave is long enough for the spectrum to separate them.
+    `resolves_modes`, a default duration is long enough for the spectrum to separate them.
     """
 
     scene: Any

@@ -29,7 +29,7 @@ DURATION_MAX = 1e7
 COORDINATE_SECONDS = 9e-5
 """Cost: of the modes of a structure, over the square of its coordinates; `benchmarks/modes.py` measures it."""
 PROGRESS_SECONDS = 1.0
-"""Format: seconds until progress is shown, and between two looks at it."""
+"""Format: seconds until progress is shown, and between two updates."""
 MEASURED = "{desc}{percentage:3.0f} % |{bar:24}| {remaining} left, {elapsed} passed"
 COUNTED = "{desc}{unit}: {n_fmt}, {elapsed} passed"
 NUMBERS_SHOWN_MAX = 20
@@ -402,7 +402,7 @@ def warned(scene: Scene, what: str) -> Scene:
 def forewarning(
     report: Callable[[float], object], scene: Scene, duration: float, members: int = 1, least: float = 24 * HOUR
 ) -> Callable[[float], object]:
-    """The report, which at its first call says on standard error how long so many motions take, if over `least` s.
+    """The report, which at its first call says on standard error how long this many motions take, if over `least` s.
 
     Raise SceneError for motions that take longer than anyone can wait.
     """

@@ -90,7 +90,7 @@ def _source(motion: PrescribedMotion) -> dict[str, Any]:
 
 
 def _polynomials(motion: Record) -> tuple[Polynomials, Polynomials, Polynomials]:
-    """Those of the displacement, the velocity and the acceleration."""
+    """The polynomials of the displacement, the velocity and the acceleration."""
     velocity, acceleration = (motion.polynomials(order) for order in (1, 2))
     powers = np.arange(1, velocity.coefficients.shape[1] + 1)
     begun = np.asarray(motion.derivative(velocity.origins, 0))

@@ -42,7 +42,7 @@ from nonlinear.system import (
 )
 
 REFERENCE_PATIENCE = 120.0
-"""Limit: seconds of the reference's run, beyond which a shorter duration is asked for."""
+"""Limit: seconds of the reference's run, beyond which a shorter duration is requested."""
 FIRST_PERIODS = 32
 """Cost: initial length of the reference in fastest periods, four times as long each time (benchmarks/simulation.py)."""
 PHASE_WINDOW = 0.2

@@ -19,7 +19,7 @@ STEP_GROWTH_MAX = 0.4
 STEP_TURN_MAX = 1.0
 """Tolerance: largest rotation (rad) within a step, which Lawson's form takes exactly except for the rotated terms."""
 BEAT_PLACES = 8
-"""Tolerance: places within a step at which amplitudes that rotate freely are looked at: they miss 8 % of a beat."""
+"""Tolerance: places within a step at which amplitudes that rotate freely are sampled: they miss 8 % of a beat."""
 SLOW_FIRST_PERIODS = 64
 """Cost: fast periods in the first part; benchmarks/sync/survivors.py."""
 SLOW_STEPS_MAX = 6000

@@ -229,7 +229,7 @@ def _fastest(scene: Scene) -> float:
 
 @checked
 def regular_exponent(scene: Scene, duration: float) -> float:
-    """The apparent λ (1/s) of regular motion in so many seconds after the transient: values above it are chaotic.
+    """The apparent λ (1/s) of regular motion in this many seconds after the transient: values above it are chaotic.
 
     >>> from modal import load
     >>> from nonlinear.chaos import regular_exponent

@@ -187,7 +187,7 @@ class Bearing:
         return self._join(group, angles), self._join(group, rates)
 
     def velocity(self, group: int) -> Vector:
-        """That of the first joints of a group (m/s), along the rail and down."""
+        """The velocity of the first joints of a group (m/s), along the rail and down."""
         velocities = [
             moving.velocity(self.structure.part(bundle.carrier, self.rates))
             for bundle, moving in zip(self.carriers.bundles[group], self.moves[group], strict=True)

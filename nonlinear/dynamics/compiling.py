@@ -1,7 +1,7 @@
 """Compilation of functions by numba (extra `fast`), and the files in which it caches compiled code.
 
 The cache saves time and nothing else: a file that is cut, damaged, or that others could have written is dropped, and
-the function is compiled anew, as it is where its code or that of anything it calls is another than then; where nothing
+the function is recompiled, as it is where its code or that of anything it calls is another than then; where nothing
 can be written it is compiled in every process.  While foreign code is loaded and compiled, Ctrl-C is deferred.
 """
 

@@ -186,7 +186,7 @@ class Lanes:
         return self.module.constants(self.form.numbers(numbers.entries, numbers.constants))
 
     def rates(self, numbers: Numbers) -> Rates:
-        """The rates of so many members as these numbers are of."""
+        """The rates of this many members as these numbers are of."""
         if self.is_written:
             rates = self.module.function("rates", self.constants(numbers), self.target)
             if not self.inputs.count:

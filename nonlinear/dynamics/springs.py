@@ -46,7 +46,7 @@ class Carrying(Protocol):
 
 
 class Tension(NamedTuple):
-    """Of so many springs the extension e (m, or rad), the pull (N, or N m) and the energy (J), (E, ...) each.
+    """Of this many springs the extension e (m, or rad), the pull (N, or N m) and the energy (J), (E, ...) each.
 
     `force` (2, E, ...) is that on their first ends (N), of those between angles the torque (E, ...), and `power` (...)
     the power (W) of their dampers.

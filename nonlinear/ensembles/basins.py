@@ -154,7 +154,7 @@ def find_basins(
     """Compute a measure over two parameters of a scene, by default the first angles of its first two pendula or links.
 
     Where no start is given or varied, all begin in the usual one of the scene. `measure` is one that `basins` takes in
-    `nonlinear.measures`, NAME or NAME:N for so many seconds in place of a `duration`; `options` are those of
+    `nonlinear.measures`, NAME or NAME:N for this many seconds in place of a `duration`; `options` are those of
     `ensemble`. Raise SceneError for anything else.
     """
     axes = grid_of(scene, vary)

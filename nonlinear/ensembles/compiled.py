@@ -30,7 +30,7 @@ from nonlinear.integration.within import Step, Watch
 from nonlinear.system import Numbers
 
 BUFFER_STEPS = 2048
-"""Cost: steps that are looked at in NumPy together; benchmarks/ensembles.py."""
+"""Cost: steps that are examined in NumPy together; benchmarks/ensembles.py."""
 REASONS = {SHORT: TOO_SHORT, INFINITE: NOT_FINITE, JAMMED: STUCK}
 
 

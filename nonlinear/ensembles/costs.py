@@ -102,7 +102,7 @@ def choose_engine(
 def engine_of_many(
     scene: Scene, start: State, count: int, duration: float, tolerance: float, measures: Sequence[str]
 ) -> str:
-    """The engine for so many starts like this one, whatever is ready: all who take some of them choose alike."""
+    """The engine for this many starts like this one, whatever is ready: all who take some of them choose alike."""
     parts = vars(motion_of([start])).values()
     members = Members(scene, states=Motion(*(np.broadcast_to(part, (count, *part.shape[1:])) for part in parts)))
     why_not = refused(members, duration, tolerance)
@@ -155,7 +155,7 @@ def code_of(name: str, numbers: Numbers, measures: Sequence[str] = ()) -> Code |
 
 
 def seconds_of(question: EnsembleRequest, chunks: int) -> float:
-    """Seconds of work in so many chunks, on one core."""
+    """Seconds of work in this many chunks, on one core."""
     count = min(chunks * question.chunk, question.members.size)
     if question.engine == PLAIN:
         return count * max(RUN_SECONDS_MIN, least_seconds(question.scene, question.duration, question.tolerance))

@@ -57,7 +57,7 @@ def drive_angle(scene: Scene) -> float:
 
 
 def slowest_period(scene: Scene) -> float:
-    """Of the pendula on a fixed support (s)."""
+    """The slowest period of the pendula on a fixed support (s)."""
     system = system_of(scene)
     return 2 * pi / min(float(own_shapes(group, system.gravity, 1).omega.min()) for group in system.groups)
 
@@ -130,7 +130,7 @@ def _runs_on(ending: Ending) -> bool:
 
 
 def _round(scene: Scene, motion: Motion, length: float, options: dict[str, Any]) -> tuple[Motion, list[Ending]]:
-    """The last states of these members, and what follows from their returns in so many seconds (s)."""
+    """The last states of these members, and what follows from their returns in this many seconds (s)."""
     system = system_of(scene)
     label, rest = system.labels[system.first], degrees(float(system.rest[0]))
     found = ensemble(

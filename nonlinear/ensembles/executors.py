@@ -133,7 +133,7 @@ def computed(
 
     Portions whose processes died are computed one by one by a new crew, and `divided`, if they can be, where they die
     again; `lost` is the result of a part whose process dies. Raise ComputationError if an executor has died that
-    nobody makes anew, or the function fails.
+    nobody replaces, or the function fails.
     """
     if crew is not None and not callable(crew):
         if (yield from _shared(function, portions, crew)):
@@ -286,7 +286,7 @@ class KeptPool:
 class Workers(Displayed):
     """Workers for independent tasks: `workers` processes, by default one per core, or the executor `crew`.
 
-    Results are the same to the bit whoever computes them.  This process begins, and starts others once enough is left
+    Results are the same to the bit on any worker.  This process begins, and starts others once enough is left
     to do; as many workers as things are started at once.
 
     >>> from nonlinear.ensembles import Workers

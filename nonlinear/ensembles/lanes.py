@@ -97,7 +97,7 @@ def _run(lanes: Lanes, numbers: Numbers, y: Floats, wanted: Wanted) -> MemberRes
 
 
 def stretching(numbers: Numbers, y: Floats, wanted: Wanted) -> Floats:
-    """What ln |v| gains of a tangent vector in so many seconds after a transient, (S,).
+    """What ln |v| gains of a tangent vector in this many seconds after a transient, (S,).
 
     It begins in a direction drawn at random, the same for all.
     """

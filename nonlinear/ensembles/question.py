@@ -1,6 +1,6 @@
 """The request to an ensemble, and the division of its members into chunks.
 
-A chunk depends on the question alone, so that it is the same whoever computes it and when.
+A chunk depends on the question alone, so that it is the same regardless of who computes it and when.
 """
 
 from __future__ import annotations
@@ -216,6 +216,6 @@ def _of_hoist(scene: Scene, place: Place) -> bool:
 
 
 def sample_of(size: int, count: int) -> tuple[int, ...]:
-    """So many members drawn at random."""
+    """Members, a given number, drawn at random."""
     drawn = np.random.default_rng(CHECKED_SEED).choice(size, size=min(count, size), replace=False)
     return tuple(sorted(drawn.tolist()))

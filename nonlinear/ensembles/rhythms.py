@@ -97,7 +97,7 @@ class Rhythm(Displayed):
 
     @property
     def share(self) -> float:
-        """Of the starts."""
+        """Its share of the starts."""
         return self.count / self.total
 
     @property
@@ -180,7 +180,7 @@ class RhythmMap(Drawable, Result):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of all rhythms, in the order of their births along the number."""
+        """The names of all rhythms, in the order of their births along the number."""
         return tuple(dict.fromkeys(rhythm.name for value in self.values for rhythm in value.rhythms))
 
     def shares(self, name: str) -> list[float]:
@@ -325,7 +325,7 @@ class RhythmGrid(Drawable, Result):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of all rhythms."""
+        """The names of all rhythms."""
         return tuple(dict.fromkeys(name for row in self.maps for name in row.names))
 
     def borders(self) -> dict[tuple[str, str, bool], list[list[tuple[float, float]]]]:
@@ -351,7 +351,7 @@ class RhythmGrid(Drawable, Result):
         return lines
 
     def records(self) -> Iterator[dict[str, Any]]:
-        """Those of all rows, with the second number."""
+        """The records of all rows, with the second number."""
         for value, row in zip(self.axes[1].values, self.maps, strict=True):
             for record in row.records():
                 yield {self.axes[1].column: value} | record

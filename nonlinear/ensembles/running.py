@@ -426,7 +426,7 @@ def _run(
 
 
 def _seconds_left(question: EnsembleRequest, left: int, workers: int | None, crew: Crew | None) -> float:
-    """Roughly how long so many chunks take together (s)."""
+    """Roughly how long this many chunks take together (s)."""
     count = pool_of(crew).size if crew is not None else workers or cores()
     return seconds_of(question, left) / max(min(count, left), 1)
 

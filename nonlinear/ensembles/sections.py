@@ -39,7 +39,7 @@ from nonlinear.system import Numbers, State, numbers_of, system_of
 MEMBERS_MAX = 100_000
 """Limit: "members …: must be at most 100000"."""
 ROUND_DRAWS = 1_000
-"""Format: starts drawn at once for every ten that are wanted, on which the random ones depend."""
+"""Format: starts drawn at once for every ten requested, on which the random ones depend."""
 DRAW_ROUNDS_MAX = 20
 """Limit: rounds in which "no start drawn at random has this energy"."""
 LINK_RATE_MAX = 1e4
@@ -148,7 +148,7 @@ def section_table(section: PoincareSection, form: Form) -> str:
 
 
 def energy_of(scene: Scene, state: State) -> float:
-    """Of a state (J), above equilibrium."""
+    """The energy of a state (J), above equilibrium."""
     numbers = numbers_of(scene)
     layout = Lanes(numbers).layout
     return float(Accounts(numbers, layout).energies(layout.begin(state)[:, None]).total[0])
@@ -157,7 +157,7 @@ def energy_of(scene: Scene, state: State) -> float:
 def starts_at(
     scene: Scene, energy: float, count: int, *, section: Passing | None = None, seed: int | tuple[int, ...] = 7
 ) -> list[State]:
-    """So many states with this energy (J) above rest, on a section if there is one; SceneError where none is found."""
+    """States of this energy (J) above rest, on a section if there is one; SceneError where none is found."""
     numbers = numbers_of(scene)
     layout = Lanes(numbers).layout
     accounts, pace = Accounts(numbers, layout), estimate_timescales(scene).swing

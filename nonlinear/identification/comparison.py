@@ -90,7 +90,7 @@ def _fit_with(
 
 
 def _candidate(name: str, result: Fit, held_out: float, count: float) -> ComparedLaw:
-    """The criteria, for so many independent values: −2 ln L of Gaussian residuals, and a penalty."""
+    """The criteria, for this many independent values: −2 ln L of Gaussian residuals, and a penalty."""
     counts = np.sum([np.isfinite(segment.values).sum(axis=0) for segment in result.recording.segments], axis=0)
     mean = float(np.mean(np.square(result.residuals))), float(np.log(result.problem.noise) @ counts / counts.sum())
     spread, unknowns = count * (log(mean[0]) + 2 * mean[1]), int(np.count_nonzero(np.diag(result.cov)))

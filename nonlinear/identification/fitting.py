@@ -433,7 +433,7 @@ def _project_out(J: Floats, nuisances: Booleans, numbers: int) -> Floats:
 
 
 def _covariance(problem: FitProblem, J: Floats, residuals: Floats, free: Booleans) -> tuple[Floats, tuple[Floats, ...]]:
-    """Of all unknowns (size, size), with the autocorrelation of every sensor's residuals."""
+    """The covariance of all unknowns (size, size), with the autocorrelation of every sensor's residuals."""
     columns = np.flatnonzero(free)
     J, residuals = problem.sort_by_sensor(J)[:, columns], problem.sort_by_sensor(residuals)
     size = np.linalg.norm(J, axis=0)

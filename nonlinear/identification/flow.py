@@ -35,7 +35,7 @@ fastest changes, so that the third derivative adds less than 1e-7 of them."""
 class SensorChannel:
     """The reading of a sensor: the sum of signed components of y, or that of a `point`, at times (S, K) (s).
 
-    Times beyond the segment's end are infinite.  Without `has_rate` nobody asks how fast it changes.
+    Times beyond the segment's end are infinite.  Without `has_rate` its rate is not needed.
     """
 
     parts: Parts
@@ -53,7 +53,7 @@ class SensorChannel:
 class Readings:
     """A watch: `values` that every channel reads, (C, S, K, P), and their `rates` of the motion alone, (C, S, K).
 
-    NaN stands where a segment has no sample.  ComputationError after so many steps.
+    NaN stands where a segment has no sample.  ComputationError after this many steps.
     """
 
     channels: Sequence[SensorChannel]

@@ -48,17 +48,17 @@ class Unknowns:
 
     @property
     def offsets(self) -> slice:
-        """Of the sensors, in units of theirs."""
+        """The offsets of the sensors, in their units."""
         return slice(self.numbers, self.numbers + self.sensors)
 
     @property
     def scales(self) -> slice:
-        """Of the sensors, less 1."""
+        """The scale factors of the sensors, less 1."""
         return slice(self.offsets.stop, self.offsets.stop + self.sensors)
 
     @property
     def delays(self) -> slice:
-        """Of the sensors behind the first (s)."""
+        """The delays of the sensors relative to the first (s)."""
         return slice(self.scales.stop, self.scales.stop + self.sensors)
 
     def state(self, segment: int) -> slice:
@@ -100,7 +100,7 @@ class FitProblem(Displayed):
     Where it is `shifted`, the first sensor has a delay too, relative to the prescribed motions of the scene.
 
     `noise` (C,) is the standard deviation of every sensor, `tightness` times that the one of a gap between a motion and
-    its continuation.  Motions of more than so many `steps` are not followed.  `evaluations` are the last two, of this
+    its continuation.  Motions of more than this many `steps` are not followed.  `evaluations` are the last two, of this
     problem or of one that it replaces: a search asks for them again where it ends, or once a trial has failed.
     """
 
@@ -219,7 +219,7 @@ class FitProblem(Displayed):
 
     @cached_property
     def bounds(self) -> tuple[Floats, Floats]:
-        """Of all unknowns, (size,) each."""
+        """The bounds of all unknowns, (size,) each."""
         layout = self.layout
         low, high = np.full(layout.size, -np.inf), np.full(layout.size, np.inf)
         low[: layout.numbers] = [parameter.z_min for parameter in self.parameters]
@@ -384,7 +384,7 @@ class FitProblem(Displayed):
         return flow
 
     def _flow(self, u: Floats, columns: int) -> Readings:
-        """The motions of all segments; with `columns` the derivatives by numbers and states in so many of them."""
+        """The motions of all segments; with `columns` the derivatives by numbers and states in this many of them."""
         layout, segments = self.layout, self.recording.segments
         P, S, kind = max(columns, 1), len(segments), complex if columns else float
         real, steps = dict[Place, float](), dict[Place, Any]()

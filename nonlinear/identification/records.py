@@ -109,7 +109,7 @@ class Sensor:
 
     @property
     def unit(self) -> str:
-        """Of its readings: of coordinates of modal supports 1."""
+        """The unit of its readings; 1 for coordinates of modal supports."""
         if self.carrier:
             last = self.carrier.rpartition("_")[2]
             return last if last in {"m", "rad"} else "1"
@@ -406,7 +406,7 @@ def _sensor(column: str, carriers: Carriers) -> Sensor | None:
 
 
 def _si_name(column: str, pixel: float = 1.0) -> tuple[str, float]:
-    """A column's name in SI units, and the factor of its numbers, of which pixels are so many metres."""
+    """A column's name in SI units, and the factor of its numbers, of which pixels are this many metres."""
     name, sign, distance = column.removeprefix("-").partition("@")
     if name.endswith(f"_{PIXELS}"):
         name, factor = f"{name.removesuffix(PIXELS)}m", pixel

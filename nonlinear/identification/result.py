@@ -114,7 +114,7 @@ class Fit(FittedNumbers):
 
     @cached_property
     def covariance(self) -> Floats:
-        """Of the numbers (p, p), zero for fixed ones, NaN if the motion does not fit the record."""
+        """The covariance of the numbers (p, p), zero for fixed ones, NaN if the motion does not fit the record."""
         count = len(self.parameters)
         cov = np.asarray(self.slopes[:, None] * self.cov[:count, :count] * self.slopes)
         if not self.fits:
@@ -145,7 +145,7 @@ class Fit(FittedNumbers):
     def whole(self, *, candidates: Sequence[Any] = (), draws: int = 0) -> dict[str, Any]:
         """Everything for JSON; `covariance` is that of `parameters` in their order.
 
-        With `draws` every parameter has its `bootstrap_std` of so many resampled records.
+        With `draws` every parameter has its `bootstrap_std` of this many resampled records.
         """
         numbers, sensors = self.fitted, self.recording.sensors
         record: dict[str, Any] = {
@@ -228,7 +228,7 @@ class Fit(FittedNumbers):
 
     @property
     def rms_all(self) -> float:
-        """Of all segments together."""
+        """The RMS of all segments together."""
         return root_mean_square(self._misses(range(len(self.recording.segments))))
 
     @property
@@ -248,7 +248,7 @@ def unit_of_residuals(recording: Recording) -> str:
 
 
 def root_mean_square(values: Floats) -> float:
-    """Of the values that are there."""
+    """The root mean square of the available values."""
     numbers = values[np.isfinite(values)]
     return float(np.sqrt(np.mean(numbers**2))) if len(numbers) else 0.0
 

@@ -62,7 +62,7 @@ class _MemberColumns(Some):
 
 
 def impulses_since(switches: Switches, count: int) -> dict[int, float]:
-    """The impulses of every joint that was kicked after so many happenings."""
+    """The impulses of every joint that was kicked after this many happenings."""
     return {int(kick[1]): kick[2] for kick in switches.events[count:] if kick[1] < switches.places.K}
 
 

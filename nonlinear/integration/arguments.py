@@ -25,7 +25,7 @@ COARSEST = 0.3
 FINEST = 1e-14
 """Limit: the smallest accuracy (rad)."""
 DRIVE_LOOKS = 2000
-"""Tolerance: times at which the push of a support is looked at for the size of a motion."""
+"""Tolerance: times at which the force of a support is sampled for the size of a motion."""
 NUMBERS_MAX = 50_000_000
 """Limit: numbers stored of a run in all, 400 MB."""
 

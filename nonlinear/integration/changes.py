@@ -88,7 +88,7 @@ def changing(at: Places, texts: dict[str, Callable[..., Any]]) -> tuple[Callable
     begin(t, y, last, state, numbers, c, u, events) fills the state of a segment that begins at y after the impulses
     `last` (K,); due(y, f, state, numbers) is the kick that is due there at once, at its angle on the way out, else −1;
     change(t, j, y, f, state, numbers, c, u, V, events) is y after switch j, in lists, the state and the columns V (k,
-    size) being changed in place; a j beyond all switches decides anew which contacts stick, as inputs have jumped to u.
+    size) being changed in place; a j beyond all switches reselects the sticking contacts, as inputs have jumped to u.
     c are the constants of the texts. Events are appended as (time, switch, a, b): impulse and energy of a kick; 1
     where a contact begins to stick, 0 if it ends.
     """

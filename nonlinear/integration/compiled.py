@@ -236,5 +236,5 @@ class CompiledStepper(DOP853Stepper[Compiled]):
 
     @cached_property
     def _room(self) -> Floats:
-        """Of the stages of the steps of one sweep."""
+        """Storage for the stages of the steps of one sweep."""
         return np.empty((STEPS_AT_ONCE, STAGES + 1, self.y.size))

@@ -43,7 +43,7 @@ class Crowd:
 
     @cached_property
     def switches(self) -> Switches:
-        """Those of all members."""
+        """The switches of all members."""
         form, numbers = with_contacts(self.lanes.form), self.lanes.numbers
         pairs, _ = kicks_of(self.system)
         constants = switching_of(form, pairs).constants(form.numbers(numbers.entries, numbers.constants))
@@ -55,7 +55,7 @@ class Crowd:
         return {}
 
     def of(self, member: int) -> Switches:
-        """Those of one member."""
+        """The switches of one member."""
         if member not in self.members:
             self.members[member] = self.switches.member(member)
         return self.members[member]
@@ -79,7 +79,7 @@ class Crowd:
         return replace(task, lanes=self, initial=y, switches=self, state=state)
 
     def rates(self, numbers: Numbers) -> Callable[[Any], Rates]:
-        """The rates of so many members as these numbers are of, from the inputs of contacts."""
+        """The rates of this many members as these numbers are of, from the inputs of contacts."""
         module, name = self.equations
         constants = module.constants(self.switches.form.numbers(numbers.entries, numbers.constants))
         sticking, sliding = (module.function(text, constants, self.lanes.target) for text in (name, "rates"))
@@ -119,7 +119,7 @@ class Crowd:
         return self.switches.count
 
     def at(self, members: Any) -> Some:
-        """Those of some members."""
+        """The switches of some members."""
         return Some(self, members)
 
     def work(self, y: Floats, state: Floats) -> Floats:

@@ -119,7 +119,7 @@ class Events:
             yield Happening(time, event, crossings.rows[k], motion[k])
 
     def _looked_for(self, event: Event, step: Step) -> list[Happening]:
-        """Where a function of the state that is looked at passes zero."""
+        """Where a function of the state that is monitored passes zero."""
         inside, parts, lanes = step.within_all(), np.linspace(0.0, 1.0, event.looks + 1), np.arange(len(step.start))
         values = self._values(event, inside, np.tile(lanes, len(parts)), np.repeat(parts, len(lanes)))
         values = values.reshape(len(parts), -1)
@@ -181,7 +181,7 @@ class Events:
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """An event that is looked at in one lane of a step, by its parts."""
+    """An event that is monitored in one lane of a step, by its parts."""
 
     event: Event
     equations: Equations

@@ -4,7 +4,7 @@ A segment is a member's y (size, S), or y and k columns next to it, (size, S, 1 
 V of y, or with complex numbers the same motion with imaginary parts. Column 0 is the motion: its real part alone tells
 the error, unless the `whole` does. A lane takes the steps that it would take alone.
 
-A flow (`nonlinear.dynamics.Lanes` is one) gives, with `rates(numbers)` of the segments at hand, a function of y and of
+A flow (`nonlinear.dynamics.Lanes` is one) gives, with `rates(numbers)` of the present segments, a function of y and of
 the times (s), an array like y without its first axis or one that broadcasts with it, for the rates (size, S, 1 + k);
 a third argument are the inputs of these times, where they are known.  Where there are switches, `rates(numbers)` is a
 function of their states' contribution to the inputs, which gives that function.  Numbers of columns have a last axis
@@ -385,7 +385,7 @@ class Front:
         self.which[columns], self.low[columns], self.high[columns] = -1, 0.0, inf
 
     def _land(self, previous: Floats) -> None:
-        """Begin anew the lanes that have come to a break."""
+        """Restart the lanes that have come to a break."""
         next_break = self.task.next_breaks(previous)
         self.came = np.flatnonzero(self.t >= next_break - BREAK_ULPS * np.spacing(np.abs(next_break)))
         if len(self.came):

@@ -81,7 +81,7 @@ FUNCTIONS["balls"] = {
 
 
 class BallEquations:
-    """The written equations of motion with functions and constants in balls of so many bits."""
+    """The written equations of motion with functions and constants in balls of this many bits."""
 
     def __init__(self, equations: Generated, bits: int) -> None:
         form, system = equations.form, equations.system
@@ -151,7 +151,7 @@ class Disc:
 
 @dataclass(frozen=True)
 class DiscSearch:
-    """How a disc is sought: rings of an expected radius in so many sectors of the upper half-plane.
+    """How a disc is sought: rings of an expected radius in this many sectors of the upper half-plane.
 
     The lower one has the conjugate values.  The polynomial p has so many `terms`.
     """
@@ -285,7 +285,7 @@ class LohnerStep:
 class LohnerSet:
     """The set m + C r at an exact time (s), and the steps that carry it on.
 
-    It begins as a box of balls.  Terms of series are carried to so many `digits`, relative to R, in steps of e^−`decay`
+    It begins as a box of balls.  Terms of series are carried to `digits` digits, relative to R, in steps of e^−`decay`
     of a disc's radius; matrices have `matrix_bits`.
     """
 

@@ -3,7 +3,7 @@
 The code here is the same for every form of scene: `nonlinear.integration.kernels` writes it into a module after the
 sizes and the texts of a form, of which these alone are compiled with sums in any order: decisions keep to the
 arithmetic that Python has.  A lane takes the steps that it would take alone, and ends them where a switch passes, as
-in `nonlinear.integration.lanes`.  Steps in which something happens that is measured go into a buffer, to be looked at
+in `nonlinear.integration.lanes`.  Steps in which something happens that is measured go into a buffer, to be examined
 in NumPy.
 
 Of a lane `front` holds the TIME and the STEP to try (s), whether the last one was REFUSED, whether it is FRESH, with
@@ -56,7 +56,7 @@ def looping(
     meet: Any,
     **of: int,
 ) -> Any:
-    """The function `run` with the texts of a form, and its SIZES; called by nobody, but written into modules."""
+    """The function `run` with the texts of a form, and its SIZES; not called here, but written into modules."""
     D, SIZE, HALF, FIRST, CONSTANTS, N, M, TOLD, HELD, TIMED, DRIVEN, KICKS, PRESSES = (of[name] for name in SIZES)
 
     def driven(part: Any, h: Any, front: Any, tables: Any, u: Any, s: Any) -> None:

@@ -126,9 +126,9 @@ NODES: Sequence[float] = (
 # fmt: on
 """The part of a step at each stage, the end of the step, and the further stages."""
 SEEN = (6, 8, 10)
-"""Stages at which y may be looked at on the way: ascending in time."""
+"""Stages at which y may be sampled within a step: ascending in time."""
 LOOKS = (0.0, *(NODES[stage] for stage in SEEN), 1.0)
-"""The parts of a step at which switches are looked at."""
+"""The parts of a step at which switches are examined."""
 
 
 def weighted_sum(shares: Shares, name: str) -> str:

@@ -194,7 +194,7 @@ def _automatic(
 
 
 def step_count(periods: float, tolerance: float) -> float:
-    """The steps of DOP853 in so many periods at large angles."""
+    """The steps of DOP853 in this many periods at large angles."""
     return 14 * periods * float((1e-6 / tolerance) ** (1 / 8))
 
 
@@ -219,7 +219,7 @@ def offers(scene: Scene, system: System, duration: float, tolerance: float, size
 
 
 def least_seconds(scene: Scene, duration: float, tolerance: float = 1e-9, members: int = 1) -> float:
-    """Roughly the time of so many motions of a scene by the fastest way once it is ready, on one core (s)."""
+    """Roughly the time of this many motions of a scene by the fastest way once it is ready, on one core (s)."""
     ways = offers(scene, system_of(scene), duration, tolerance)
     return float(members * min(way.running for way in ways.values()))
 

@@ -40,7 +40,7 @@ LOADING = {"numba": 0.15, "heyoka": 0.4}
 LINKING = {"numba": 0.2, "heyoka": 0.1}
 """And code that is cached on disk."""
 PROGRESS_DELAY = 0.5
-"""Cost: seconds until compiling is shown on a terminal, and between two looks at it."""
+"""Cost: seconds until compiling is shown on a terminal, and between two updates."""
 Forgone = tuple[tuple[str, float], ...]
 """Names of codes, and the share of a run's time that each would have saved."""
 _reproducible_share = ContextVar("_same", default=0.0)
@@ -53,7 +53,7 @@ _saved_seconds: defaultdict[str, float] = defaultdict(float)
 def reproducible(runs: int = 0) -> Iterator[None]:
     """Make choices, and so results to the bit, independent of the process within the block.
 
-    Single runs take nothing compiled, or pay one part of so many `runs` of its cost where nothing is ready.
+    Single runs take nothing compiled, or pay one part of this many `runs` of its cost where nothing is ready.
     """
     token = _reproducible_share.set(max(_reproducible_share.get(), 1 / runs if runs else inf))
     try:
@@ -301,7 +301,7 @@ def _compiles(code: Code) -> Iterator[None]:
 
 @contextmanager
 def progress(title: str, seconds: float, seconds_before: float = 0.0) -> Iterator[None]:
-    """A block that takes about so many seconds, as a terminal sees."""
+    """A block that takes about this many seconds, as a terminal sees."""
     if not sys.stderr.isatty():
         yield
         return

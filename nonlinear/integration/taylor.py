@@ -52,7 +52,7 @@ def available() -> bool:
 
 
 def takes(system: System) -> bool:
-    """Whether heyoka is installed and compiles for so many links in less time than other methods take to run."""
+    """Whether heyoka is installed and compiles for this many links in less time than other methods take to run."""
     longest = max(group.n for group in system.groups)
     return available() and longest <= LONGEST_CHAIN and system.n_links <= SERIES_LINKS_MAX
 
@@ -66,7 +66,7 @@ class TaylorStepper:
     """Integration by Taylor series, one series per step.
 
     The first step is no longer than `pace.first` (s), meant to come from `first_step`; `tolerance` sets the order.
-    Raise MissingExtraError without heyoka, ComputationError under a load and where compiling for so many links would
+    Raise MissingExtraError without heyoka, ComputationError under a load and where compiling for this many links would
     take longer than another method takes to run.
     """
 

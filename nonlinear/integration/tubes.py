@@ -30,7 +30,7 @@ PROVED = "proved"  # the method of a trajectory of midpoints
 
 
 def at_most(value: Decimal | float, digits: int = 2) -> str:
-    """A number in so many digits, rounded up.
+    """A number in this many digits, rounded up.
 
     >>> at_most(1.01e-7), at_most(Decimal(3))
     ('1.1e-7', '3.0e+0')
@@ -70,7 +70,7 @@ class Tube(Result):
     """A proved motion: `rows` with a ball around every coordinate and rate of the motion at these times.
 
     It began with the `start` as it is stored, in double precision, and the numbers of the equations are those of the
-    other methods.  `digits` were carried in so many `steps`.
+    other methods.  `digits` were carried in this many `steps`.
     """
 
     what = "proved motion"

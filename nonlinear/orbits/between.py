@@ -107,7 +107,7 @@ def _lowest(nodes: Sequence[Node], start: Node, end: Node) -> float | None:
     counts = POLYNOMIAL_NODES, min(POLYNOMIAL_NODES - 2, max(2, len(chosen) - 1))
 
     def margins(parts: Floats) -> tuple[Floats, Floats]:
-        """Those of the polynomials at parts (P,) of the way, by sign, and their doubts, (P, m)."""
+        """The margins of the polynomials at parts (P,) of the way, by sign, and their doubts, (P, m)."""
         at = start.length + parts * (end.length - start.length)
         fine, coarse = (_margins_between(chosen[:count], at) for count in counts)
         return sign * fine, np.abs(fine - coarse) if start.map.conservative else np.zeros_like(fine)

@@ -43,7 +43,7 @@ from nonlinear.system import System
 
 ORBIT_TOLERANCE = 1e-12
 """Limit: default of `tolerance`: orbits close to 1e-11 then, and their multipliers are known to 1e-7; smaller angles,
-energies and periods than it cannot be asked for."""
+energies and periods than it cannot be requested."""
 FLOW_STEPS_MAX = 20_000
 """Limit: steps, beyond which "the motion takes too many steps to be followed over a period"."""
 STILL_STEP_WAY = 1e-3

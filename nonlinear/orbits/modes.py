@@ -34,7 +34,7 @@ FIRST_ANGLE = radians(0.5)
 SEARCH_ANGLE_MAX = radians(170)
 """Limit: where no frequency is off by that much up to here, none is."""
 ANGLE_MAX = 20.0
-"""Limit: largest angle (rad) that can be asked for, "must be a finite number from 1e-12 to 20"."""
+"""Limit: largest angle (rad) that can be requested, "must be a finite number from 1e-12 to 20"."""
 
 
 @formerly(number="mode", to="largest_angle")

@@ -6,7 +6,7 @@ The period T is divided into equal segments that begin at y_0, y_1, …:
 
 with T unknown unless drives of that period set it; then angles may gain full turns in it [Keller1976], [Seydel2010, ch.
 7]. The phase of a free oscillation is chosen so that one link turns back at the start, or with dry friction, which
-stops there, passes its angle at rest to the right; a cart that nothing holds starts at 0, supports at 0 in the mean. In
+stops there, passes its angle at rest to the right; a free cart starts at 0, supports at 0 in the mean. In
 a conservative scene these equations follow from each other in part, and solutions form families. A number of the scene
 may be a further unknown.
 """
@@ -141,7 +141,7 @@ class Shooting:
 
     @cached_property
     def free(self) -> Floats:
-        """Translations (m) of the cart or the supports that nothing holds, (k, first)."""
+        """Translations (m) of a free cart or of free supports, (k, first)."""
         moves = translations(self.first.system)
         return moves[:0] if self.first.force else moves
 
@@ -335,7 +335,7 @@ def shooting(
     variation: Variation | None = None,
     cycles: int = 0,
 ) -> Shooting:
-    """The equations of a scene in the plane, with the period of so many `cycles` of its drives, if any.
+    """The equations of a scene in the plane, with the period of this many `cycles` of its drives, if any.
 
     SceneError in space, and where the scene has what periodic orbits do not follow.
     """

@@ -108,7 +108,7 @@ class Half(Quarter):
     parts: ClassVar[int] = 2
 
     def equations(self, u: Floats) -> tuple[Floats, Floats]:
-        """The velocities half a period later, and where supports start that nothing holds; and their derivatives."""
+        """The velocities half a period later, and where free supports start; and their derivatives."""
         r, J = self._residuals(u, slice(self.half, None), 0.0)
         translation_rows = np.pad(self.translates, ((0, 0), (0, 1)))
         return np.append(r, translation_rows @ u), np.vstack((J, translation_rows))

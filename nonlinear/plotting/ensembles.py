@@ -96,7 +96,7 @@ def section_figure(section: PoincareSection) -> Figure:
 def closed_curves(crossings: Floats, *, islands: int = 12, longest: int = 200) -> list[Floats]:
     """The closed curves (K + 1, 2) on which successive crossings (C, 2) lie in turn; none of an irregular motion.
 
-    Up to so many `islands` are looked for, and at most the `longest` part of each is drawn.  On one curve crossing n is
+    Up to `islands` islands are looked for, and at most the `longest` part of each is drawn.  On one curve crossing n is
     at the phase nρ, by which they are in order; on two every other one, and so on.
     """
     for count in range(1, islands + 1):
@@ -177,6 +177,6 @@ def _deviations(axis: Axes, spread: Spread) -> None:
 
 
 def _parts(records: list[dict[str, dict[str, float]]], path: str) -> Floats:
-    """Of each frequency's deviation, in proportion to the shares of its variance."""
+    """The parts of each frequency's deviation, in proportion to the shares of its variance."""
     totals = [sum(record["shares"].values()) or 1.0 for record in records]
     return np.array([record["shares"][path] / total for record, total in zip(records, totals, strict=True)])

@@ -137,7 +137,7 @@ def _resonance(scene: Scene, branches: Sequence[Branch]) -> Figure:
 
 
 def _linear(scene: Scene, variation: Variation) -> tuple[Floats, Floats]:
-    """The largest angle (deg) of the linear response at so many values of a number; NaN if it has none."""
+    """The largest angle (deg) of the linear response at this many values of a number; NaN if it has none."""
     from nonlinear.orbits import linear_response
 
     space = np.geomspace if variation.log else np.linspace

@@ -46,7 +46,7 @@ from nonlinear.system import Layout
 SPECTRUM_SAMPLES = 32
 """Limit: fewest samples of a spectrum: "too few or uneven samples"."""
 PORTRAIT_SWINGS = 100
-"""Format: swings from which on a portrait is drawn as dots: so many lines fill it."""
+"""Format: swings from which on a portrait is drawn as dots: this many lines fill it."""
 STILL_METRES = 1e-9
 """Format: motion of a cart that is at rest but for rounding, which is not magnified."""
 SPECTRUM_DEPTH = 1e-10
@@ -338,7 +338,7 @@ def _linear(scene: Scene, highest: float) -> list[float]:
 
 
 def resolving_duration(scene: Scene, shortest: float, *, times_as_long: float = 5.0, most_modes: int = 12) -> float:
-    """How long (s) a run of a scene of few modes is whose spectrum separates those that so many times as long could.
+    """How long (s) a run of a scene of few modes is whose spectrum separates those that this many times as long could.
 
     >>> from modal import load
     >>> resolving_duration(load("tower"), 20.0), resolving_duration(load("paper-cart-2"), 20.0)

@@ -2,7 +2,7 @@
 
 Samples miss an extreme by up to the square of their distance, and in space, where an angle from the vertical passes its
 smallest value as |t| does, by their distance itself.  Where cubics between the samples come near an extreme, the motion
-is integrated anew from one sample to the next.
+is integrated again from one sample to the next.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ FORMS = {"minimal", "maximal", "hamiltonian", "spatial"}
 CUBIC_PLACES = 8
 """Tolerance: places on each cubic, between which a parabola passes them by an eighth of their second differences."""
 STRETCH_LOOKS = 64
-"""Cost: samples of a stretch that is integrated anew, and again around its extreme (benchmarks/engines.py)."""
+"""Cost: samples of a stretch that is integrated again, and again around its extreme (benchmarks/engines.py)."""
 STRETCHES_MAX = 24
-"""Cost: stretches integrated anew for an extreme: a steady motion comes as near to it in every period."""
+"""Cost: stretches integrated again for an extreme: a steady motion comes as near to it in every period."""
 PLACES_MAX = 2_000_000
 """Cost: places on cubics in a run beyond which extremes are those of the samples, as the summary says."""
 EXTENT_TURN_MAX = 1.5

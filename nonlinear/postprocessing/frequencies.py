@@ -99,7 +99,7 @@ class _Signal:
 
     @property
     def rounding(self) -> float:
-        """Of a sum of all samples, relative."""
+        """The rounding error of a sum of all samples, relative."""
         return len(self.s) * float_info.epsilon
 
     def waves_at(self, x: Floats) -> _Waves:

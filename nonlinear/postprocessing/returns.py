@@ -96,7 +96,7 @@ def natural_rate(system: System) -> float:
 def natural_units(system: System, states: Sequence[Floats]) -> Floats:
     """States (links, their rates, cart, its rate), (S, K, ...), in natural units, (S, K, D), angles (rad) first.
 
-    The place of a cart or of supports that nothing holds is omitted: wherever they are, they move on in the same way.
+    The place of a free cart or of free supports is omitted: wherever they are, they move on in the same way.
     """
     links, rates, cart, speed, *carried = states
     length, rate = float(system.by_link("length").min()), natural_rate(system)

@@ -119,7 +119,7 @@ class Portion:
         return self.numbers(scene)[numbers.index(number)] if number in numbers else number
 
     def slowest(self, scene: Scene, count: int) -> Iterator[tuple[str, np.complex128]]:
-        """So many oscillating modes, |λ| ascending: the label of each, and λ."""
+        """The first oscillating modes, |λ| ascending: the label of each, and λ."""
         return islice(zip(number_labels(self.numbers(scene)), self.swinging(scene)[0], strict=True), count)
 
     def passes(self, scene: Scene, number: int) -> bool:
@@ -175,7 +175,7 @@ class RequestedMeasure:
 
     @property
     def name(self) -> str:
-        """Of the measure."""
+        """The name of the measure."""
         return self.measure.name
 
     @property

@@ -83,7 +83,7 @@ class Tolerance:
         return f"{unknown.words} from {self.low:g} to {self.high:g} {unit}".rstrip()
 
     def drawn(self, value: float, count: int, rng: np.random.Generator) -> Floats:
-        """So many values."""
+        """Values, `count` of them."""
         if self.sigma:
             return np.asarray(value + self.sigma * rng.standard_normal(count))
         return rng.uniform(self.low, self.high, count)
@@ -268,7 +268,7 @@ class Spread(Drawable, Result):
 
     @cached_property
     def times(self) -> Floats:
-        """Of the samples of the motion (s)."""
+        """The times of the samples of the motion (s)."""
         return np.array(self.ensemble.question.times if self.ensemble else ())
 
     @cached_property

@@ -243,7 +243,7 @@ def _terms(system: System) -> Iterator[JointTerm]:
 
 
 def numbers_of_all(scenes: Sequence[Scene]) -> Numbers:
-    """Of scenes that differ in numbers alone."""
+    """The numbers of scenes that differ in numbers alone."""
     validate_scenes(scenes)
     system = system_of(scenes[0])
     members = [numbers_of(scene) for scene in scenes]

@@ -133,7 +133,7 @@ class JointTerm:
         return replace(self, rows=self.rows[one], columns=self.columns[one], numbers=numbers, scale=scale)
 
     def times(self, factor: Any) -> JointTerm:
-        """The term with so many times the torques, one number or one for every pendulum."""
+        """The term with this many times the torques, one number or one for every pendulum."""
         return replace(self, scale=self.scale * (factor[self.columns] if np.ndim(factor) else factor))
 
 

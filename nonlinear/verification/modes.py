@@ -123,7 +123,7 @@ AMPLITUDES_DEG = (1.0, 5.0, 10.0, 30.0)
 SHIFT_ERROR_MAX = 0.01
 """Tolerance: relative error of a shift from which κ is extrapolated."""
 DECAY_MAX = 1.5
-"""Tolerance: e-folds of the amplitude in a run, and so many more periods than a line needs, or a mode is skipped."""
+"""Tolerance: e-folds of the amplitude in a run, and this many more periods than a line needs, or a mode is skipped."""
 INTERRUPTED = "interrupted"
 GROWTH_NOISE = 1e-9
 """Tolerance: Re λ/|λ| of a growing mode, above rounding."""
