@@ -301,7 +301,7 @@ class Beginning(NamedTuple):
 
 @dataclass(frozen=True)
 class BranchWalk:
-    """Follows branches by steps up to `longest`, to at most `max_orbits` orbits; `distance` at most 1 for neighbours."""
+    """Follows branches by steps up to `longest`, to at most `max_orbits` orbits; `distance` is at most 1 nearby."""
 
     longest: float
     max_orbits: int
