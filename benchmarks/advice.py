@@ -1,4 +1,4 @@
-"""Whether `simulate --accuracy` keeps its promises: accuracy met, at what cost beside the cheapest, on a held-out set.
+"""Whether `simulate --accuracy` keeps its promises: accuracy met, at what cost against the cheapest, on a held-out set.
 
     OPENBLAS_NUM_THREADS=1 python benchmarks/advice.py [--scenes 300] [--promises] [--journal FILE] [--write]
 

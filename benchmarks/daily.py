@@ -3,7 +3,7 @@
     MULTIPENDULA_SCENES=each python benchmarks/mutants.py FOLDER --sample 0   (a map of lines to tests)
     python benchmarks/daily.py FOLDER [--seconds N]                           (writes tests/daily.txt)
 
-A line is worth less each time that another case reaches it; the case that adds most a second comes next, until the
+A line counts less each time that another case reaches it; the case that adds most a second comes next, until the
 time is spent.  Quick tests run always, the quickest with all their cases, each of which is mostly a message of its own;
 and so do those that reach no line of the packages, the rules of the house among them.  The table has the functions that
 do not run whole.
@@ -24,7 +24,7 @@ sys.path.insert(0, str(Path(__file__).parent.parent / "tests" / "support"))
 from daily_set import MOST, QUICK, TABLE, WHOLE, Function, by_function, in_order, write
 
 SHARES = (1.0, 0.5, 0.25, 0.12, 0.06)
-"""What a line is worth when a first, second, third ... case reaches it."""
+"""The weight of a line when a first, second, third ... case reaches it."""
 OVERHEAD = 0.003
 """Seconds that pytest takes for a case."""
 

@@ -1,11 +1,11 @@
-"""What each feature of a scene costs: a derivative in floats beside that of the plain scene, and whole runs.
+"""What each feature of a scene costs: a derivative in floats against that of the plain scene, and whole runs.
 
     OPENBLAS_NUM_THREADS=1 python benchmarks/engines.py [--quick]
 
 Two bobs with one feature each, over the same two bobs without, of two joints that rub one at rest; whole runs of ten
 seconds over those without; then runs of shipped scenes, that of `kapitza` next to the ten lines that a user would
 write with SciPy's DOP853.  Runs without friction take compiled code where it is ready, runs with friction never.  What
-time brings is listed by itself: one call in floats, one of a thousand times side by side, and a run over a whole
+time brings is listed by itself: one call in floats, one at a thousand times at once, and a run over a whole
 record, whose steps end at its breaks.  Process times, the best of several, all in one run.
 """
 

@@ -1,4 +1,4 @@
-"""Members a core-second of ensembles, beside heyoka's bare batches, numba's Runge–Kutta and `simulate` in a loop.
+"""Members a core-second of ensembles, against heyoka's bare batches, numba's Runge–Kutta and `simulate` in a loop.
 
     OPENBLAS_NUM_THREADS=1 python benchmarks/ensembles.py [--quick] [--write] [--map]
 
@@ -210,7 +210,7 @@ def resident(process: str) -> int:
 
 
 def million(size: int, cores: int = 2) -> str:
-    """So many members for ten seconds of motion on some cores: their rate, and memory as it goes on."""
+    """So many members for ten seconds of motion on some cores: their rate, and memory during the run."""
     starts = np.random.default_rng(0).uniform(-3, 3, (size, 2))
     lived: list[tuple[float, int, int]] = []
 

@@ -1,6 +1,6 @@
 """Faults to put into the packages, one at a time: a number × 8 or ÷ 8, an operator for its like, a statement less.
 
-The list is fixed by its seed and spread over the rooms by their lines.
+The list is fixed by its seed and spread over the subpackages by their lines.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class Fault:
 
     @property
     def room(self) -> str:
-        """The room that the file is in."""
+        """The subpackage of the file."""
         return ".".join(Path(self.file).with_suffix("").parts[:2])
 
     def __str__(self) -> str:

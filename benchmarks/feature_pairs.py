@@ -1,12 +1,12 @@
-"""Random scenes of every pair of features, in every engine, beside equations from the places of masses alone.
+"""Random scenes of every pair of features, in every engine, against equations from the places of masses alone.
 
     python benchmarks/feature_pairs.py [--scenes 300] [--from 0] [--only NUMBER …] [--keep FILE] [--all] [--table]
 
 Scene number k has the pair k modulo the number of pairs, the rest of it drawn by the seed k.  Its end, after SECONDS,
 is computed by `tests/support/places.py` (places of masses, contacts and kicks piece by piece), in floats, in NumPy's
 lanes and by the loop that numba compiles, which Python runs here as it stands; and once more with every switch made
-simultaneous: each pendulum three times, all else three times as heavy, as stiff and as strong (`three`), and beside its
-mirror image, on a support that then stands still (`mirrored`).  Floats do both, and of the two engines side by side one
+simultaneous: each pendulum three times, all else three times as heavy, as stiff and as strong (`three`), and with its
+mirror image, on a support that then stands still (`mirrored`).  Floats do both, and of the two compiled engines one
 does one of them, in turn (with `--all` all do both).  Each scene is one JSON line of `--keep`; those that are there are
 not computed again, `--table` only prints them.  Exit code 1 where a scene differs by more than LIMIT, fails, or takes
 longer than PATIENCE.
@@ -332,7 +332,7 @@ def three(scene: dict[str, Any]) -> dict[str, Any]:
 
 
 def mirrored(scene: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]] | None:
-    """Every pendulum beside its mirror image, and what this is without it; None where a support moves sideways."""
+    """Every pendulum next to its mirror image, and what this is without it; None where a support moves sideways."""
     support = scene.get("support", {"kind": "fixed"})
     if isinstance(support, list):
         return None
@@ -525,7 +525,7 @@ def judge(
 
 
 def turns(number: int) -> dict[str, Sequence[str]]:
-    """Both ways in floats, and one of them by one of the engines side by side."""
+    """Both ways in floats, and one of them by one of the compiled engines."""
     way, engine = ("three", "mirrored")[number // 2 % 2], ("numpy", "numba")[number % 2]
     return {each: ("floats", *[engine] * (each == way)) for each in ("three", "mirrored")}
 

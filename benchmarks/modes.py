@@ -227,9 +227,9 @@ def stack_of(arrays: Sequence[tuple[np.ndarray, ...]], cart: float) -> np.ndarra
 
 
 def many(n: int) -> tuple[str, ...]:
-    """Scenes of n different rods on a cart: arrays of numbers compared with NumPy's stack of matrices, which is there already.
+    """Scenes of n different rods on a cart: arrays of numbers against NumPy's stack of matrices, already built.
 
-    Lists of scenes compared with the loop over `eigh` that makes its matrices.
+    Lists of scenes against the loop over `eigh` that makes its matrices.
     """
     numbers = np.random.default_rng(1).uniform(0.5, 2.0, (SCENES, n, 2))
     scenes = [on_cart([Pendulum(links=[Rod(mass=float(m), length=float(l)) for m, l in pairs])]) for pairs in numbers]

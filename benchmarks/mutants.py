@@ -1,14 +1,14 @@
 """Faults put into the packages one at a time, and whether the tests find them.
 
-The list is fixed by its seed and spread over the rooms by their lines: 50 numbers of modules, each × 8 and ÷ 8, 100
-operators and comparisons, 100 statements that are left out.  A map of lines to tests, made once by a run of the
+The list is fixed by its seed and spread over subpackages by lines: 50 numbers of modules, each × 8 and ÷ 8, 100
+operators and comparisons, 100 statements that are deleted.  A map of lines to tests, made once by a run of the
 tests under coverage, says which tests reach a fault; the quickest go first, for at most 60 s of processor time, and the
 first failure ends it.
 
     python benchmarks/mutants.py FOLDER [--sample N] [--rooms ROOM ...] [--seed N] [--all] [--like FILE]
-    python benchmarks/mutants.py FOLDER --against FORMER   (two folders of results, by room)
+    python benchmarks/mutants.py FOLDER --against FORMER   (two folders of results, by subpackage)
 
-FOLDER holds copies of the tree, the map and `results.jsonl`; a second run goes on where the first ended.  `--all` takes
+FOLDER holds copies of the tree, the map and `results.jsonl`; a second run resumes where the first ended.  `--all` takes
 every case of the tests, as `.ci/all` does.  Needs the package coverage.
 """
 
@@ -376,7 +376,7 @@ def measure(options: argparse.Namespace) -> None:
 
 
 def table(runs: Sequence[dict[Fault, Result]], heads: Sequence[str]) -> str:
-    """Faults found of all, by room, each run a column."""
+    """Faults found of all, by subpackage, each run a column."""
     rooms = defaultdict[str, list[Fault]](list)
     for fault in runs[0]:
         rooms[fault.room].append(fault)
@@ -394,7 +394,7 @@ def table(runs: Sequence[dict[Fault, Result]], heads: Sequence[str]) -> str:
 
 
 def compare(folder: Path, former: Path) -> str:
-    """Two runs by room, and the faults that live in both or in one."""
+    """Two runs by subpackage, and the faults that live in both or in one."""
     runs = [read_results(there / "results.jsonl") for there in (former, folder)]
     lines = [table(runs, ["before", "after"]), ""]
     for fault in runs[0]:
@@ -417,9 +417,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--processes", type=int, default=2, help="faults tried at once")
     parser.add_argument("--against", type=Path, help="the folder of a former run")
     options = parser.parse_args(argv)
-    signal.signal(
-        signal.SIGINT, signal.default_int_handler
-    )  # a shell ignores it for what goes on behind; tests send it
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell ignores it for background jobs; tests send it
     if options.against:
         print(compare(options.folder, options.against))
     elif find_spec("coverage"):

@@ -4,7 +4,7 @@
 
 Each scene gets its table and proof (`table SCENE --prove`), which `multipendula/check_proof.py` then checks, run as a
 file by itself.  Each line is printed when it is measured, and a terminal shows how many scenes are done.  Exit code 1
-where a row is not proved.  `--quick` leaves out random scenes and those of over 40 rows.
+where a row is not proved.  `--quick` omits random scenes and those of over 40 rows.
 """
 
 from __future__ import annotations

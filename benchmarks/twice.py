@@ -1,4 +1,4 @@
-"""Random scenes written twice, on a cart and as the same thing on a structure: every verb's numbers side by side.
+"""Random scenes written twice, on a cart and as the same thing on a structure: every verb's numbers compared.
 
     python benchmarks/twice.py [--scenes 200] [--from 0] [--quick] [--keep FOLDER] [--verbs VERB …]
 
@@ -86,7 +86,7 @@ class Seen:
 
     @cached_property
     def both(self) -> list[int]:
-        """The indices of the modes that its twin has too: what is beside is still in them."""
+        """The indices of the modes that its twin has too: additional parts are still in them."""
         modes, beside = self.modes, self.side.beside
         if not beside:
             return list(range(len(modes)))
@@ -96,7 +96,7 @@ class Seen:
         return np.flatnonzero(alone < 0.5).tolist()
 
     def rows(self, rows: Any, power: int = 1) -> Any:
-        """Rows over q without what is beside, the first of them in the unit of the twin's first coordinate."""
+        """Rows over q without the additional parts, the first of them in the unit of the twin's first coordinate."""
         kept = np.delete(np.array(rows), range(1, 1 + self.side.beside), axis=0)
         kept[:1] *= self.side.size**power if self.leading else 1.0
         return kept
@@ -197,7 +197,7 @@ def dense(seen: Seen) -> Answers:
 
 
 def export(seen: Seen) -> Answers:
-    """A, B and C as a file of the model has them, rates and forces scaled by masses, each beside its largest entry."""
+    """A, B and C as a file of the model has them, rates and forces scaled by masses, each over its largest entry."""
     record = json.loads(FORMATS["json"].write(seen.model))
     A, B, C = (np.array(record[name]) for name in "ABC")
     n, scale = len(A) // 2, seen.inertia
@@ -235,7 +235,7 @@ def gains(seen: Seen) -> Answers:
 
 
 def sensitivities(seen: Seen) -> Answers:
-    """(p/ω) ∂ω/∂p of the places that both have beside 1, about the size of the largest: its digits are promised."""
+    """(p/ω) ∂ω/∂p of the places that both have other than 1, about the size of the largest: its digits are promised."""
     record = json.loads(written(seen.modes, [seen.modes[k] for k in seen.both], "json", sensitive=True))
     slopes = [row["sensitivities"] for row in record["modes"]]
     rows = [[1.0, *(slope[p]["relative"] if p in slope else np.nan for p in seen.places)] for slope in slopes]
@@ -315,7 +315,7 @@ VERBS: dict[str, Callable[[Seen], Answers]] = {
 }
 
 
-# ------------------------------------------------------------------------------------------------------- side by side
+# ------------------------------------------------------------------------------------------------------- comparison
 
 
 class Compared(NamedTuple):

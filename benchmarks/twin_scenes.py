@@ -162,7 +162,7 @@ def springs(numbers: Numbers) -> Twins:
 
 
 def beside(numbers: Numbers) -> Twins:
-    """A cart beside a wall on which nothing hangs; links may stand on their heads."""
+    """A cart next to a wall on which nothing hangs; links may stand on their heads."""
     entries = pendula(numbers, standing=True)
     cart = cart_numbers(numbers, entries)
     supports = [Cart(name="truck", **cart), Fixed(name="wall", position=(7.0, 0.0))]
@@ -195,7 +195,7 @@ def rods(numbers: Numbers) -> Twins:
 
 
 def platform(numbers: Numbers) -> Twins:
-    """A platform whose pendula hang from its centre of mass without joint springs: heave and roll are by themselves."""
+    """A platform whose pendula hang from its centre of mass without joint springs: heave and roll are uncoupled."""
     entries = pendula(numbers, loose=True, single=True)
     cart = cart_numbers(numbers, entries)
     hung = cart["mass"] + sum(e.mass for p in entries for e in p.links)

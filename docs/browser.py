@@ -1,6 +1,6 @@
 """The lessons that need no installation: `python docs/browser.py FOLDER` builds a site that runs them in a browser.
 
-JupyterLite brings the notebooks; this project comes as a wheel beside them. Pyodide, Python compiled for the browser,
+JupyterLite brings the notebooks; this project comes as a wheel next to them. Pyodide, Python compiled for the browser,
 comes from its own server: every page asks for it first, and where there is no answer it says so and what to do instead.
 A browser has no compiled extras, no processes and no threads.
 """

@@ -94,7 +94,7 @@ def expand(app: Sphinx, docname: str, source: list[str]) -> None:
 
 
 def add_browser(app: Sphinx, failure: Exception | None) -> None:
-    """Put the live pages beside the pages, and, but for a part (`-t part`), the lessons that run in a browser."""
+    """Put the live pages next to the pages, and, but for a part (`-t part`), the lessons that run in a browser."""
     if failure is None and app.builder.name == "html":
         playing.build(Path(app.outdir) / "play")
         if not app.tags.has("part"):

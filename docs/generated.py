@@ -18,7 +18,7 @@ A page holds a comment where a part belongs; what stands there is Markdown:
     <!-- play -->                               sketches of all shipped scenes, linked to their live pages
     <!-- live: paper-cart-3 -->                the live page of one
 
-Pictures that have a dark twin, NAME-dark.png beside NAME.png, are followed by it.
+Pictures that have a dark twin, NAME-dark.png next to NAME.png, are followed by it.
 """
 
 from __future__ import annotations

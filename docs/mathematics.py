@@ -1,4 +1,4 @@
-"""Formulas drawn in the browser without a network: MathJax beside the pages, where npm or a folder has it.
+"""Formulas drawn in the browser without a network: MathJax next to the pages, where npm or a folder has it.
 
 It is looked for in the folder that MATHJAX names (`node_modules/mathjax`), in `node_modules` of this project, and among
 what was fetched before; then npm's registry is asked for the version below, held to its digest.  Where none of that
@@ -50,10 +50,10 @@ OPTIONS = {
     "output": {"displayOverflow": "linebreak"},
     "tex": {"macros": {"qquad": r"\hskip 2em\goodbreak"}},
 }
-"""Screen readers get MathML; speech and its explorer, which need workers and a server, are left out.  A display that is
+"""Screen readers get MathML; speech and its explorer, which need workers and a server, are omitted.  A display that is
 wider than its place is broken into lines, between two equations where it has several."""
 SERVED = {**OPTIONS, "loader": {**OPTIONS["loader"], "paths": {"fonts": "[mathjax]"}}}
-"""With the font beside MathJax."""
+"""With the font next to MathJax."""
 
 
 def packages_of() -> dict[str, Path] | None:

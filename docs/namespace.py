@@ -21,7 +21,7 @@ SIGNED = {
     **{"Mapping": "collections.abc", "Sequence": "collections.abc", "PathLike": "os", "Any": "typing"},
     **{"Text": "multipendula.functions", "Sweep": "nonlinear.sweeps"},
 }
-"""What signatures name, beside what the namespace has."""
+"""What signatures name, against what the namespace has."""
 USUAL = {"export": "StateSpace", "load": "Scene", "simulate": "Trajectory"}
 """What functions return but for a hoist, for a saved run, and where a switch asks for another thing."""
 STANDARD = ("collections", "os", "typing")

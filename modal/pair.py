@@ -73,7 +73,7 @@ class Constants(NamedTuple):
     """The effect of one link on the motion of its ends: in kg, but mJ in kg² and k in N/m (`modal.eigen.recursion`).
 
     With s = c/l and J = I/l², a link whose upper end moves by y and lower end by y + a has T = ½ r a'² + (q + r) a' y'
-    + ½ m y'²; p is to the lower end what r is to the upper.
+    + ½ m y'²; p belongs to the lower end as r to the upper.
     """
 
     m: Any  # its mass

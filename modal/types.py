@@ -14,13 +14,13 @@ Complexes = NDArray[np.complex128]
 EPS = float(np.finfo(float).eps)
 """Format: a last place of a double-precision float near 1, 2⁻⁵²; a rounding is half of it."""
 NOISE_OF_SUM = 2.0**-40
-"""Tolerance: share of its terms below which what is left of a sum is rounding: 4096 last places."""
+"""Tolerance: share of its terms below which a sum is rounding error: 4096 last places."""
 NOISE_OF_TERMS = 16 * EPS
 """Tolerance: share of its few terms below which a difference is rounding."""
 NEWTON_ROUNDS = 30
-"""Limit: rounds of an iteration that doubles its digits in each; what follows without convergence stands beside it."""
+"""Limit: rounds of an iteration that doubles its digits in each; callers say what follows without convergence."""
 IMAGINARY_STEP = 1e-100
-"""Tolerance: of derivatives by complex numbers: its square is nothing beside any float."""
+"""Tolerance: of derivatives by complex numbers: its square is negligible next to any float."""
 NUMBERS_IN_CHUNK = 400_000
 """Cost: numbers of one temporary array, 3 MB, where an answer is computed piece by piece (benchmarks/modes.py)."""
 

@@ -30,7 +30,7 @@ HOMES = {
         *("level_crossing", "resume", "state_at_rest", "system_of", "turning_point"),
     ),
 }
-"""Names beside the commands, by the module that has them."""
+"""Names other than the commands, by the module that defines them."""
 
 
 def _homes() -> dict[str, str]:

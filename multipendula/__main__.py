@@ -25,7 +25,7 @@ def main() -> int:
 
 
 def _has_own_modal() -> bool:
-    """Whether the package `modal` is ours, told from its source: another one may fail on import."""
+    """Whether the package `modal` is ours, judged by its source: another one may fail on import."""
     spec = find_spec("modal")
     read = getattr(spec and spec.loader, "get_data", None)
     return bool(spec and spec.origin and read and b"natural_modes" in read(spec.origin))

@@ -226,7 +226,7 @@ def stretch(block: Sums, spring: Data, a: Point | None, b: Point | None) -> None
     factor, rows = Q(1), [along, down]  # where both ends are drawn together, in each way
     if spring["kind"] == "torsion":
         rows = [combine((1, b.turn), (-1, a.turn))]
-    elif x * x + z * z > near * near:  # else what is along its line
+    elif x * x + z * z > near * near:  # else the component along its line
         factor, rows = 1 / (x * x + z * z), [combine((x, along), (z, down))]
     block.add(block.K, spring["stiffness"] * factor, *rows)
     block.add(block.D, spring["damping"] * factor, *rows)
@@ -239,7 +239,7 @@ SPRING = {"between": None, "kind": "linear", "stiffness": 0, "damping": 0}
 
 
 def blocks_of(data: Data) -> list[Sums]:
-    """What moves with the supports, and every pendulum that moves while its support is still.
+    """The parts that move with the supports, and every pendulum that moves while its support is still.
 
     Of N equal pendula that hang together, the sum moves with the support, like one N times as
     heavy; N - 1 differences leave it still, and so does, in space, all motion across the rail.
@@ -365,7 +365,7 @@ def count_roots(blocks: list[Sums], re: Q, im: Q, radius: Q) -> int:
 
 
 class Verdict(NamedTuple):
-    """Whether a row of the table is proved, and what that says, or why not."""
+    """Whether a row of the table is proved, with the statement, or why not."""
 
     mode: int
     proved: bool

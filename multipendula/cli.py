@@ -54,7 +54,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 @contextmanager
 def _stoppable(alone: bool) -> Iterator[list[int]]:
-    """Make Ctrl-C and requests to terminate raise KeyboardInterrupt, and again if a library swallows it and goes on.
+    """Make Ctrl-C and requests to terminate raise KeyboardInterrupt, and again if a library swallows it and continues.
 
     If this is `alone` in its process, they are ignored afterwards, as the process ends anyway.
     """
@@ -89,7 +89,7 @@ def _stoppable(alone: bool) -> Iterator[list[int]]:
 
 
 def _remind(seconds: float) -> None:
-    """Where the platform has timers, raise the interrupt again after so many seconds, never for 0."""
+    """Where the platform has timers, raise the interrupt again after this many seconds, never for 0."""
     if hasattr(signal, "setitimer"):
         signal.setitimer(signal.ITIMER_REAL, seconds)
 
@@ -133,7 +133,7 @@ def perform(options: argparse.Namespace) -> Any:
 
 
 def _spell() -> None:
-    """Text into a pipe or a file is UTF-8, unless PYTHONIOENCODING names an encoding; what that lacks is spelled."""
+    """Text into a pipe or a file is UTF-8, unless PYTHONIOENCODING names an encoding; others are spelled."""
     codecs.register_error(SPELLED, _spelled)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
@@ -156,7 +156,7 @@ def _charset() -> str | None:
 
 
 def _print_overview(parser: Page) -> int:
-    """What there is, on one screen."""
+    """The commands, on one screen."""
     if sys.stdout is None:
         return _refuse("standard output is closed", 1)
     try:

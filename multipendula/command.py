@@ -17,7 +17,7 @@ from multipendula.parser import Examples, Page
 class Option(NamedTuple):
     """An option or an argument of a command.
 
-    On its page `more` stands after the meaning, or after that of a file what is in it.  `how` goes to argparse, and
+    On its page `more` stands after the meaning, or after that of a file its contents.  `how` goes to argparse, and
     `ends` to the page: which endings of its file choose a format, and which are refused.  A file that is not named is
     called as the scene, with `usual` for the end of its name.
     """
@@ -31,7 +31,7 @@ class Option(NamedTuple):
 
     @property
     def dest(self) -> str:
-        """What a parser calls it."""
+        """Its name in a parser."""
         return (self.how or {}).get("dest", self.name.removeprefix("--").replace("-", "_"))  # type: ignore[no-any-return]
 
     @property
@@ -41,7 +41,7 @@ class Option(NamedTuple):
 
     @property
     def words(self) -> str:
-        """What the page says of it."""
+        """Its text on the help page."""
         ends = endings(self.flag.kinds)
         told = f"{', '.join(ends[:-1])} or {ends[-1]}" if ends[1:] else "".join(ends)
         usual = f" (default SCENE{self.usual})" if self.usual else ""
@@ -82,7 +82,7 @@ TOLERANCE = "--tolerance (default 1e-9)"
 
 
 def option(words: str, **changes: Any) -> Option:
-    """An option with what this command changes: fields of its entry in the table, or what argparse is told."""
+    """An option with what this command changes: fields of its entry in the table, or arguments of argparse."""
     name, more = re.match(r"(--[a-z-]+)(.*)", words, re.DOTALL).groups()  # type: ignore[union-attr]
     fields = {key: changes.pop(key) for key in Flag._fields if key in changes}
     return Option(name, FLAGS[name]._replace(**fields), more, changes)
@@ -94,7 +94,7 @@ def argument(name: str, metavar: str, words: str, completion: Completer | None =
 
 
 def scene_argument(more: str = "", kinds: Sequence[str] = ("toml",), names: Sequence[str] = (), **how: Any) -> Option:
-    """The scene; `more` describes what else is accepted, with these endings or names."""
+    """The scene; `more` describes other accepted files, with these endings or names."""
     words = "a scene file, the name of a shipped scene (see `multipendula scenes`), or - for standard input"
     return argument("scene", "SCENE", words + more, scenes(endings(kinds), names), **how)
 
@@ -113,7 +113,7 @@ TABLES = (".csv", ".tsv", ".txt", ".dat", ".mat", ".npz", ".parquet")
 
 
 def records(more: str = "") -> tuple[Takes, ...]:
-    """Files of measured motions, which of their rows are used, and what their angles are."""
+    """Files of measured motions, the rows that are used, and the meaning of their angles."""
     words = f"files with time_s and theta_1_1_rad (or _deg), cart_m and other sensors, CSV or other tables{more}"
     return (
         argument("data", "DATA.csv", words, files(TABLES), nargs="+"),
@@ -126,7 +126,7 @@ def records(more: str = "") -> tuple[Takes, ...]:
 
 
 def main_file(what: str, kinds: Sequence[str], usual: str = "") -> Option:
-    """The file of the main result, what that is, and the end of its name after the scene's where none is given."""
+    """The file of the main result, its contents, and the end of its name after the scene's where none is given."""
     return option(f"--output: {what}", kinds=tuple(kinds))._replace(usual=usual)
 
 
@@ -141,7 +141,7 @@ def file_beside(scene: object, end: str) -> str:
 
 
 def formats(*names: str, more: str = "") -> Option:
-    """The format of what is printed."""
+    """The format of the output."""
     return option(f"--format{more or f' (default {names[0]})'}", choices=names, default=names[0])
 
 
@@ -151,7 +151,7 @@ def _formats_by_ending(names: Sequence[str]) -> dict[str, str]:
 
 
 def text_file(*names: str, kind: str = "", drawn: bool = False, more: Sequence[str] = ()) -> tuple[Option, ...]:
-    """The format of what is printed, and a file for it, in the format that its name ends in unless one is requested.
+    """The format of the output, and a file for it, in the format that its name ends in unless one is requested.
 
     Text of one format alone is a file of this `kind`, or of any.  A figure may be `drawn` there instead
     (`shared.picture_in_place`), also in `more` formats.
@@ -198,12 +198,12 @@ class Command(NamedTuple):
 
     @property
     def summary(self) -> str:
-        """What it does, on one line."""
+        """Its purpose, on one line."""
         return (self.run.__doc__ or "").strip()
 
     @property
     def options(self) -> tuple[Option, ...]:
-        """What it takes, with what every command does."""
+        """Its options, with those of every command."""
         return tuple(option(taken) if isinstance(taken, str) else taken for taken in (*self.takes, "--quiet"))
 
     def page(self, make: Callable[..., Page] | None = None) -> Page:
@@ -226,7 +226,7 @@ def kwargs_of(options: argparse.Namespace, *flags: str) -> dict[str, Any]:
 
 
 def misfits(options: argparse.Namespace, why: str, *flags: str) -> list[str]:
-    """What is said of those of these options of a command that have another value than their default."""
+    """The remark on those of these options of a command that have another value than their default."""
     taken = {option.name: option.dest for option in options.command.options}
     given = [flag for flag in flags if getattr(options, taken[flag]) != options.page.get_default(taken[flag])]
     return [f"{flag}: {why}" for flag in given]

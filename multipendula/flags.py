@@ -38,7 +38,7 @@ from multipendula.options import (
 )
 
 STREAM = ", - for standard output"
-"""What is said of every file to be written."""
+"""The remark on every file to be written."""
 
 
 class Flag(NamedTuple):
@@ -65,7 +65,7 @@ class Flag(NamedTuple):
 
     @property
     def words(self) -> str:
-        """With what a help page begins: the meaning, and that a file may be standard output."""
+        """The beginning of a help page: the meaning, and that a file may be standard output."""
         return self.meaning + STREAM * (self.metavar == "FILE")
 
 
@@ -300,7 +300,7 @@ class Former(NamedTuple):
     values: str = ""
 
     def words(self, flag: str, value: str) -> str:
-        """What to say to a user of the former option, nothing if this value means what it says."""
+        """The message to a user of the former option, nothing if this value means what it says."""
         if not self.values:
             return f"{flag}: is now {self.now}"
         return f"{flag} {value}: is now {self.now} {value}" if re.match(self.values, value) else ""
@@ -331,7 +331,7 @@ FORMER: dict[tuple[str, str], Former] = {
 }
 """Options by command and former spelling."""
 ASIDE = "shell"
-"""The topic of commands that the overview leaves out."""
+"""The topic of commands that the overview omits."""
 FORMER_COMMANDS = {
     "advise": "simulate SCENE --accuracy RAD",
     "compile": "simulate SCENE --compile",
@@ -340,9 +340,9 @@ FORMER_COMMANDS = {
     "schema": "scenes --schema",
     "shock": "vibration SCENE --record CSV",
 }
-"""What does now what a command did by itself."""
+"""The present equivalents of former commands."""
 ELSEWHERE = {"find_bifurcations": "sweep --strobe", "scene_numbers": "table SCENE --places"}
-"""What does on the command line what a message calls by its function."""
+"""The command-line equivalents of functions that messages name."""
 SYNONYMS = {
     **dict.fromkeys(
         ("--time", "--t-end", "--tmax", "--t", "--end", "--length", "--seconds"), ("--duration", "--over", "--when")
@@ -381,7 +381,7 @@ SYNONYMS = {
     "optimize": ("tune",),
     "lyapunov": ("chaos",),
 }
-"""What is tried for options and commands under other names; the first option that a command has is told."""
+"""Alternatives for options and commands under other names; the first option that a command has is suggested."""
 IN_SCENE = {
     "--gravity",
     "--g",

@@ -41,7 +41,7 @@ SECOND = frozenset({"--vary", "--uncertain", "--free", "--mode", "--duration", "
 WITHOUT = frozenset({"--quiet"})
 """Options of the command line alone."""
 FORMS = frozenset({"--format", "--columns", "--words", "--sensitivities", "--energies", "--shapes", "--show"})
-"""Options that ask for a text of its own form, which is then what a function returns."""
+"""Options that request a text of its own form, which the function then returns."""
 ROWS, SCENE = "int | range | str", "Scene | str | PathLike[str]"
 TYPES = {
     **{"1:10": ROWS, "1:12": ROWS, "FILE": "str | PathLike[str]", "FROM:TO": "tuple[float, float] | str"},
@@ -51,18 +51,18 @@ TYPES = {
 OBJECTS = {"SCENE": ("Scene", "Trajectory"), "TARGET": ("Scene",), "WORDS": ("State",)}
 """Classes of values that are taken as they are, by metavar."""
 RECORDED = "saved run"
-"""What an argument says that may be a run."""
+"""The marks of an argument that may be a run."""
 READ = dict.fromkeys(("angles", "frequencies"), "float | Sequence[float]") | {"joules": "float"}
-"""Types of values by their metavar, and by what reads them."""
+"""Types of values by their metavar, and by their readers."""
 SIGNS = {"FROM:TO": ":", "K/N": "/"}
-"""What stands between the numbers of an option that has several; of all others a comma."""
+"""The separator of the numbers of an option that has several; a comma by default."""
 
 WRITERS = {"Scene": "modal.scene", "Trajectory": "nonlinear.files", "Sweep": "nonlinear.sweeps"}
-"""What `save` writes, and the room that does."""
+"""The objects that `save` writes, and the subpackage that does so."""
 
 
 class Text(str):
-    """What a command prints, which shows itself as it is."""
+    """The output of a command, which displays itself verbatim."""
 
     __slots__ = ()
 
@@ -71,7 +71,7 @@ class Text(str):
 
 
 class Results(tuple[Any, ...]):
-    """Several results, which show what the command prints of them."""
+    """Several results, which display the command's output."""
 
     text: str
 
@@ -114,7 +114,7 @@ def __getattr__(name: str) -> Callable[..., Any]:
 
 
 def keyword_of(taken: Option) -> str:
-    """The keyword of an option, its name with underscores; of --from, which Python has taken, what it becomes."""
+    """The keyword of an option, its name with underscores; of --from, a reserved word, its replacement."""
     return taken.keyword if keyword.iskeyword(taken.name.strip("-")) else taken.name.strip("-").replace("-", "_")
 
 
@@ -136,7 +136,7 @@ def _parameters(options: Mapping[str, Option]) -> Iterator[inspect.Parameter]:
 
 
 def _return_type(command: Command) -> str:
-    """What a function returns, as an annotation; a text where the command has no result."""
+    """The return annotation of a function; a text where the command has no result."""
     return str(inspect.signature(command.run).return_annotation).replace("None", "Text")
 
 
@@ -181,7 +181,7 @@ def _lines_of(words: str, indent: str = "") -> list[str]:
 
 
 def _suggestion(page: Page, options: Mapping[str, Option], keywords: Mapping[str, object]) -> str:
-    """What there is in place of the first keyword that there is not."""
+    """A suggestion for the first unknown keyword."""
     page.given = [f"--{word.replace('_', '-')}" for word in keywords if word not in options]
     return next((with_keywords(words.partition("no such option")[2]) for words in page._strangers()), "")
 
@@ -207,7 +207,7 @@ def _result_of(command: Command, given: Arguments) -> Any:
 
 
 def _options_of(page: Page, given: Arguments) -> Namespace:
-    """The options of a command as its parser reads them; objects stay what they are."""
+    """The options of a command as its parser reads them; objects are passed unchanged."""
     from modal.errors import SceneError
 
     def refuse(message: str) -> NoReturn:

@@ -38,7 +38,7 @@ class Joined(argparse.Action):
     def __call__(
         self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any, option_string: Any = None
     ) -> None:
-        """Add to what was given before."""
+        """Add to the former values."""
         before = getattr(namespace, self.dest)
         if before != self.default:
             values = f"{before},{values.removeprefix('+')}" if isinstance(values, str) else before + values
@@ -55,7 +55,7 @@ class Repeated(argparse.Action):
     def __call__(
         self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any, option_string: Any = None
     ) -> None:
-        """Add to what was given before; ArgumentError where one value is too many."""
+        """Add to the former values; ArgumentError where one value is too many."""
         before = getattr(namespace, self.dest)
         if self.most == 1:
             if before is not None:

@@ -16,15 +16,15 @@ if TYPE_CHECKING:
     from multipendula.flags import Former
 
 ANY = "…"
-"""What stands for any value of an argument in a message."""
+"""The placeholder of any value of an argument in a message."""
 PAGE_COLUMNS = 79
 """Format: columns of a page: a terminal of 80, less one for the cursor."""
 HELP_INDENT = 26
-"""Format: columns before what an option means."""
+"""Format: columns before the meaning of an option."""
 SCREEN_LINES = 30
 """Format: lines of a screen, into which the page of `-h` fits."""
 ARGUMENT = re.compile(r"argument (?P<name>[^:\s]+): (?P<words>.*)", re.DOTALL)
-"""What argparse says of one argument, in these words or else in those of its converter, the value first."""
+"""The errors of argparse about one argument, in these words or else in those of its converter, the value first."""
 SAID = (
     (r"expected (one|at least one) argument", "{name}: needs a value{value}"),
     (r"not allowed with argument (?P<other>\S+)", "{name}: cannot be combined with {other}"),
@@ -110,7 +110,7 @@ class Page(argparse.ArgumentParser):
         return f"{columns.format_help()}\n{title}:\n{shown(self.examples)}\n{further}"
 
     def overview(self) -> str:
-        """What there is, on one screen: the commands by topic, without what they do, and first steps."""
+        """The overview, on one screen: the commands by topic, without their purposes, and first steps."""
         import textwrap
 
         width = max(map(len, self.topics)) + 2
@@ -125,12 +125,12 @@ class Page(argparse.ArgumentParser):
         return "\n\n".join([about, "\n".join(["commands:", *topics]), steps, further])
 
     def screen(self) -> str:
-        """The most important of the page, on one screen: what it does, the main options, examples."""
+        """The most important part of the page, on one screen: purpose, main options, examples."""
         pages = ("\n\n".join(self._screen(lines)) for lines in (2, 1))
         return min(pages, key=lambda page: page.count("\n") >= SCREEN_LINES)
 
     def _screen(self, most: int) -> Iterator[str]:
-        """The parts of that, of each option so many lines at most."""
+        """The parts of that, of each option this many lines at most."""
         import textwrap
 
         columns = self._get_formatter()
@@ -148,7 +148,7 @@ class Page(argparse.ArgumentParser):
         yield f"`{self.prog} --help` has all {len(options)} options and what they mean."
 
     def _brief_lines(self, action: argparse.Action, most: int) -> list[str]:
-        """What an argument means, in so many lines at most."""
+        """The meaning of an argument, in at most this many lines."""
         import textwrap
 
         columns = self._get_formatter()
@@ -197,7 +197,7 @@ class Page(argparse.ArgumentParser):
         return re.sub("`([^`]+)`", self._option_for, line)
 
     def _option_for(self, match: re.Match[str]) -> str:
-        """The option for an argument in backticks, with its value or what stands for any."""
+        """The option for an argument in backticks, with its value or a placeholder."""
         name, sign, value = re.match(r"([\w.]*)([=(]?)(.*)", match[1]).groups()  # type: ignore[union-attr]
         flag = self.keywords.get(name)
         if flag is None:
@@ -231,7 +231,7 @@ class Page(argparse.ArgumentParser):
         self.error("\n".join(short if unknown else (f"{word}: unexpected argument" for word in words)))
 
     def _in_our_words(self, message: str) -> Iterator[str]:
-        """What argparse says, as every other message: what it is about, and a colon."""
+        """An error of argparse in the form of other messages: its subject, and a colon."""
         if about := ARGUMENT.fullmatch(message):
             name, words = about["name"], about["words"]
             action = next((a for a in self._actions if name == argparse._get_action_name(a)), None)
@@ -254,7 +254,7 @@ class Page(argparse.ArgumentParser):
             yield from message.split("\n")
 
     def _former_options(self) -> Iterator[str]:
-        """What to say of former spellings of this command's options, which may be beginnings of new ones."""
+        """The message on former spellings of this command's options, which may be beginnings of new ones."""
         words = list(takewhile(lambda word: word != "--", self.given))
         for word, following in zip_longest(words, words[1:], fillvalue=""):
             flag, equals, value = word.partition("=")
@@ -319,7 +319,7 @@ def _long(names: str) -> str:
 
 
 def _brief_name(action: argparse.Action) -> str:
-    """An option by one of its names, -o by this, and what stands for its value."""
+    """An option by one of its names, -o by this, and a placeholder for its value."""
     name = "-o" if "-o" in action.option_strings else action.option_strings[0]
     value = "" if action.nargs == 0 else str(action.metavar or "WORD")
     return f"{name} {value}".strip()
@@ -331,7 +331,7 @@ class _Columns(argparse.HelpFormatter):
 
 
 class Help(argparse.Action):
-    """Print what there is to know, -h what fits one screen, and exit."""
+    """Print the whole help page, or with -h one screen of it, and exit."""
 
     def __call__(self, parser: Any, namespace: object, values: object, option_string: str | None = None) -> None:
         """Print it."""

@@ -1,7 +1,7 @@
 """Measures: their meanings, columns, requirements and computation.
 
-Each is a class of `modal.extend.measures`, as a stranger writes one.  A sweep computes it of a scene, with what a
-`Portion` of scenes knows of it; an ensemble of members side by side, with their `Context`.
+Each is a class of `modal.extend.measures`, as an external package writes one.  A sweep computes it of a scene, from a
+`Portion` of scenes; an ensemble, from their `Context`.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def _survival(run: Trajectory) -> Survival:
 
 
 class _OfModes(Measure):
-    """What belongs to the oscillating modes of a scene, whose numbers are those of its table."""
+    """Measures of the oscillating modes of a scene, whose numbers are those of its table."""
 
     needs = OSCILLATING
     counts = MODE
@@ -106,7 +106,7 @@ class BeatPeriod(_OfModes):
 
 @register
 class LargestMultiplier(Measure):
-    """The largest Floquet multiplier of small angles on a support that moves up and down, and what it means."""
+    """The largest Floquet multiplier of small angles on a support that moves up and down, and its meaning."""
 
     name = "floquet"
     words = "the largest Floquet multiplier of a vertical sine, its growth rate, and whether small motion grows"
@@ -210,7 +210,7 @@ class LargestExponent(Measure):
         return {"lyapunov_per_s": results.stretching / context.wanted.duration}
 
     def require(self, scene: Scene, seconds: float | None) -> None:
-        """Raise SceneError if a scene has none, or not from so many seconds, 0 for its usual ones."""
+        """Raise SceneError if a scene has none, or not from this many seconds, 0 for its usual ones."""
         from modal.scene import require
         from nonlinear.chaos import validate_duration
 

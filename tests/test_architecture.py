@@ -18,7 +18,7 @@ PACKAGES = ("modal", "nonlinear", "multipendula")
 TABLE = ROOT / "docs" / "reference" / "rooms.md"
 ROOMS = re.findall(r"^\| `([\w.]+)` \|", TABLE.read_text(encoding="utf-8"), flags=re.MULTILINE)
 DOORS = {*PACKAGES, "modal.lazy", "modal.namesake", "multipendula.__main__"}
-"""Modules of no room: they only open one."""
+"""Modules outside subpackages: they only import one."""
 HEAVY = {
     "matplotlib": {"modal.plotting", "nonlinear.plotting"},
     "scipy": {
@@ -48,7 +48,7 @@ HEAVY = {
     "pandas": set(),
 }
 MOST_ENTRIES = 21
-"""Rooms that a package shows at a glance."""
+"""Subpackages that a package shows at a glance."""
 FIXTURES = {"__init__.py", "__main__.py", "lazy.py", "namesake.py", "py.typed", "__pycache__"}
 
 
@@ -103,7 +103,7 @@ def imported_at_run_time(path: Path) -> set[str]:
 
 
 def upward(rooms: list[str], imported: dict[str, set[str]]) -> set[tuple[str, str]]:
-    """Imports of a module from a room of the same packages that the list does not name above its own."""
+    """Imports of a module from a subpackage of the same packages that the list does not name above its own."""
     return {
         (name, target)
         for name, targets in imported.items()
@@ -154,7 +154,7 @@ def test_every_room_says_what_it_is_for() -> None:
 
 
 def test_rooms_speak_of_what_is_there() -> None:
-    """Modules by the name of a file of the room, classes by that of a class of its package; matplotlib has Figure."""
+    """Modules by the name of a file there, classes by that of a class of its package; matplotlib has Figure."""
     classes = {
         node.name
         for path in sources().values()
@@ -230,14 +230,14 @@ NEEDED: dict[str, set[str]] = {
         *("nonlinear.identification", "scipy.interpolate", "scipy.signal", "scipy.stats")
     },
 }
-"""What an import or a command may load of it, beside what those before it have loaded; the last one loads it."""
+"""What an import or a command may load of it, in addition to those before it; the last one loads it."""
 
 
 MOST_LOADED = {"table paper-cart-2": (80, 18_500)}
 """Modules of ours, and their lines, that the first of them may load."""
 
 LONGER = ("sync", "tune", "plot", "import scipy")
-"""Those that are left out of most days."""
+"""Those that are omitted on most days."""
 
 
 def test_a_command_loads_what_it_needs(tmp_path: Path) -> None:
@@ -264,7 +264,7 @@ def test_a_command_loads_what_it_needs(tmp_path: Path) -> None:
 
 
 def scipy_rooms(path: Path) -> list[str]:
-    """The rooms of SciPy that a module loads with itself."""
+    """The subpackages of SciPy that a module loads on import."""
     body = parsed(path.read_text(encoding="utf-8")).body
     rooms = [f"{node.module}" for node in body if isinstance(node, ast.ImportFrom)]
     rooms += [name.name for node in body if isinstance(node, ast.Import) for name in node.names if "." in name.name]

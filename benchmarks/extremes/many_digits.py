@@ -31,7 +31,7 @@ FLOOR, FAR = 1e-30, 1e30
 
 @dataclass(frozen=True)
 class Pencil:
-    """M, K and D (size, size) in many digits; `free` tells that coordinate 0 is a free cart."""
+    """M, K and D (size, size) in many digits; `free` says that coordinate 0 is a free cart."""
 
     M: mp.matrix
     K: mp.matrix

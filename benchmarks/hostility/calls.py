@@ -55,7 +55,7 @@ UNJUDGED = (ValueError, TypeError, IndexError, KeyError)
 
 
 class GivenUpError(BaseException):
-    """A call that goes on for ever; nothing in the packages may catch it."""
+    """A call that runs for ever; nothing in the packages may catch it."""
 
 
 @cache

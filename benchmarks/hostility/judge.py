@@ -54,7 +54,7 @@ class Ended:
 
 
 def run(words: Sequence[str], folder: Path, *, stdin: bytes = b"", patience: float = 20.0, text: bool = True) -> Ended:
-    """Run `multipendula WORDS` in a folder; `text` tells that standard output is for a terminal."""
+    """Run `multipendula WORDS` in a folder; `text` says that standard output is for a terminal."""
     before, began = contents(folder), perf_counter()
     out, err = _stream(), _stream()
     code: int | None = None

@@ -1,4 +1,4 @@
-"""What is kept between commands and processes: records beside scenes, chunks of ensembles, compiled code."""
+"""What is kept between commands and processes: records next to scenes, chunks of ensembles, compiled code."""
 
 from __future__ import annotations
 

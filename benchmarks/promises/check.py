@@ -1,4 +1,4 @@
-"""The error that `check` prints beside a measured κ bounds it, for one amplitude, two and four."""
+"""The error that `check` prints next to a measured κ bounds it, for one amplitude, two and four."""
 
 from __future__ import annotations
 

@@ -180,8 +180,8 @@ class Oracle:
 def judged(scene: Scene, theory: Theory) -> SynchronizationStudy:
     """What `sync` says of a scene, of the shortest of some runs that decides, the last as long as its longest.
 
-    Most sets are slow because a default run ends when the predicted motion has locked: the orbit beside the end of a
-    shorter one has multipliers that tell as much.
+    Most sets are slow because a default run ends when the predicted motion has locked: the orbit next to the end of a
+    shorter one has multipliers that show as much.
     """
     prediction = theory.prediction
     longest = 4 * usual_duration(scene, theory)

@@ -61,7 +61,7 @@ def random_scene(rng: random.Random) -> tuple[Scene, str]:
 
 
 def signals(rng: random.Random, *, cart: bool, drag: bool) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """One prescribed motion or none, all forces beside it, and all outputs that are finite then."""
+    """One prescribed motion or none, with all forces, and all outputs that are finite then."""
     drives = ["", *(["cart_velocity"] if cart else []), *(["cart_acceleration"] if cart and not drag else [])]
     drives += [] if drag else ["support_displacement", "support_velocity", "support_acceleration"]
     drive = rng.choice(drives)

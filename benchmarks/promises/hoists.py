@@ -177,7 +177,7 @@ class Oracle:
         return z.imag / TINY
 
     def modes(self, time: float, held: bool) -> tuple[Any, Any, Any]:
-        """ω, Φ over (x, θ …) with φᵀMφ = 1 and M of the lengths of a time at rest, x left out where it is held."""
+        """ω, Φ over (x, θ …) with φᵀMφ = 1 and M of the lengths of a time at rest, x omitted where it is held."""
         n, at, first = self.size, 1, int(held)
         M, K = np.zeros((n, n)), np.zeros((n, n))
         for chain in self.chains:
@@ -209,7 +209,7 @@ class Oracle:
         return float(sum(np.abs(each[:, groups == group].sum(1)) for group in set(groups.tolist())).max())
 
     def settled(self, time: float, speed: float) -> Any:
-        """The angles at which the chains hang still beside a cart of this speed."""
+        """The angles at which the chains hang still next to a cart of this speed."""
         n = self.size
         zero = np.zeros(n, complex)
         pushed = zero.copy()

@@ -3,7 +3,7 @@
     OPENBLAS_NUM_THREADS=1 python benchmarks/promises/keep_modes.py [--quick] [--cases 200] [--seed 0]
 
 Two to eight pendula of one to four bobs, rods or bodies, some of them twice or three times and some nearly so, every
-fifth case with one of 12 to 60 links and every fifth with a long one beside many short bobs, whose modes come next in
+fifth case with one of 12 to 60 links and every fifth with a long one next to many short bobs, whose modes come next in
 the table, on a fixed support or a cart with or without a spring, some with dampers, start in one to three modes, mostly
 kept ones, at 2 to 45 degrees and move for 3 to 30 s.  The true error is the distance to the whole scene at a tolerance
 of 1e-12, less what a run of it at 1e-11 differs, in every eighth case of few links one in Hamilton's equations.  The

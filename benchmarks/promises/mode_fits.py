@@ -1,7 +1,7 @@
 """Fits to measured modes and poles of clean swings: intervals hold the truth, and no mode is invented.
 
 Lengths (and masses, where shapes are measured) of two or three bobs are fitted to their modes with noise drawn anew,
-from a start that is wrong by a quarter; some lengths are nearly equal, where derivatives hardly tell them apart.  An
+from a start that is wrong by a quarter; some lengths are nearly equal, where derivatives hardly distinguish them.  An
 interval is 1.96 standard deviations to either side, of the fit or of another solution that it names, the one nearer
 to the truth.  Of right intervals 5 % miss by chance, so misses are counted together.  Poles are those of nonlinear
 swings of 2° to 3° without noise, of two or three links or of two pendula on a cart: the number of modes, and each

@@ -1,6 +1,6 @@
 """A promise tried on fresh random cases: how many were tried, how many broken, and how near the nearest came.
 
-Each script beside this module has a function from a seed to `Trial`s and hands it to `attack`.  A trial holds the true
+Each script next to this module has a function from a seed to `Trial`s and hands it to `attack`.  A trial holds the true
 error, by an independent route, and the error that was promised; the promise is broken where the first exceeds the
 second or is no number.
 """

@@ -2,7 +2,7 @@
 
 Chains of one to three bobs, on a fixed support or on a cart, by SciPy's DOP853 at 1e-12, whose dense output is taken
 apart at its turning points.  Levels lie anywhere, at a start with and without a rate, and just within a turning point,
-so that a link passes there and back within a step; links start anywhere, and at exactly ±180°, each motion beside its
+so that a link passes there and back within a step; links start anywhere, and at exactly ±180°, each motion next to its
 mirror image.  A count must be equal; of times the error is that of the angle (m on the rail) then, |rate| |Δt|.
 """
 

@@ -1,4 +1,4 @@
-"""Births and deaths of rhythms on random scenes: the map beside orbits that are found and followed here.
+"""Births and deaths of rhythms on random scenes: the map against orbits that are found and followed here.
 
     python benchmarks/sync/births.py [--scenes 20] [--first 0] [--record FILE]
 

@@ -16,7 +16,7 @@ the other; one of metronomes against each other leaves s(t) as it is.
 
 The thresholds are computed from scenes by `nonlinear.synchronization`, and the growth rates of these equations, written
 here and integrated by SciPy, vanish there.  Simulations from one population alike and the other spread over all phases
-follow, 2000 periods each, and what 100 s of these cost beside one cart with all the metronomes, once compiled.
+follow, 2000 periods each, and what 100 s of these cost against one cart with all the metronomes, once compiled.
 """
 
 from __future__ import annotations
@@ -129,7 +129,7 @@ class Few:
 
 
 def own_growth(kappa: float, kind: str, motion: str, near: PatternOrbit) -> dict[str, float]:
-    """The growth rates (1/s) of every sector by the equations above, their orbit found beside one of the scene."""
+    """The growth rates (1/s) of every sector by the equations above, their orbit found next to one of the scene."""
     spring, across = (0.0, 2 * kappa) if motion == "in phase" else (2 * kappa, 0.0)
     few = Few(spring, kind == "swings")
     at, half = near.orbit.y, len(near.orbit.y) // 2

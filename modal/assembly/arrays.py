@@ -318,7 +318,7 @@ def rig_of(scene: Scene, distinctions: Sequence[tuple[float, ...]] | None = None
 
 
 class _Entry(NamedTuple):
-    """So many equal pendula, with their equilibrium (links, 3) under constant forces, or what else tells them apart."""
+    """Equal pendula, with their equilibrium (links, 3) under constant forces, or other distinctions."""
 
     pendulum: Pendulum
     copies: int
@@ -329,7 +329,7 @@ class _Entry(NamedTuple):
 def _each_on(scene: Scene, structure: Structure) -> Iterator[_Entry]:
     """All copies of each pendulum, or each by itself where springs join them to something.
 
-    Equal ones are told apart by how their pivots move along the rail, and turn where the first joint feels it.
+    Equal ones are distinguished by how their pivots move along the rail, and turn where the first joint moves with it.
     """
     tied_pendula = tied(structure, [pendulum.n_links for pendulum in scene.pendulum for _ in range(pendulum.count)])
     rows, first = phi(structure), 0
@@ -387,7 +387,7 @@ def _parameters(pendulum: Pendulum) -> list[float]:
 
 
 def _numbers(link: AnyLink) -> list[float]:
-    """The ARRAYS of a link: what its laws are about equilibrium joins the spring and the damper of its joint."""
+    """The ARRAYS of a link: its laws, linearized about equilibrium, add to the spring and the damper of its joint."""
     stiffness, damping = link.linear_coefficients
     numbers = link.mass, link.length, link.centre, link.inertia, link.reflected_inertia
     return [*numbers, damping, stiffness, link.linear_drag, 1.0]

@@ -134,7 +134,7 @@ def load_of(scene: Scene, number: Callable[[Any], Any] = np.asarray) -> _Load:
 
 
 def _imbalance(scene: Scene, load: _Load) -> Iterator[str]:
-    """What is wrong with a cart that nothing holds."""
+    """What is wrong with a free cart."""
     loose = scene.cart is not None and not scene.cart.stiffness
     if loose and abs(load.cart) > NOISE_OF_SUM * load.on_cart:
         yield (
@@ -166,7 +166,7 @@ class _LoadedChain:
         return Rest(theta, stiffness, self.weight + sizes)
 
     def _free_angles(self, horizontal: Floats, down: Floats, torque: Floats, sizes: Floats) -> Floats:
-        """Of links without springs, each by itself."""
+        """The angles of links without springs, each separately."""
         pull, problems = np.hypot(horizontal, down), []
         for k in range(self.n):
             if pull[k] <= NOISE_OF_SUM * (self.weight[k] + sizes[k]):

@@ -202,7 +202,7 @@ def matrices_along(scene: Scene) -> Callable[[Any], Matrices]:
 
 @checked
 def no_hoist(scene: Scene) -> SceneError:
-    """Return the error of a scene without a hoist, which says what to write, and where, to add one."""
+    """Return the error of a scene without a hoist, which says what to write where to add one."""
     none = "hoist: no link of this scene has one"
     places = ((p, i, link) for p, pendulum in enumerate(scene.pendulum) for i, link in enumerate(pendulum.links))
     for p, i, link in places:

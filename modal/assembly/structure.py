@@ -172,7 +172,7 @@ class Hanging:
         )
 
     def _supporting(self, number: Number) -> Parts:
-        """The squares of carriers, with what hangs from them as they sink, and of springs between points."""
+        """The squares of supports, with what hangs from them as they sink, and of springs between points."""
         structure, gravity = self.structure, self.rig.gravity
         parts = carrier_squares(structure, gravity, number)
         for carrier, where in self._pendula_at_points if any(body.bends for body in structure.carriers) else ():
@@ -295,7 +295,7 @@ class Hanging:
         yield line, float(distance[0] / reach), ""
 
     def _words(self, end: End) -> str:
-        """What a spring ends on."""
+        """The body or point on which a spring ends."""
         if isinstance(end, GroundEnd):
             return "the ground"
         if isinstance(end, CarrierEnd):
@@ -383,7 +383,7 @@ def null_space(rows: Floats) -> Floats:
         factor[i] = 0.0
         terms = terms + np.abs(factor)[:, None] * terms[i]
         A = A - factor[:, None] * A[i]
-        A[np.abs(A) <= NOISE_OF_TERMS * terms] = 0.0  # what rounding leaves of terms that cancel
+        A[np.abs(A) <= NOISE_OF_TERMS * terms] = 0.0  # residue of terms that cancel
     loose = [c for c in range(rows.shape[1]) if c not in pivots]
     basis = np.zeros((rows.shape[1], len(loose)))
     basis[loose, range(len(loose))] = 1.0

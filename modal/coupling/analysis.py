@@ -106,7 +106,7 @@ class Coupling(TextResult):
 
     @property
     def structure(self) -> Structure:
-        """What carries the pendula."""
+        """The supports of the pendula."""
         return self.reduced.hanging.structure
 
     @property
@@ -138,7 +138,7 @@ class Coupling(TextResult):
 
     @property
     def fixed_base(self) -> FixedBaseModes:
-        """The modes of every kind of pendulum alone, all else held."""
+        """The modes of every kind of pendulum alone, all else fixed."""
         return self.reduced.fixed_base
 
     @property

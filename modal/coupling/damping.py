@@ -180,14 +180,14 @@ def _shapes(rig: Rig, spectrum: ModalSpectrum, source: int, parts: list[Spectrum
 
 @dataclass(frozen=True, eq=False)
 class _Losses:
-    """What drains and feeds the modes of a rig in natural units, `driven` the strengths of drives (n, P) of blocks."""
+    """Losses and drives of the modes of a rig in natural units, `driven` the strengths of drives (n, P) of blocks."""
 
     rig: Rig
     driven: tuple[Floats, ...]
 
     @cached_property
     def hanging(self) -> Hanging:
-        """What carries the pendula as a structure."""
+        """The supports of the pendula as a structure."""
         return Hanging(self.rig)
 
     @cached_property
@@ -239,7 +239,7 @@ class _Losses:
         ]
 
     def _carrier_losses(self, eta: Floats, angles: list[Floats]) -> Floats:
-        """Those of the supports, of springs between points, and of masses that move down, (R, R)."""
+        """The losses of the supports, of springs between points, and of masses that move down, (R, R)."""
         losses = np.asarray(eta.T @ self.carrier[1] @ eta)
         for element in self.hanging.elements.damping:
             rates = np.zeros(eta.shape[1])
@@ -254,7 +254,7 @@ class _Losses:
         return np.asarray(angles[block][link - int(self.hanging.first[pendulum]), column])
 
     def _drag_losses(self, eta: Floats, angles: list[Floats]) -> Floats:
-        """Of the drag of links along the rail, (R, R)."""
+        """The losses by drag of links along the rail, (R, R)."""
         losses = np.zeros((eta.shape[1],) * 2)
         for number, column in self.kinds_with_drag:
             block = self.rig.blocks[number]

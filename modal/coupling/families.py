@@ -44,7 +44,7 @@ STRONG_COUPLING = 0.5
 WEAK_COUPLING = 0.1
 """Physics: coupling strength, or deviation of a rate, up to which first order is no mere guide, a splitting small."""
 CHANGE_OF_FIRST_ORDER = 0.2
-"""Physics: relative difference from first order, or change of what resists, from which on others take part."""
+"""Physics: relative difference from first order, or change of F, above which other families take part."""
 LEAST_SHARE_OF_BEATS = 0.01
 """Physics: share of the energy of one pendulum that others must receive for a beat to be reported."""
 UNEVEN_DECAY_MIN = 1e-3
@@ -189,7 +189,7 @@ def pair_exchange(omega: Floats, rate: Floats, free: Any, lossy: Any) -> tuple[f
 
 
 CHANGE_OF_REST_MAX = 0.02
-"""Physics: relative difference of a splitting from that by what resists at its pole: beyond, another family is near."""
+"""Physics: relative difference of a splitting from that by F at its pole: beyond, another family is near."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -229,7 +229,7 @@ class FamilyBranch(Displayed):
         return self.is_finite and abs(self.strength) <= STRONG_COUPLING and is_near
 
     def is_rough(self, omega: float) -> bool:
-        """Whether another family is near: what resists varies from ω_r to the mode, not too much for first order."""
+        """Whether another family is near: F varies from ω_r to the mode, but not too much for first order."""
         steady = omega * (sqrt(max(0.0, 1 + self.strength)) - 1)
         return abs(steady - self.splitting) > CHANGE_OF_REST_MAX * abs(self.splitting)
 
@@ -299,7 +299,7 @@ class Family(Displayed):
         return self.beats[0] if self.beats else None
 
     def levels(self, copies: Ints, decay_rate: float) -> tuple[Floats, Complexes]:
-        """Of every branch, then of what is still: its share of each member released (levels, members), and Δω + iσ.
+        """For every branch, then for members at rest: its share of each member released (levels, members), and Δω + iσ.
 
         `copies` (members,) there are of each, `decay_rate` is the decay rate (1/s) of one pendulum alone.
         """
@@ -334,7 +334,7 @@ COLUMNS = (
 class FamilyRow(Displayed):
     """A row of the table, None if a quantity is undefined.
 
-    `omega` ω_r (rad/s) with all else held, `mass` the modal effective mass (kg), `strength` ε, `splitting` Δω (rad/s),
+    `omega` ω_r (rad/s) with all else fixed, `mass` the modal effective mass (kg), `strength` ε, `splitting` Δω (rad/s),
     `beat` (s), and `share`, the energy of a released pendulum that the others of the family have halfway through a
     beat, or at most with dampers. `modes` are numbers in the table, `moves` the moving parts of a structure, `fold` the
     number of modes of single pendula in the family.

@@ -166,7 +166,7 @@ class ReducedPencil:
         )
 
     def _damping_factor(self, r: int, pattern: Floats, shift: float) -> complex:
-        """By what factor dampers but those of the members change the shift of a pattern."""
+        """The factor by which dampers other than those of the members change the shift of a pattern."""
         if self.D is None or not shift or not np.isfinite(shift):
             return 1.0
         members, at = self.members[r].tolist(), self.reduced.d + self.members[r]

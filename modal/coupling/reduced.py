@@ -1,4 +1,4 @@
-"""Supports and pendula in few coordinates: η, and the modes of every pendulum alone, all else held.
+"""Supports and pendula in few coordinates: η, and the modes of every pendulum alone, all else fixed.
 
 A mode φ of one pendulum alone, K φ = ω² A φ with φᵀAφ = 1, pushes its pivot with Γ = φᵀb; its modal effective mass
 
@@ -115,7 +115,7 @@ def _free_modes(rig: Rig, spring_stiffness: Mapping[Kind, Floats]) -> Iterator[t
 
 
 def _tied_modes(rig: Rig, spring_stiffness: Mapping[Kind, Floats]) -> Iterator[tuple[float, Kind, float, Floats]]:
-    """The same of pendula that springs join to something, which is held."""
+    """The same of pendula that springs join to a body held fixed."""
     for (number, column), stiffness in spring_stiffness.items():
         A, K = assemble_pendula([(rig.blocks[number], column)], None, rig.gravity)
         squares, shapes = pencil(K + stiffness, A)
@@ -184,7 +184,7 @@ class ReducedStructure:
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """The kinds of pendula in words, with what they hang from if there are several carriers."""
+        """The kinds of pendula in words, with what they hang from if there are several supports."""
         names = tuple(self.rig.names.values())
         carriers = self.hanging.structure.carriers
         if len(carriers) == 1:
@@ -238,7 +238,7 @@ class ReducedStructure:
 
     @property
     def only_pushes(self) -> bool:
-        """Whether pendula feel each other only as they push their supports: no spring ends on one or turns one."""
+        """Whether pendula interact only through their supports: no spring ends on one or turns one."""
         rotations = self.hanging.phi.turning[list(self.pivots)]
         names = ("rotor", "stiffness", "damping")
         has_joint_forces = [
@@ -309,9 +309,9 @@ class ReducedStructure:
         return np.asarray(self._schur(self.K - x * self.M, numbers))
 
     def pulled(self, modes: Sequence[int], x: float, D: Floats | None = None) -> Any:
-        """F: the shifts of ω² of some own modes near x, by springs among them and by all else, which resists as at x.
+        """F: the shifts of ω² of some own modes near x, by springs among them and by all else as it responds at x.
 
-        What resists is without the modes themselves: with η' alone, −x h hᵀ is moved from their poles
+        F excludes the modes themselves: with η' alone, −x h hᵀ is moved from their poles
         x²/(ω² − x) = xω²/(ω² − x) − x to the structure.  With iωD of dampers, the own ones of the modes included.
         """
         numbers, d = [self.d + k for k in modes], self.d
@@ -336,7 +336,7 @@ class ReducedStructure:
         return parts
 
     def _schur(self, S: Any, numbers: Sequence[int]) -> Any:
-        """What elimination of all others from a symmetric S adds to those that are kept."""
+        """The contribution of eliminating all others from a symmetric S to those retained."""
         poles, rest = np.asarray(numbers, dtype=np.intp), np.setdiff1d(np.arange(len(S)), numbers)
         if not np.iscomplexobj(S):  # what nothing joins to them may swing by itself at this frequency
             rest = rest[np.isin(self.parts[rest], self.parts[poles])]
@@ -359,7 +359,7 @@ def refuse_beyond(structure: ReducedStructure) -> None:
 
 
 def _spring_stiffness(hanging: Hanging) -> dict[Kind, Floats]:
-    """The stiffness that springs add to the pendula that they join to something, all else held, (n, n) by kind."""
+    """The stiffness that springs add to the pendula that they join to something, all else fixed, (n, n) by kind."""
     stiffness: dict[Kind, Floats] = {}
     d = hanging.structure.size
     for element in hanging.elements.stiffness:

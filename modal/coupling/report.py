@@ -76,7 +76,7 @@ def _verse(sentences: Sequence[str], form: str) -> Sequence[str]:
 
 
 def _columns(coupling: Coupling, rows: Sequence[FamilyRow]) -> Iterator[str]:
-    """What the columns of the table mean."""
+    """The meanings of the table's columns."""
     if any(row.splitting is not None for row in rows):
         rest, carriers = ("all else", "something else") if coupling.scene.is_structured else ("the cart", "the cart")
         yield f"Each family: pendula that swing at ω with {rest} held. Δω: the shift of the mode that moves {carriers}."

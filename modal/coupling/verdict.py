@@ -1,6 +1,6 @@
 """The verdict on a coupling in at most five sentences: what couples, how strongly, how slowly it beats, what lasts.
 
-What dampers and drives do to each mode, at length, is a section of the report.
+A section of the report treats the effects of dampers and drives on each mode at length.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from modal.types import NOISE_OF_SUM
 
 SCARCE = "at most 1 % of the energy of one passes to the others"
 MOST_LETTERS = 40
-"""Format: letters of the names of two pendula that a sentence has room for."""
+"""Format: letters of the names of two pendula that fit in a sentence."""
 
 
 def verdict(coupling: Coupling, rows: list[FamilyRow]) -> tuple[str, ...]:
@@ -105,7 +105,7 @@ def _no_beats(coupling: Coupling) -> Iterator[str]:
 
 
 def _between(coupling: Coupling) -> Iterator[str]:
-    """What pendula that differ exchange."""
+    """The exchange between unequal pendula."""
     if len(coupling.names) == 1:
         return
     if words := collective_words(coupling):
@@ -138,7 +138,7 @@ def _is_isolated(coupling: Coupling, pair: EnergyExchange) -> bool:
 
 
 def _lasting(coupling: Coupling) -> Iterator[str]:
-    """Which mode outlives the others, and what drives do."""
+    """The mode that outlives the others, and the effect of drives."""
     scene = coupling.scene
     if scene.is_driven:
         yield _driven(coupling)

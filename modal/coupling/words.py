@@ -237,7 +237,7 @@ def _pattern(family: Family, branch: FamilyBranch) -> str:
 
 
 def _strength(coupling: Coupling, r: str, family: Family, branch: FamilyBranch) -> Iterator[str]:
-    """The coupling strength of a mode, and what first order makes of it."""
+    """The coupling strength of a mode, and its first-order approximation."""
     if not branch.is_finite:
         return
     if isinf(branch.strength):

@@ -121,7 +121,7 @@ class PartedRig:
 
     @cached_property
     def chains(self) -> list[list[list[SquareRows]]]:
-        """The squares of M, K and D of every block but of what goes down as a whole, which the elements have."""
+        """The squares of M, K and D of every block except rigid vertical motions, which the elements have."""
         squares_of_blocks = [chain_squares(block, self.rig.gravity) for block in self.rig.blocks]
         moving = ((filter(lambda square: square.at.size, part) for part in parts) for parts in squares_of_blocks)
         return [[[square._replace(row_source=square.rows) for square in part] for part in parts] for parts in moving]
@@ -297,7 +297,7 @@ class PartedRig:
 
     @cached_property
     def accelerances(self) -> Floats:
-        """Σ φ_η² over all modes (d,), φᵀMφ = 1: what a sudden force on each coordinate gives it, per unit of force."""
+        """Σ φ_η² over all modes (d,), φᵀMφ = 1: the initial acceleration of each coordinate per unit of force on it."""
         if any(block.rotor.any() for block in self.rig.blocks):
             return np.diag(np.linalg.inv(self.hanging.squares().matrices[0]))[: self.size]
         M = self.hanging.supporting[0].copy()

@@ -266,11 +266,11 @@ class Digits:
 
 
 Arithmetic = Rounded | Digits
-"""What an elimination asks of its numbers: floats with their rounding, or decimals."""
+"""The arithmetic of an elimination: floats with their rounding, or decimals."""
 
 
 class Complex:
-    """A complex number of two decimals: just what an elimination needs."""
+    """A complex number of two decimals: with the operations that an elimination needs."""
 
     __slots__ = ("imag", "real")
 

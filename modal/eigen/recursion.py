@@ -123,7 +123,7 @@ def joints(pivot: Floats, a: Floats) -> Floats:
 
 
 def joint_masses(p: Floats, r: Floats) -> Floats:
-    """Return the mass at each joint with every other joint held, (n + 1, …), from the links' p and r (n, …)."""
+    """Return the mass at each joint with every other joint fixed, (n + 1, …), from the links' p and r (n, …)."""
     masses = np.zeros((len(p) + 1, *p.shape[1:]))
     masses[:-1] += p
     masses[1:] += r

@@ -29,7 +29,7 @@ Constants = tuple[float, float, float, float, float]
 """1/k, J, m s², m (1 − s)² and m of a link."""
 
 LARGEST_LAST_STEP = 1e-5
-"""Cost: relative step of a quotient beyond which the next, off by its square, is not yet worth counts."""
+"""Cost: relative step of a quotient beyond which the next, off by its square, does not yet justify counts."""
 
 
 def short_squares(links: Sequence[Link], cart: CartNumbers | None) -> Floats | None:
@@ -58,7 +58,7 @@ def _confirmed_squares(links: Sequence[Link], cart: CartNumbers | None) -> list[
     if cart:
         mass, stiffness = cart.mass, cart.stiffness
         rail, spring, rigid_modes = mass, stiffness, int(stiffness == 0)
-    else:  # the first link is to the others what a cart and its spring are to a whole chain
+    else:  # the first link acts on the others as a cart and its spring on a whole chain
         mass, stiffness = constants.pop()[6], seed_constants[-1][0]
         rail, spring, rigid_modes = -inf, 0.0, 0
     squares: list[float] = []

@@ -159,7 +159,7 @@ class StillPendula:
 
     @property
     def route(self) -> str:
-        """That of one of the pendula."""
+        """The route of one of the pendula."""
         return self.source.route
 
     @property
@@ -169,7 +169,7 @@ class StillPendula:
 
     @cached_property
     def eigenvalue(self) -> Complexes:
-        """Those of one pendulum on a fixed support, for each combination."""
+        """The eigenvalues of one pendulum on a fixed support, for each combination."""
         return np.repeat(self.source.eigenvalue[self.rows], self.still_group.number)
 
     @property

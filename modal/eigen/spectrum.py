@@ -163,7 +163,7 @@ def _moving(source: Source) -> Batch:
 
 
 def notes(sources: Sequence[Source]) -> tuple[str, ...]:
-    """Return what these `sources` omitted or treated as equal, and why."""
+    """Return the omissions and approximations of these `sources`, with reasons."""
     has_merger = any(isinstance(source, StillModes) and source.clusters.has_rounding for source in sources)
     is_dense = any(SEEDS in source.route for source in sources)
     return (MASSLESS,) * sum(source.is_singular for source in sources) + (MERGED,) * has_merger + (DENSE,) * is_dense

@@ -188,7 +188,7 @@ def squares_of(suspension: Suspension, indices: Ints, modes: int, accuracy: floa
     are_lowest = bool(indices[-1] == len(indices) - 1)
     if _are_few(suspension, indices) and suspension.supports == 1 and are_lowest and not is_sprung:
         guess, error = slow_seeds(suspension, len(indices))
-        guesses = guess, np.maximum(error, 3 * accuracy)  # nothing tells that none was missed, so that a count must
+        guesses = guess, np.maximum(error, 3 * accuracy)  # only a count shows that none was missed
         return _settle(suspension, indices, _try_seeds(suspension, indices, accuracy, guesses), modes)
     if suspension.size > LARGEST_SEEDED or _are_few(suspension, indices):
         return Squares.exact(locate(suspension, indices, modes))

@@ -204,7 +204,7 @@ class OnStructure:
 
     @cached_property
     def _losses(self) -> SquareSum:
-        """D with what the damping ratio adds to it."""
+        """D with the contribution of the damping ratio."""
         D, modal = self.matrices.factors[2], self._dampers[1]
         if modal is None:
             return D
@@ -277,7 +277,7 @@ class OnStructure:
         return self._of_cart(details_of(shapes, unit, push, residual, energies), value, shape)
 
     def _of_cart(self, details: Details, value: Complexes, shape: Numbers) -> Details:
-        """The properties of these modes with κ and, on a cart, what moves it."""
+        """The properties of these modes with κ and, on a cart, its motion."""
         is_cart = len(self.matrices.component.eta) > 0
         cart = shape[0] if is_cart else np.zeros(len(value))
         momentum = details.momentum
@@ -338,7 +338,7 @@ class OnStructure:
         return np.where(light, kappa, np.nan)
 
     def _shapes(self, rows: Ints) -> Numbers:
-        """(n, R), real without dampers; what moves no more than rounding, in its share of the energy, is still."""
+        """(n, R), real without dampers; motions within rounding, by their share of the energy, are set to 0."""
         all_shapes = self._product[1] if self._is_product else self._dense.shape
         first, M = len(self.matrices.component.eta), self.matrices.factors[0]
         shape = all_shapes[:, rows]
@@ -363,7 +363,7 @@ def _condition(S: Floats) -> float:
 
 
 def _eliminate_free_motions(free: Floats, M: Floats) -> tuple[Ints, Floats, Floats, float]:
-    """What is left without free motions (n, f): coordinates, shapes from them, inertia, and its loss of digits.
+    """The system without free motions (n, f): coordinates, shapes from them, inertia, and its loss of digits.
 
     In each motion one coordinate rests and the momentum is 0, as on a free cart.
     """
@@ -390,7 +390,7 @@ def _eliminate_free_motions(free: Floats, M: Floats) -> tuple[Ints, Floats, Floa
 
 
 def _parents_among(parents: Ints, coordinates: Ints) -> Ints:
-    """The places of coordinates among those that are kept."""
+    """The indices of coordinates among those retained."""
     at = {int(k): i for i, k in enumerate(coordinates)}
     return np.array([at.get(int(parents[k]), -1) for k in coordinates])
 

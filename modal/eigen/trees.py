@@ -15,7 +15,7 @@ as on the displacement y of the joint.  Eliminated from the free end, with x = �
 
     −x μ y² − 2 x h y φ + F φ²,        Δ = μ F + x h²
 
-of an effective mass μ, first moment h and stiffness F; Δ is kept separately, as it would lose its digits as a sum.  For
+of an effective mass μ, first moment h and stiffness F; Δ is stored apart, as it would lose its digits as a sum.  For
 a link of mass m, centre c, inertia I and length l, with r = l − c, its weight G = σ g b, and the stiffness s of the
 spring at its upper joint,
 

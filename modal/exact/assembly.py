@@ -255,7 +255,7 @@ class Assembly:
         self._hold(centre, body.mass)
 
     def _hold(self, end: CarrierEnd, mass: Ball) -> None:
-        """Add what the weight on a point of a support holds, as the point moves on an arc: −g m ∂²z/∂η²."""
+        """Add the stiffness of the weight on a point of a support, as the point moves on an arc: −g m ∂²z/∂η²."""
         body, first = self.structure.carriers[end.carrier], self.structure.offsets[end.carrier]
         arb = flint().arb
         for k in range(body.size) if body.bends else ():
@@ -298,7 +298,7 @@ class Assembly:
             upper = PointInBalls(lower, down, angle, (upper.place[0], upper.place[1] + l * link.cosine))
 
     def _end(self, end: End) -> PointInBalls | None:
-        """What an end of a spring moves like; None for the ground, wherever the other end is."""
+        """The motion of an end of a spring; None for the ground, wherever the other end is."""
         if isinstance(end, CarrierEnd):
             return self.point(end)
         if isinstance(end, GroundEnd):
@@ -309,7 +309,7 @@ class Assembly:
         return upper._replace(along=combine((share, lower), (1 - share, upper.along)), place=place)
 
     def _ways(self, ends: tuple[End, End], *, is_torsion: bool) -> list[tuple[Ball, Row]]:
-        """The extension of a spring in each of the ways in which it acts, and what its square is multiplied by."""
+        """The extension of a spring in each of the ways in which it acts, and the factor of its square."""
         points, unit = [self._end(end) for end in ends], flint().arb(1)
         other = points[0] or points[1]
         assert other is not None, "one end at least has a place"

@@ -31,7 +31,7 @@ GUARD_BITS = 64
 MOST_DIGITS = 10_000
 """Limit: the most that `digits` may ask for."""
 natural_modes = deferred("modal.modes:natural_modes")
-"""Imported by a proof alone: a derivation needs polynomials of this room and no eigenvalue routine."""
+"""Imported by a proof alone: a derivation needs polynomials of this subpackage and no eigenvalue routine."""
 
 
 class _UndecidedError(ArithmeticError):
@@ -124,7 +124,7 @@ class SceneInBalls:
             index = 0
             for value, edge in zip(values, edges, strict=True):
                 upto = max(index, self.count_in(k, edge, GUARD_BITS)) if edge else index
-                free = n_free if k == 0 and value == 0 else 0  # the first block has what is free
+                free = n_free if k == 0 and value == 0 else 0  # the first block has the free motions
                 numbers = range(index + free, upto)
                 n_below = self.count_in(k, 0, GUARD_BITS) if value == 0 and not free and numbers else 0
                 for number in numbers:

@@ -1,8 +1,8 @@
 """State-space models as files for other tools: one module per family of formats, loaded on use.
 
 In: a `StateSpace`.  Out: bytes that python-control, SciPy, MATLAB and Octave, C, Modelica, an FMI tool or a spreadsheet
-reads.  A format is a class of `modal.extend`, ours as a stranger's, in `FORMATS` by its name; the command, its help,
-shell completion and the manual read them.  `text` has what all formats need: numbers that read back bit for bit.
+reads.  A format is a class of `modal.extend`, our own or external, in `FORMATS` by its name; the command, its help,
+shell completion and the manual read them.  `text` is shared by all formats: numbers that read back bit for bit.
 `read_json` and `read_npz` read files back, `to_control` and `to_scipy` make objects of these packages.
 """
 

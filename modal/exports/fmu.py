@@ -41,7 +41,7 @@ LACKING = {
     LINUX: f"64-bit Linux (which takes {', '.join(COMPILERS)} there)",
     WINDOWS: f"64-bit Windows (which takes {CROSS_COMPILER})",
 }
-"""What a note says of an FMU without the binaries of a folder."""
+"""The note on an FMU without the binaries of a folder."""
 COMPILATION_SECONDS = 120.0
 """Limit: of a C compiler; the FMU of one that takes longer has source and no binary."""
 UNITS = {

@@ -134,7 +134,7 @@ class PublicNames(NamedTuple):
 
 
 def public_names(model: StateSpace) -> PublicNames:
-    """Those of a model, all different; state NAME starts at the parameter `NAME_start`."""
+    """The public names of a model, all different; state NAME starts at the parameter `NAME_start`."""
     (block,) = identifiers([heading(model)], TAKEN)
     starts = [f"{identifier(s.name, 'signal')}_start" for s in model.states]
     names = identifiers([*(s.name for s in (*model.inputs, *model.outputs)), *starts], [*TAKEN, block])

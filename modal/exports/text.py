@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 UNTITLED = "Pendula"
 IDENTIFIER_LETTERS = 63
-"""Format: characters of an identifier, as many as C99 and MATLAB tell apart."""
+"""Format: significant characters of an identifier in C99 and MATLAB."""
 
 
 def heading(model: StateSpace | VaryingModel) -> str:

@@ -25,7 +25,7 @@ from modal.types import IMAGINARY_STEP
 Values = Mapping[str, Any]
 """The parameters of a law by name: floats, arrays or symbols."""
 PROBE = 0.25
-"""Physics: an angle (rad) and a rate (rad/s) at which a law is compared with what it says of itself."""
+"""Physics: an angle (rad) and a rate (rad/s) at which a law is compared with its own declarations."""
 SMALL = 1e-5
 """Tolerance: an angle (rad) whose square, and whose rounding error divided by it, are negligible against 1e-9."""
 AGREEMENT = 1e-9

@@ -2,7 +2,7 @@
 
 A measure states its name, words, columns and needs, and has the function that computes it: `of_modes` of the modes of a
 scene, `of_orbit` of a periodic motion along one of them, `of_motion` of a whole motion, `of_members` of many motions
-side by side. This determines the commands that accept it: motions can be measured in all, scenes in `sweep` and
+together. This determines the commands that accept it: motions can be measured in all, scenes in `sweep` and
 `spread`.
 
 >>> from modal.extend.measures import measure_for, taken_by
@@ -27,13 +27,13 @@ LONGEST = 1e6
 MODES, MODE, SECONDS = "modes", "mode", "seconds"
 SCENE_ITSELF, WHOLE_MOTION, MEMBERS_AT_ONCE = "the scene", "a whole motion", "members side by side"
 LAST_TENTH = "the last tenth of a motion"
-"""What measures are read off."""
+"""The sources of measures."""
 MOTION = "a motion"
 OF_SCENE = dict.fromkeys(
     ("basins", "ensemble"), "it belongs to a scene whatever its start, and sweep takes it over numbers"
 )
 FORMER = {"amplitude": "largest_angle, with cart_travel beside it"}
-"""Names of old, and what they are now."""
+"""Former names, with the present ones."""
 
 
 class Measure(Extension, Displayed):
@@ -140,7 +140,7 @@ class Measure(Extension, Displayed):
         raise NotImplementedError
 
     def of_scene(self, scene: Any, number: float, portion: Any) -> dict[str, float]:
-        """Return its values by columns for a scene, from what `portion` provides: modes, runs, members."""
+        """Return its values by columns for a scene, from the modes, runs or members of `portion`."""
         if self.reads == SCENE_ITSELF and self.has("of_orbit"):
             return self.values_of("of_orbit", portion.orbit(scene, int(number), self.amplitude_deg), number)
         if self.reads == SCENE_ITSELF:

@@ -17,18 +17,18 @@ from typing import Any, ClassVar, TypeVar
 from modal.errors import ExtensionError, MultipendulaError
 
 KINDS = ("joint law", "point force", "support", "measure", "format")
-"""What can be extended."""
+"""The kinds of extensions."""
 GROUP = "multipendula.extensions"
 """The group of entry points."""
 HOMES: dict[str, str] = {
     **dict.fromkeys(("joint law", "point force"), "modal.extend.laws"),
     **{"support": "modal.scene.carriers", "measure": "nonlinear.measures", "format": "modal.exports"},
 }
-"""Modules with the classes of this project, which are imported when their kind is asked for."""
+"""Modules with the classes of this project, which are imported when their kind is requested."""
 OURS = ("modal", "nonlinear")
-"""Packages whose errors are nobody else's."""
+"""Packages whose errors are their own."""
 NAME = re.compile(r"[a-z][a-z0-9_-]*")
-"""What an extension may be called."""
+"""Valid names of extensions."""
 
 
 class Extension:
@@ -52,7 +52,7 @@ T = TypeVar("T")
 
 
 class _Registry:
-    """The classes by kind and name, the package of each that is installed, and what could not be loaded."""
+    """The classes by kind and name, the package of each that is installed, and those that could not be loaded."""
 
     def __init__(self) -> None:
         self.classes: dict[str, dict[str, type[Extension]]] = {kind: {} for kind in KINDS}
@@ -61,7 +61,7 @@ class _Registry:
         self.is_complete = False
 
     def of_kind(self, kind: str) -> dict[str, type[Extension]]:
-        """The classes at hand, ours among them."""
+        """The available classes, ours among them."""
         if kind in HOMES:
             import_module(HOMES[kind])
         return self.classes[kind]
@@ -127,7 +127,7 @@ def register(cls: type[T]) -> type[T]:
 
 
 def _definition(cls: type) -> tuple[str, str]:
-    """Where a class is defined: a cell that is run again, or a module that is loaded again, defines it anew."""
+    """Where a class is defined: a cell that is run again, or a module that is loaded again, redefines it."""
     return getattr(sys.modules.get(cls.__module__), "__file__", None) or cls.__module__, cls.__qualname__
 
 

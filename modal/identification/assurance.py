@@ -41,12 +41,12 @@ class ModePair(Displayed):
 
     @property
     def error(self) -> float:
-        """Of the computed frequency, relative to the measured one."""
+        """The error of the computed frequency, relative to the measured one."""
         return self.frequency / self.measured.frequency - 1
 
     @property
     def deviation(self) -> float:
-        """Of the computed frequency, in standard deviations of the measured one."""
+        """The deviation of the computed frequency, in standard deviations of the measured one."""
         return (self.frequency - self.measured.frequency) / self.measured.std
 
 

@@ -29,23 +29,23 @@ from modal.types import Complexes, Floats
 HARMONICS = 3
 """Physics: harmonics of a window: that of a swing of 90° is a thousandth of it beyond the third."""
 WINDOW_SAMPLES_MIN = 14
-"""Tolerance: samples of a window: twice its offset and three harmonics, so that residuals tell their noise."""
+"""Tolerance: samples of a window: twice its offset and three harmonics, so that residuals show their noise."""
 WINDOWS_MIN = 8
 """Limit: windows of a record, twice the numbers of its line: fewer say nothing of a change of frequency."""
 DEVIATION_MAX = 3.0
 """Tolerance: standard deviations that a change may be off that of one link: a chance of 0.3 %."""
 GAIN_ERROR = 0.05
-"""Physics: relative, what the gain of a sensor may be off; a change of frequency goes with its square."""
+"""Physics: relative, the possible error of a sensor's gain; a change of frequency goes with its square."""
 DEGREE_MAX = 6
 """Cost: of polynomials of logarithms of amplitudes, whose degree is the one of least BIC."""
 CURVE_ERROR = 1e-3
-"""Physics: relative, of a change of frequency, what harmonics beyond those of a window leave of it at 90°."""
+"""Physics: relative, error of a change of frequency by harmonics beyond those of a window, at 90°."""
 PASSES = 4
 """Cost: times that windows are fitted, with the frequency that those before have shown."""
 LARGEST_HARMONIC = 3.0
 """Physics: rad, of the first harmonic: that of a swing of 170° is 3.5 % less than this, and 180° never return."""
 OTHER_AMPLITUDE = 0.01
-"""Tolerance: of the amplitude, what another mode has at least, as weaker poles are left out."""
+"""Tolerance: of the amplitude, the least of another mode: weaker poles are ignored."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class Backbone:
     """The pole λ (1/s) of small swings, with the covariance (2, 2) of its parts, and the change with amplitude.
 
     `ratio` is r, the change over that of one link, `amplitude` (rad) the largest swing, `shift` (1/s) the change there;
-    `other` is the largest amplitude, over that of the swing, of what is neither the mode nor its harmonics.
+    `other` is the largest amplitude, over that of the swing, of the remainder without the mode and its harmonics.
     """
 
     pole: complex
@@ -129,7 +129,7 @@ class Windows:
 
     @property
     def amplitudes(self) -> Floats:
-        """Those of the first harmonic (W,)."""
+        """The amplitudes of the first harmonic (W,)."""
         return np.abs(self.harmonics[:, 0])
 
     @property
@@ -158,7 +158,7 @@ class Windows:
 def backbone(segments: Sequence[tuple[Floats, Floats]]) -> Backbone | None:
     """The backbone of segments of times (K,) in s and angles (K,) in rad; None where windows are too few or too noisy.
 
-    What is not the decay of one mode has a `ratio` that is not one, or a large `other`.
+    Anything but the decay of one mode has a `ratio` other than 1, or a large `other`.
     """
     strongest = max(segments, key=lambda segment: float(np.std(segment[1])))
     rate = 2 * np.pi * _line_frequency(*strongest)
@@ -222,7 +222,7 @@ def _fit_windows(times: Floats, values: Floats, rate: float, knots: Floats, rate
         empty = np.zeros(0)
         return Windows(empty, empty, np.zeros((0, HARMONICS), dtype=np.complex128), empty, 0.0)
     centres, harmonics, noise = (np.array(part) for part in zip(*rows, strict=True))
-    # what the rates say of the phase is taken off before it is unwrapped
+    # the phase that the rates predict is subtracted before unwrapping
     fine = np.union1d(centres, np.linspace(times[0], times[-1], len(times)))
     turned = scipy.integrate.cumulative_trapezoid(np.interp(fine, knots, rates), fine, initial=0.0)
     expected = np.interp(centres, fine, turned)
@@ -269,7 +269,7 @@ def _first_amplitude(windows: Windows, logs: Floats) -> float:
 
 
 def _sizes(times: Floats, logs: Floats) -> Floats:
-    """The integral of what one link's frequency falls by, (W,), from the first of these times on."""
+    """The integral of the decrease of one link's frequency, (W,), from the first of these times on."""
     return np.asarray(scipy.interpolate.CubicSpline(times, softening(np.exp(logs))).antiderivative()(times))
 
 
@@ -297,9 +297,9 @@ def _line(windows: Sequence[Windows], sizes: Sequence[Floats], values: Sequence[
 
 
 def _other_amplitude(times: Floats, values: Floats, windows: Windows) -> float:
-    """The largest amplitude, over that of the swing, of what one mode with its harmonics leaves of a segment.
+    """The largest amplitude, over that of the swing, of the remainder of a segment without one mode and its harmonics.
 
-    In the first quarter, too, for what dies away sooner.
+    Also in the first quarter, for remainders that decay faster.
     """
     centres = windows.centres
     is_inside = (times >= centres[0]) & (times <= centres[-1])

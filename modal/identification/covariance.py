@@ -18,11 +18,11 @@ import scipy
 from modal.types import Floats
 
 NOISE_AT_FIRST = 0.02
-"""Tolerance: of the size of readings or shapes, their noise until residuals tell it: that of ordinary sensors."""
+"""Tolerance: of the size of readings or shapes, their noise until residuals give it: that of ordinary sensors."""
 NOISE_MIN = 1e-9
 """Tolerance: of the size of readings or shapes, the least noise: residuals of exact data are rounding."""
 CHANCE_MAX = 0.01
-"""Tolerance: probability of chance below which something is said of residuals; a report has some ten sentences."""
+"""Tolerance: probability of chance below which residuals are remarked on; a report has some ten sentences."""
 
 
 def autocorrelation(series: Sequence[Floats]) -> Floats:

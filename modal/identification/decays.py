@@ -33,7 +33,7 @@ from modal.identification.realization import modal_assurance
 from modal.types import Booleans, Complexes, Floats, Ints
 
 EVALUATIONS_MAX = 60
-"""Cost: evaluations of a fit; what does not fit by then is given up."""
+"""Cost: evaluations of a fit; a fit that has not converged by then fails."""
 TURNING_POINTS_MIN = 6
 """Limit: turning points of a decrement, or of a loss of amplitude: "… turning points are too few"."""
 DECREMENT_STD_MAX = 0.3
@@ -49,13 +49,13 @@ DECAY_MAC_MIN = 0.95
 RESIDUAL_RATIO = 1.5
 """Tolerance: ratio of residuals of which the smaller are better: those of as good a model differ by noise alone."""
 BEATLESS_RESIDUAL_RATIO = 30.0
-"""Tolerance: the same of one mode over two poles that never beat, of which the second takes what is not linear."""
+"""Tolerance: the same of one mode over two poles that never beat, of which the second absorbs the nonlinear part."""
 COMBINATION_AMPLITUDE = 0.1
 """Physics: share of stronger amplitudes a that a combination of three has at most, a²/6 at 0.8 rad, if no angle is."""
 FOURTH_POWERS = 0.02
-"""Physics: relative, what fourth powers of angles add to a change of frequency: θ²/192 of ω (1 − θ²/16 + θ⁴/3072)."""
+"""Physics: relative effect of fourth powers of angles to a change of frequency: θ²/192 of ω (1 − θ²/16 + θ⁴/3072)."""
 OTHER_MODES = 0.3
-"""Physics: relative, what another mode of the same amplitude adds to a change of frequency."""
+"""Physics: relative effect of another mode of the same amplitude to a change of frequency."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -356,7 +356,7 @@ def _project(record: Series, model: DecayModel, k: int) -> tuple[Floats, Complex
 
 
 def tall_qr(matrix: Floats, rows: int = 256) -> tuple[Floats, Floats]:
-    """Q and R of a matrix (K, n), of blocks of so many rows and of their triangles [Demmel2012].
+    """Q and R of a matrix (K, n), of blocks of this many rows and of their triangles [Demmel2012].
 
     LAPACK takes the rows at once, with threads that wait for each other at every column.
     """
@@ -419,7 +419,7 @@ def _scale(model: DecayModel) -> Floats:
 
 
 def _with_covariance(series: Sequence[Series], model: DecayModel, weights: Floats) -> Decays:
-    """The model with what it leaves of the series: noise, amplitudes, and the covariance of its poles."""
+    """The model with its residuals: noise, amplitudes, and the covariance of its poles."""
     model, R = _choose(model, np.argsort(np.abs(model.poles))), len(model.poles)
     parts = [_project(record, model, k) for k, record in enumerate(series)]
     scale = _scale(model)

@@ -31,7 +31,7 @@ def _all(words: Sequence[str]) -> str:
 class Undetermined(Displayed):
     """A direction in which parameters change together without effect: `held` is the one fixed at its value.
 
-    `changes` are the relative changes of numbers, by path, for a change of 1 of the held one.
+    `changes` are the relative changes of numbers, by path, for a change of 1 of the fixed one.
     """
 
     what = "Numbers that change together without effect"
@@ -61,7 +61,7 @@ def _is_shift(path: str) -> bool:
 
 
 def _of_what(path: str) -> str:
-    """Of what a change is a part, where that is not the number itself."""
+    """The quantity to which a change is relative, where that is not the number itself."""
     return " of the mean of the numbers that it shifts" if _is_shift(path) else ""
 
 
@@ -118,7 +118,7 @@ def _singular(J: Floats) -> tuple[Floats, Floats]:
 def _directions(
     R: Floats, kept: Ints, held: Ints, parameters: Sequence[Parameter], values: Floats
 ) -> list[Undetermined]:
-    """How the kept ones make up for a change of each held one, as far as they can."""
+    """How the free ones compensate for a change of each fixed one, as far as they can."""
     directions = []
     answer = -np.linalg.lstsq(R[:, kept], R[:, held], rcond=None)[0] if len(kept) else np.zeros((0, len(held)))
     relative = [parameter.relative_slope(z) for parameter, z in zip(parameters, values, strict=True)]
@@ -152,7 +152,7 @@ class Combination:
 def find_combinations(
     determined: Determined, parameters: Sequence[Parameter], values: Floats, stds: Floats
 ) -> tuple[Combination, ...]:
-    """The combinations of kept with held numbers; `stds` (p,) in the numbers' units, the held ones being exact.
+    """The combinations of free with fixed numbers; `stds` (p,) in the numbers' units, the fixed ones being exact.
 
     A shift is in none, since it is a term and no factor.
     """

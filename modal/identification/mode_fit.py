@@ -29,7 +29,7 @@ class FittedMode(Displayed):
 
     @property
     def deviation(self) -> float:
-        """Of the frequency."""
+        """The deviation of the frequency."""
         return (self.frequency - self.measured.frequency) / self.measured.std
 
 
@@ -53,7 +53,7 @@ MODE = (
 class Solution(Displayed):
     """Numbers at a minimum, by z (p,) with its covariance `cov` (p, p), and chi-square there.
 
-    `values` and `covariance`, zero for numbers that were held, are in the scene's units.
+    `values` and `covariance`, zero for numbers held fixed, are in the scene's units.
     """
 
     parameters: tuple[Parameter, ...]
@@ -68,7 +68,7 @@ class Solution(Displayed):
 
     @cached_property
     def covariance(self) -> Floats:
-        """Of the numbers, (p, p)."""
+        """The covariance of the numbers, (p, p)."""
         slopes = np.array([parameter.slope(float(z)) for parameter, z in zip(self.parameters, self.z, strict=True)])
         return np.asarray(slopes[:, None] * self.cov * slopes)
 
@@ -104,7 +104,7 @@ class ModeFit(FittedNumbers, Solution):
     figure = "modal.plotting.identification:mode_fit_figure"
 
     def parts(self, form: Form = "text") -> Iterator[ReportTable | str]:
-        """The numbers, what the modes determine, every mode, and the verdict."""
+        """The numbers, which of them the modes determine, every mode, and the verdict."""
         yield self.table_of_numbers({})
         yield from self.determination()
         yield ReportTable.of(MODE, self.modes)
@@ -135,7 +135,7 @@ class ModeFit(FittedNumbers, Solution):
 
     @property
     def fitted(self) -> list[int]:
-        """The indices of the numbers that were not held."""
+        """The indices of the numbers that were not fixed."""
         return [int(k) for k in self.determined.kept]
 
     @property

@@ -5,7 +5,7 @@ The residuals are those of frequencies, of damping ratios and of shapes, each in
     (f(p) − f)/σ_f,    (ζ(p) − ζ)/σ_ζ,    (s u(p) − v)/σ_v
 
 with v a measured shape whose largest component is 1, u the computed one and s the scale that brings it nearest.
-Derivatives are those of `derivatives`; what the modes determine is found as for motions.  [Friswell1995, ch. 8]
+Derivatives are those of `derivatives`; identifiability is judged as for motions.  [Friswell1995, ch. 8]
 
 Modes are polynomials in the numbers, so several sets of numbers may have the same ones: two bobs swing with the same
 frequencies when their lengths change places.  The fit is repeated from other starts, and every minimum within the
@@ -44,7 +44,7 @@ from modal.scene.doors import checked
 from modal.types import Floats, Ints
 
 FIT_ROUNDS = 4
-"""Cost: rounds of fitting and estimating the noise of shapes, and of Gauss-Newton's method beside a direction."""
+"""Cost: rounds of fitting and estimating the noise of shapes, and of Gauss-Newton steps per direction."""
 CONFIDENCE = 0.95
 """Physics: of the region about the best fit in which other minima are solutions, and of an interval of 1.96 σ."""
 ROUGH_EVALUATIONS = 12
@@ -52,7 +52,7 @@ ROUGH_EVALUATIONS = 12
 CHI_SQUARE_LEFT = 1e3
 """Cost: chi-square that such a search may still have to lose: Gauss-Newton's method is near its end there."""
 GENERIC_STEP = 0.03
-"""Tolerance: by which numbers are moved to see what is determined: at equal lengths derivatives vanish."""
+"""Tolerance: by which numbers are moved to judge identifiability: at equal lengths derivatives vanish."""
 LOSSES = ("linear", "soft_l1", "huber", "cauchy")
 
 
@@ -76,7 +76,7 @@ def fit_modes(
     problem = _ModeFitProblem(scene, parameters, measured)
     z, shape_std = _search(problem, loss)
     minima = _minima(problem, z, loss) if problem.is_fitted.any() else []
-    if minima and minima[0][0] < _square(problem, z) - 1:  # a smaller difference tells no minimum from another
+    if minima and minima[0][0] < _square(problem, z) - 1:  # a smaller difference does not separate two minima
         z, shape_std = _refine(problem, minima[0][1], loss)
     return _certify(problem, z, shape_std, loss, [minimum for _, minimum in minima])
 
@@ -94,7 +94,7 @@ class _ModeFitProblem:
 
     @property
     def estimates_noise(self) -> bool:
-        """Whether the residuals of shapes tell their noise."""
+        """Whether the noise of shapes can be estimated from their residuals."""
         return any(mode.shape_std is None for mode in self.with_shapes)
 
     def modes_at(self, z: Floats) -> tuple[Scene, Modes]:
@@ -239,7 +239,7 @@ def _search(problem: _ModeFitProblem, loss: str) -> tuple[Floats, float | None]:
 
 
 def _undetermined_around(problem: _ModeFitProblem, z: Floats, held: Sequence[int], vague: float) -> Ints:
-    """The numbers that are held since the modes do not determine them, a few percent to either side.
+    """The numbers that are fixed since the modes do not determine them, a few percent to either side.
 
     At z itself derivatives may vanish, as at equal lengths.
     """
@@ -316,7 +316,7 @@ def _shape_noise(problem: _ModeFitProblem, z: Floats) -> float:
 
 
 def _solve(problem: _ModeFitProblem, z: Floats, loss: str, evaluations: int | None = None) -> Floats:
-    """The minimum that a search from z leads into, or so many evaluations."""
+    """The minimum of a search from z, after at most this many evaluations."""
     columns = np.flatnonzero(problem.is_fitted)
     if not len(columns):
         return z
@@ -354,7 +354,7 @@ def _solve(problem: _ModeFitProblem, z: Floats, loss: str, evaluations: int | No
 
 
 def _covariance(problem: _ModeFitProblem, z: Floats) -> Floats:
-    """Of z, (p, p), zero for numbers that are held, at a minimum.
+    """The covariance of z, (p, p), zero for numbers that are fixed, at a minimum.
 
     Along each singular vector of the Jacobian the standard deviation is a half of the 95 % interval (1.96 to either
     side) in which chi-square, the least over the other directions, rises by 3.84: 1/s where residuals are linear.
@@ -429,7 +429,7 @@ def _least_beside(problem: _ModeFitProblem, z: Floats, steps: Floats, y: Floats,
 
 
 def _solutions(problem: _ModeFitProblem, z: Floats, cov: Floats, minima: Sequence[Floats]) -> list[Solution]:
-    """Those of other minima that fit as well as z and differ from it, and from each other."""
+    """The solutions at other minima that fit as well as z and differ from it, and from each other."""
     largest = _square(problem, z) + _quantile(max(1, int(np.count_nonzero(problem.is_fitted))))
     solutions: list[Solution] = []
     regions = [(z, cov)]
@@ -451,7 +451,7 @@ def _quantile(freedom: int) -> float:
 def _certify(
     problem: _ModeFitProblem, z: Floats, shape_std: float | None, loss: str, minima: Sequence[Floats] = ()
 ) -> ModeFit:
-    """The fit at the minimum z, with all that is said of it."""
+    """The fit at the minimum z, with all remarks."""
     fitted, held = np.flatnonzero(problem.is_fitted), np.flatnonzero(~problem.is_fitted)
     residuals, J = problem.residuals(z), problem.jacobian(z)
     cov = _covariance(problem, z)

@@ -35,7 +35,7 @@ PLACED = ("position", "centre")
 LOG_CHANGE_MAX = 12.0
 """Limit: |z| of a positive number: a fit does not multiply or divide it by more than e¹² = 163,000."""
 BOUND_DISTANCE = 1e-6
-"""Tolerance: z of a number that is at its bound, 0: no record tells it from 0."""
+"""Tolerance: z of a number that is at its bound, 0: no record distinguishes it from 0."""
 NONE = "none"
 DIRECTIONS = ("sway", "heave", "roll")
 PRIOR = re.compile(r"\s*([^±]+?)\s*(?:±|\+/?-)\s*([^±]+?)\s*", re.ASCII)
@@ -195,7 +195,7 @@ def _least_number(scene: Scene, unknown: Unknown) -> float:
 
 
 def _least_shift(scene: Scene, unknown: Unknown) -> float:
-    """What leaves each number what it may be; one that is positive by nature is not divided by more than others are."""
+    """The least shift that keeps each number valid; a positive number is not divided by more than others are."""
     lows = []
     for place, number in zip(unknown.places, unknown.given, strict=True):
         least = number * exp(-LOG_CHANGE_MAX) if _is_positive(scene, place) else _least(scene, place)
@@ -209,7 +209,7 @@ def _key(place: Place) -> str:
 
 
 def is_placed(place: Place) -> bool:
-    """Whether a number is one of a pair that tells where something is, as `pendulum[0].position[1]`."""
+    """Whether a number is one of a pair of coordinates, as `pendulum[0].position[1]`."""
     return isinstance(place[-1], int) and place[-2] in PLACED
 
 
@@ -269,7 +269,7 @@ def starts_of(parameters: Sequence[FreeParameter]) -> Floats:
 
 
 def means_of(parameters: Sequence[FreeParameter]) -> list[str]:
-    """What is said of numbers that are to be the same and that the scene has unequal."""
+    """The message on numbers that are to be equal but are not in the scene."""
     return [
         f"{parameter.words} began at {short(parameter.value)}, the mean of the scene's numbers from "
         f"{short(min(parameter.unknown.given))} to {short(max(parameter.unknown.given))}"
@@ -279,7 +279,7 @@ def means_of(parameters: Sequence[FreeParameter]) -> list[str]:
 
 
 class FittedNumbers(Drawable, Result):
-    """What a fit says of the numbers that were free, those `held` among them, whatever was measured."""
+    """The results of a fit for its free numbers, with those `held` fixed, whatever was measured."""
 
     @property
     def fits(self) -> bool:
@@ -287,13 +287,13 @@ class FittedNumbers(Drawable, Result):
         return True
 
     def titles(self: Any) -> tuple[str, str]:
-        """The title of the scene as it was given, and what it was fitted to."""
+        """The title of the scene as it was given, and the data that it was fitted to."""
         return title_of(self.given), self.what
 
     def to_dict(self: Any) -> dict[str, Any]:
-        """A row for each number, (p,): its place, unit, what the scene gave, its value, its standard deviation.
+        """A row for each number, (p,): its place, unit, value in the scene, fitted value, its standard deviation.
 
-        Those that were held have none, NaN.
+        Fixed ones have none, NaN.
         """
         spreads = np.array(self.stds, dtype=float)
         spreads[self.held] = np.nan
@@ -326,7 +326,7 @@ class FittedNumbers(Drawable, Result):
         return ReportTable(["number", "given", "fitted", *spreads, "unit"], rows)
 
     def determination(self: Any) -> Iterator[str]:
-        """What is determined of numbers that are not, and what is left open."""
+        """The determined combinations of undetermined numbers, and the undetermined ones."""
         combinations = self.combinations if self.fits else ()
         yield "\n".join(f"Determined: {c.words} = {with_error(c.value, c.std)} ± {c.std:.2g}" for c in combinations)
         words = "\n".join(f"Not determined: {direction.words}." for direction in self.undetermined)
@@ -340,7 +340,7 @@ class FittedNumbers(Drawable, Result):
         return ((line if line.startswith(names) else capital(line)) + "." for line in self.verdict)
 
     def facts(self: Any) -> dict[str, Any]:
-        """Every number, what is determined and what is not."""
+        """Every number, and which of them are determined."""
         return {
             "parameters": numbers_of(self, self.fitted),
             "fixed": [{"place": self.parameters[k].path, "value": float(self.values[k])} for k in self.held.tolist()],

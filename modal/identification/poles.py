@@ -65,7 +65,7 @@ DECAY_SAMPLES_MIN = 10
 STEP_UNEVENNESS = 0.01
 """Tolerance: of a step, by which samples may be off an even grid without interpolation: clocks round to so much."""
 LINE_POWER_MIN = 1e-3
-"""Tolerance: of the highest peak's power, a line: Hann's window leaves less than that beside a peak."""
+"""Tolerance: of the highest peak's power, a line: Hann's window leaks less than that from a peak."""
 PERIOD_SAMPLES_MIN = 6.0
 """Tolerance: samples per period of the fastest line in a row of a Hankel matrix: three times those of Nyquist."""
 LAG_PERIODS = 6.0
@@ -178,7 +178,7 @@ class OrderPole:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Identified(Drawable, Result):
-    """Modes of records with sensors of these `names`, the poles of all orders tried, and what there is to say."""
+    """Modes of records with sensors of these `names`, the poles of all orders tried, and notes."""
 
     modes: tuple[IdentifiedMode, ...]
     names: tuple[str, ...]
@@ -191,12 +191,12 @@ class Identified(Drawable, Result):
     figure = "modal.plotting.identification:poles_figure"
 
     def titles(self) -> tuple[str, str]:
-        """In place of a scene's title that there are modes, and what they are of."""
+        """A heading in place of a scene's title: modes, and of which records."""
         of = "free decays" if self.excitation == "free" else "responses to random excitation"
         return "Modes", f"poles of {of}"
 
     def parts(self, form: Form = "text") -> Iterator[ReportTable | str]:
-        """Every mode, by which method it was found, and what there is to say."""
+        """Every mode, the method by which it was found, and notes."""
         shapes = [
             ReportColumn(partial(_component, k), None, signal_words(name), "+.3f") for k, name in enumerate(self.names)
         ]
@@ -297,7 +297,7 @@ def _fit_free(
     order: int | None,
     notes: list[str],
 ) -> tuple[IdentifiedMode, ...]:
-    """The modes of free decays, from these poles on; what there is to say goes into the notes."""
+    """The modes of free decays, from these poles on; remarks go into the notes."""
     poles = poles[-poles.real / np.abs(poles) > -0.2]  # faster growth is none of a free decay: noise
     series = []
     for s, (times, values) in enumerate(segments):
@@ -332,9 +332,9 @@ def _fit_free(
 
 
 def _without_repetitions(modes: list[IdentifiedMode], swings: LargeSwings, notes: list[str]) -> list[IdentifiedMode]:
-    """The modes without what large swings make of them: their poles at other amplitudes, and combination tones.
+    """The modes without artefacts of large swings: their poles at other amplitudes, and combination tones.
 
-    Intervals take in the poles at other amplitudes; what is omitted is said in notes.
+    Intervals take in the poles at other amplitudes; omissions are noted.
     """
     listed_modes = [r for r in range(len(modes)) if r not in swings.repetitions and r not in swings.tones]
     numbers = {r: number for number, r in enumerate(listed_modes, 1)}
@@ -475,7 +475,7 @@ def _swings_of(mode: IdentifiedMode, angle: float) -> str | None:
 
 
 def _large_words(angle: float) -> str:
-    """What there is to say of a frequency whose change with amplitude the record does not show."""
+    """The note on a frequency whose change with amplitude the record does not show."""
     return (
         "where the record does not show how a frequency depends on amplitude, the frequency and its interval are those "
         f"of the recorded swings, of up to {degrees(angle):.2g}°: small swings of one link are faster by up to "
@@ -505,7 +505,7 @@ def _of_curve(curve: Backbone, shape: Complexes) -> IdentifiedMode:
 
 
 def _curve_words(curve: Backbone) -> list[str]:
-    """What there is to say of one link whose frequency changes with amplitude, and of its harmonics."""
+    """The note on one link whose frequency changes with amplitude, and of its harmonics."""
     small, large = abs(curve.pole) / (2 * pi), (abs(curve.pole) + curve.shift) / (2 * pi)
     notes = [
         "one mode, whose frequency changes with amplitude as that of one link does, "
@@ -521,7 +521,7 @@ def _curve_words(curve: Backbone) -> list[str]:
 
 
 def _bent_words(mode: IdentifiedMode, number: int) -> str:
-    """What there is to say of a mode that linear poles take for several."""
+    """The note on a mode that linear poles represent by several."""
     assert mode.frequency_shift is not None
     return (
         f"mode {number} is one mode whose frequency changes with amplitude, from "
@@ -531,7 +531,7 @@ def _bent_words(mode: IdentifiedMode, number: int) -> str:
 
 
 def _scale_to_largest(shape: Complexes) -> tuple[Complexes, float]:
-    """Turned to its largest real part, with 1 as the largest component; and what it was divided by."""
+    """Turned to its largest real part, with 1 as the largest component; and the divisor."""
     real_shape = turned(shape)
     at = int(np.argmax(np.abs(real_shape.real)))
     return real_shape / real_shape[at].real, abs(float(real_shape[at].real))
@@ -551,7 +551,7 @@ def _mode_of_pole(pole: complex, cov: Floats, shape: Complexes, shape_std: float
 
 
 def _decrements(even_values: Sequence[Floats], step: float) -> list[Decrement]:
-    """Those of the sensor with the largest swing, of each segment."""
+    """The decrements of the sensor with the largest swing, of each segment."""
     columns = [values[:, int(np.argmax(values.std(axis=0)))] for values in even_values]
     return [log_decrement(step * np.arange(len(column), dtype=np.float64), column) for column in columns]
 

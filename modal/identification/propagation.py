@@ -39,14 +39,14 @@ class ModeStds:
 
     @property
     def frequency(self) -> float:
-        """Of the natural frequency, in Hz."""
+        """The natural frequency, in Hz."""
         return self.omega / (2 * pi)
 
 
 def mode_slopes(modes: Modes, estimate: Estimate, rows: Sequence[int]) -> tuple[Floats, Floats]:
     """∂ω/∂p and ∂ζ/∂p, (rows, p), of the modes with these indices."""
     dM, dK, dD = matrix_derivatives(estimate.scene, estimate.shared, estimate.units)
-    first = int(modes.scene.cart is None and estimate.scene.cart is not None)  # of modes on a cart that is held
+    first = int(modes.scene.cart is None and estimate.scene.cart is not None)  # of modes on a fixed cart
     derivatives = ModeDerivatives(modes, dM[:, first:, first:], dK[:, first:, first:], dD[:, first:, first:])
     pairs = [polar(complex(modes.eigenvalue[row]), derivatives.eigenvalue(row)) for row in rows]
     omega, zeta = (np.array(part).reshape(len(rows), len(estimate.unknowns)) for part in zip(*pairs, strict=True))
@@ -71,7 +71,7 @@ def mode_stds(modes: Modes, estimate: Estimate, rows: Sequence[int]) -> list[Mod
 def response_slopes(model: StateSpace, estimate: Estimate, omega: Floats) -> tuple[Complexes, Complexes]:
     """G(iω) (p, m, W) and its derivatives (p, m, W, numbers) by the estimate's numbers; NaN at a pole without a damper.
 
-    Those of every input and output by themselves (`modal.statespace.channels`); a cart whose motion is an input is held
+    Those of every input and output separately (`modal.statespace.channels`); a cart whose motion is an input is fixed
     under all others.
     """
     scene, at = estimate.scene, np.atleast_1d(omega)
@@ -154,7 +154,7 @@ def shaped_modes(shaper: Shaper, estimate: Estimate, drive: Drive, count: int) -
 
 
 def _rms(shaper: Shaper, omega: float, zeta: float, slopes: Floats, estimate: Estimate) -> float:
-    """Of the residual vibration over ω and ζ with derivatives (2, p), by Gauss-Hermite quadrature."""
+    """The RMS of the residual vibration over ω and ζ with derivatives (2, p), by Gauss-Hermite quadrature."""
     strength, axes = np.linalg.eigh(slopes @ estimate.covariance @ slopes.T / np.outer([omega, 1.0], [omega, 1.0]))
     nodes, weights = np.polynomial.hermite_e.hermegauss(NODES)
     steps = np.stack(np.meshgrid(nodes, nodes)).reshape(2, -1) * np.sqrt(np.maximum(strength, 0.0))[:, None]

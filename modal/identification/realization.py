@@ -1,6 +1,6 @@
 """Poles and shapes from free responses by the eigensystem realization algorithm (ERA).
 
-From samples y_k (C,) of free responses, in columns side by side, the block Hankel matrices
+From samples y_k (C,) of free responses, as columns, the block Hankel matrices
 
     H₀ = [y_{i+j}],   H₁ = [y_{i+j+1}],     H₀ = U S Vᵀ,    A = S^{-1/2} Uᵀ H₁ V S^{-1/2}
 
@@ -22,7 +22,7 @@ from modal.types import Complexes, Floats
 SINGULAR_VALUE_MIN = 1e-4
 """Tolerance: of the largest singular value: below it are harmonics of swings that are not small."""
 NOISE_THRESHOLD = 2.858
-"""Physics: singular values below so many medians are noise [Gavish2014]."""
+"""Physics: singular values below this many medians are noise [Gavish2014]."""
 HANKEL_ROWS = 240
 """Cost: most rows of a Hankel matrix; the time goes with their square."""
 HANKEL_COLUMNS = 4000

@@ -50,7 +50,7 @@ def state_columns(
 MOST_SOLVED = 20_000
 """Limit: values at which modes are solved, besides those given, refused beyond: shapes change too often."""
 MOST_HALVINGS = 200
-"""Limit: halvings of an interval, as many as lead from 1 to 1e-60; what is then unsure is refused."""
+"""Limit: halvings of an interval, as many as lead from 1 to 1e-60; branches that are then ambiguous are refused."""
 Report = Callable[[float], object]
 
 

@@ -67,7 +67,7 @@ class ClosedLoops:
 
     @property
     def note(self) -> str:
-        """What there is to say of these modes."""
+        """Notes on these modes."""
         return ""
 
     @property
@@ -106,7 +106,7 @@ class ClosedLoops:
         return self.whole(value[chosen], whole[:n, chosen], error[chosen], residual[chosen])
 
     def whole(self, value: Complexes, shape: Complexes, error: Floats, residual: Floats) -> ClosedSolution:
-        """The solution with motions that nothing feels first, and without growth or decay that is rounding."""
+        """The solution with motions without effect first, and without growth or decay that is rounding."""
         is_level = (value.imag != 0) & (np.abs(value.real) <= error * np.abs(value))
         free = np.eye(len(self.M))[:, ~self.feels[: len(self.M)]]
         zero = np.zeros(free.shape[1])
@@ -156,7 +156,7 @@ class ClosedModes(Modes):
 
     @cached_property
     def notes(self) -> tuple[str, ...]:
-        """What was omitted or approximated, and why."""
+        """Omissions and approximations, with reasons."""
         return (*filter(None, [self.source.note]), *super().notes)
 
     @cached_property

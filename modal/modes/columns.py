@@ -228,7 +228,7 @@ DROPPED = (
     *("growth_rate_per_s", "damping_ratio_std", "frequency_std_hz", "omega_std_rad_per_s", "damping_ratio_at"),
     "frequency_hz",
 )
-"""The columns that a narrow terminal has no room for, the first to go first; keys, or how they begin."""
+"""The columns that a narrow terminal omits, the first to go first; keys, or how they begin."""
 
 
 def columns_of(
@@ -335,7 +335,7 @@ def spare_headings(columns: Sequence[Column], exceptions: frozenset[str] = froze
 
 
 def proof_columns(proofs: Mapping[int, str] | None) -> list[Column]:
-    """Return the columns on what is proved of each row, by the number of its mode."""
+    """Return the columns on the proof of each row, by the number of its mode."""
 
     def word(mode: Mode) -> str:
         return (proofs or {})[mode.number]
@@ -344,7 +344,7 @@ def proof_columns(proofs: Mapping[int, str] | None) -> list[Column]:
 
 
 def _with_stds(stds: Stds) -> list[Column]:
-    """All columns, with those of standard deviations next to what they are of."""
+    """All columns, with standard deviations next to their quantities."""
     std_columns = {
         "omega_rad_per_s": ("omega_std_rad_per_s", 0, 1.0, "± (rad/s)", r"$\pm$ (rad/s)"),
         "frequency_hz": ("frequency_std_hz", 0, 1 / (2 * pi), "± (Hz)", r"$\pm$ (Hz)"),

@@ -42,7 +42,7 @@ SUM_WORDS = {
     **{f"joint {what}": f"joint {what}s of pendulum" for what in ("spring", "damper")},
     **{f"{where} loss": f"{where} losses of pendulum" for where in ("joint", "wire")},
 }
-"""What is summed by pendulum, and what the sum is called."""
+"""The shares that are summed by pendulum, and the name of the sum."""
 MEANING = "Distribution of the energy of each mode: percent of each kind of energy, averaged over a cycle."
 DAMPED = "The share of a damper in ζ is its share of the dissipated energy."
 SIGNS = (
@@ -66,12 +66,12 @@ class EnergyShare(NamedTuple):
 
     @property
     def part(self) -> str:
-        """What has it."""
+        """The part that has it."""
         return f"{self.sort} {self.label}".rstrip()
 
     @property
     def words(self) -> str:
-        """What has it, as the text calls it."""
+        """The part that has it, as the text calls it."""
         pendulum, _, link = self.label.partition("_")
         if self.link < 0 or not link:
             return self.part
@@ -219,7 +219,7 @@ class _Parts:
         return self.numbers.setdefault((energy, sort, label, link), len(self.numbers))
 
     def _of_carriers(self, inertia: list[SquareRows], stiffness: list[SquareRows]) -> Iterator[Source]:
-        """What is of the carriers themselves."""
+        """The terms of the supports themselves."""
         structure = self.hanging.structure
         for part in inertia:
             carrier = int(part.numbers[0, 0])
@@ -235,7 +235,7 @@ class _Parts:
             yield [self._number(POTENTIAL, sort, f"{body.name} {way}".strip())], _squares_of(part)
 
     def _of_links(self, inertia: list[SquareRows], stiffness: list[SquareRows]) -> Iterator[Source]:
-        """What is of links and of springs between points."""
+        """The terms of links and of springs between points."""
         leans, forces = self.modes.rig.leans, (POTENTIAL, "constant forces")
         for part in inertia:
             links = part.numbers.ravel().tolist()
@@ -281,7 +281,7 @@ class _Parts:
         return "damper of", f"{self.hanging.structure.carriers[carrier].name} {way}".strip()
 
     def _weights(self, part: SquareRows) -> Squares:
-        """Twice what each weight rises with, by the angles above it and by its pivot."""
+        """Twice the second-order rise of each weight, by the angles above it and by its pivot."""
         arms = part.rows[..., -part.at.shape[1] :]
         pivots = [self.hanging.owner(link) for link in part.numbers[:, 0].tolist()]
         bends = self.hanging.bends[pivots]
@@ -294,7 +294,7 @@ class _Parts:
         return squares
 
     def shares(self, index: int) -> Floats:
-        """What every name has of its energy in a mode, in per cent (N,); of modes of one frequency their mean."""
+        """The share of every name in its energy in a mode, in per cent (N,); of modes of one frequency their mean."""
         fold, energies = int(self.modes.multiplicity[index]), np.zeros(len(self.names))
         if not self.modes.error[index] < UNCERTAIN:
             return energies + np.nan
@@ -307,7 +307,7 @@ class _Parts:
         return energies
 
     def _energies(self, index: int, copy: int) -> Floats:
-        """Of one shape, as φᴴMφ = 1; NaN if rounding keeps them from their balance."""
+        """The energies of one shape, as φᴴMφ = 1; NaN if rounding keeps them from their balance."""
         value = complex(self.modes.eigenvalue[index])
         phi = self.modes.column(self.modes.shape(index, copy))
         energies = np.zeros(len(self.names))

@@ -198,7 +198,7 @@ class FiniteMotion:
         M, K, D = self.matrices
         inertia = float(phi @ M @ phi) * omega**2
         tau = 2 * np.pi * np.arange(SAMPLES) / SAMPLES
-        radius = EPS ** (1 / (highest + SAMPLES)) / self.reach(phi)  # where rounding is what higher orders leave
+        radius = EPS ** (1 / (highest + SAMPLES)) / self.reach(phi)  # where rounding equals the truncation error
         a = radius * np.exp(2j * np.pi * np.arange(SAMPLES) / SAMPLES)[:, None]
         parts, pushes = [phi[:, None] * np.cos(tau)], list[Floats]()
         for order in range(2, highest + 1):
@@ -243,7 +243,7 @@ class _Balance:
             self.joints[:, links] = above + self._point(pivot)[0][:, None, None]
 
     def _point(self, end: CarrierEnd) -> tuple[Any, list[tuple[int, Any]]]:
-        """The place (2, A, T) of a point of a carrier, and its slope by every coordinate."""
+        """The place (2, A, T) of a point of a support, and its slope by every coordinate."""
         body, offset = self.structure.carriers[end.carrier], self.structure.offsets[end.carrier]
         eta = self.eta[offset : offset + body.size]
         moving = body.moving(end.where, list(eta), [0.0] * body.size)
@@ -269,7 +269,7 @@ class _Balance:
         return self._handed_up()
 
     def _masses(self, driven: float) -> None:
-        """What accelerations need and weights take, and what carriers store."""
+        """The power of accelerations and weights, and the energy that supports store."""
         mass, _, centre, inertia = self.motion.links
         acceleration, gravity = driven**2 * _DERIVATIVE, np.array([0.0, self.motion.rig.gravity])
         self.force += mass * ((self.joints + centre * self.u) @ acceleration - gravity[:, None, None, None])

@@ -28,7 +28,7 @@ from modal.report import Displayed, Summary, deferred
 from modal.types import Floats, Ints
 
 DISTANCE_OF_RESONANCE = 0.02
-"""Physics: distance from 1:1 or 1:3, relative to the frequency, within which two modes are told to be in resonance."""
+"""Physics: distance from 1:1 or 1:3, relative to the frequency, within which two modes are reported as resonant."""
 MOST_REFINED = 120
 """Limit: coordinates up to which a mode takes work of its own: terms that cancel are refined, motion is expanded."""
 PROMISED_ERROR = 0.03

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 GROWING = "Growing modes get nothing of the scene's damping_ratio, which belongs to modes that oscillate."
 SELECTED = "Only some of the modes were computed, and resonances among these alone."
 MOST_LISTED = 8
-"""Format: what of a list a sentence names; … or a number stands for the rest."""
+"""Format: the items of a list that a sentence names; … or a number stands for the rest."""
 """Numbers of a shape at once; angles of a pendulum, and different pendula, that a sentence names."""
 
 
@@ -224,7 +224,7 @@ class Modes(TextResult, Eigenvalues, Sequence[Mode]):
 
     @cached_property
     def notes(self) -> tuple[str, ...]:
-        """What was omitted or approximated, and why."""
+        """Omissions and approximations, with reasons."""
         with np.errstate(all="ignore"):
             of_routes = notes(self.spectrum.sources)
         grows = self.scene.has_modal_damping and bool(((self.eigenvalue.real > 0) & (self.eigenvalue.imag == 0)).any())
@@ -297,7 +297,7 @@ class Modes(TextResult, Eigenvalues, Sequence[Mode]):
 
 
 def _indices(numbers: Sequence[int] | None) -> Sequence[int] | None:
-    """The same; raise SceneError for what is no list of indices, or an empty one."""
+    """The same; raise SceneError for anything but a list of indices, or an empty one."""
     if numbers is not None and (np.ndim(numbers) != 1 or not np.size(numbers)):
         raise SceneError([f"{numbers!r:.40}: must be indices of modes from 0, such as [0, 1]"])
     return numbers
@@ -351,7 +351,7 @@ def natural_modes(scene: Scene, *, accuracy: float | None = None, modes: slice |
     if modes is None and (chain := ShortChain.of(scene)):
         return Modes(scene, short_chain=chain)
     solution = Modes(scene, limits, modes)
-    _ = solution.spectrum  # what cannot be computed is told here
+    _ = solution.spectrum  # raises here if it cannot be computed
     return solution
 
 

@@ -1,4 +1,4 @@
-"""Correspondence between the modes of a scene and those without its dampers or with its cart held.
+"""Correspondence between the modes of a scene and those without its dampers or with its cart fixed.
 
 Each mode has one number, that in the table of the scene with dampers.  A scene without them, or with its cart fixed,
 has different modes, and each of these gets the number of the most similar one.  The similarity of rows r and s, of
@@ -14,7 +14,7 @@ below LIGHT and w at least SHAPE_MAC_MIN for each shape, the undamped mode repre
 the effect of dampers, so that the masses are right to some √(1 − SHAPE_MAC_MIN).
 
 On a free cart the rigid translation has all of the effective mass, and every other mode none: it leaves the centre of
-mass at rest. With the cart held, the same pendula swing in their fixed-base modes ψ, K ψ = ω² A ψ, of effective mass
+mass at rest. With the cart fixed, the same pendula swing in their fixed-base modes ψ, K ψ = ω² A ψ, of effective mass
 
     μ = (ψᵀb)²/(ψᵀAψ), Σ μ = mass of the pendula − their residual mass.
 

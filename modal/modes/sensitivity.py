@@ -60,8 +60,8 @@ class Sensitivities(Displayed):
 
     mass            rad/s per kg; a rod remains a rod, so I = m l²/12 follows; the inertia of a body does not
     length          rad/s per m; a bob's c = l, a rod's c = l/2 and I = m l²/12 follow, a body's c and I do not
-    centre          rad/s per m, of a centre of mass along its link, all else held
-    inertia         rad/s per kg m², all else held
+    centre          rad/s per m, of a centre of mass along its link, all else fixed
+    inertia         rad/s per kg m², all else fixed
     rotor           rad/s per kg m², of the reflected inertia J of the rotor at a link's upper joint
     stiffness       rad/s per N m/rad, of the torsion spring at a link's upper joint
     cart_mass       rad/s per kg, 0 on a fixed support

@@ -1,4 +1,4 @@
-"""A record of how the modes of a scene were computed: problem sizes, what was avoided, and packages loaded.
+"""A record of how the modes of a scene were computed: problem sizes, avoided work, and packages loaded.
 
 The sizes are reported by the sources of the modes, the packages are those that the process has loaded; nothing is
 predicted. The report is a snapshot: packages loaded for other purposes count as well.

@@ -38,7 +38,7 @@ CANCELLED = 1e-13
 UNSURE = 1e-9
 """Tolerance: error of a relative derivative above which it is refused: nine digits are promised."""
 KEPT_SHARE_OF_MOMENTUM = 1e-3
-"""Tolerance: what of the terms of a momentum is left with its digits, and not refined."""
+"""Tolerance: share of the terms of a momentum above which its digits suffice, without refinement."""
 Keys = list[tuple[str, int, int]]
 
 
@@ -46,11 +46,11 @@ LINEARIZED = frozenset(
     {"gravity", "mass", "length", "centre", "inertia", "damping", "stiffness", "drag", "position", "links", "pendulum"}
     | {"support", "spring", "sway", "heave", "roll", "rotor_inertia", "gear_ratio"}
 )
-"""Keys of numbers, and of what holds them, on which M, K and D depend."""
+"""Keys of numbers, and of their tables, on which M, K and D depend."""
 
 
 class _Change(NamedTuple):
-    """What a number changes of `Rows`: sizes (k,) and entries of rows (e,), at these places."""
+    """The changes of `Rows` by a number: sizes (k,) and entries of rows (e,), at these places."""
 
     size_places: Ints
     size: Floats

@@ -36,7 +36,7 @@ from modal.types import Floats
 MODE_PANELS = 4
 """Format: most own modes of a structure that have a panel each, two in a row."""
 POLE_ROOM = 0.02
-"""Format: part of an axis that a pole's line needs beside its neighbours."""
+"""Format: part of an axis between the line of a pole and its neighbours."""
 FELT = r"dynamic mass $m_\mathrm{dyn}$ (kg)"
 CART_MASS = r"mass of the cart $m_c$ (kg)"
 WIDE_POLES_MAX = 8
@@ -157,7 +157,7 @@ def _zeros(coupling: Coupling, s: int) -> Floats:
 
 
 def is_crowded(coupling: Coupling) -> bool:
-    """Whether more than four poles are too close to be drawn one by one: a band without room for their lines."""
+    """Whether more than four poles are too close to be drawn one by one: a band too narrow for their lines."""
     poles = _poles(coupling)
     low, high, is_logarithmic = span(_marks(coupling, 0), poles)
     share = np.ptp(np.log(poles)) / np.log(high / low) if is_logarithmic else np.ptp(poles) / (high - low)
@@ -254,7 +254,7 @@ def _labels(axis: Axes, places: Floats, words: Sequence[str], hue: str, *, is_ab
 def _annotate(
     axis: Axes, marks: list[tuple[float, float, str]], hue: str, offset: tuple[int, int], coordinates: Any, **look: Any
 ) -> None:
-    """Words beside places, omitting any that would touch a previous one."""
+    """Labels at positions, omitting any that would touch a previous one."""
     look |= {"fontsize": SMALL, "color": hue, "zorder": 5, "bbox": plain() | {"pad": 0.5}}
     offsets = "offset points"
     drop_overlapping([axis.annotate(word, (x, y), offset, coordinates, offsets, **look) for x, y, word in marks])
@@ -439,7 +439,7 @@ def draw_levels(axis: Axes, coupling: Coupling, is_logarithmic: bool) -> None:
 
 
 def _level(axis: Axes, middle: tuple[float, float], omega: float, side: float, start: float, hue: str) -> None:
-    """A level of the scene, and the line to what it comes from."""
+    """A level of the scene, and the line to its origin."""
     axis.plot(middle, [omega] * 2, color=colour(4), lw=1.8, zorder=3)
     end = middle[0] if side < middle[0] else middle[1]
     axis.plot([side, end], [start, omega], color=mixture(hue, 0.55), lw=0.9, gid=QUIET, zorder=1)

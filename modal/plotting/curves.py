@@ -35,7 +35,7 @@ BAND_HEIGHT_MIN = 0.04
 COLUMN_SAMPLES = 8
 """Format: samples in each column of a band on an average; with fewer its ends would be a matter of chance."""
 RANGE = "least to most"
-"""What the legend says of a band."""
+"""The legend's entry for a band."""
 
 
 def coinciding(curves: Floats, limit: float = inf) -> list[list[int]]:
@@ -73,7 +73,7 @@ def common_name(names: Sequence[str]) -> str:
 
 
 def _runs(names: Sequence[str]) -> list[str]:
-    """Names that differ in one number as ranges of it, what stands before the number said once."""
+    """Names that differ in one number as ranges of it, with the common prefix once."""
     parts = [
         (NUMBERS.split(name), [int(number.translate(PLAIN_DIGITS)) for number in NUMBERS.findall(name)])
         for name in names
@@ -177,7 +177,7 @@ def _size(axis: Axes) -> tuple[int, int]:
 
 
 def is_blob(y: Floats, columns: float, extent: float) -> bool:
-    """Whether a curve turns more than twice in each of so many columns, and not only by a trifle.
+    """Whether a curve turns more than twice in each of this many columns, and not only by a trifle.
 
     `extent` is the height of the panel in the units of the curve.
     """
@@ -191,7 +191,7 @@ def is_blob(y: Floats, columns: float, extent: float) -> bool:
 
 
 def envelope(x: Floats, y: Floats, columns: int) -> tuple[Floats, Floats, Floats]:
-    """The edges (C + 1,) of at most so many columns of ascending x, and below and above all samples there.
+    """The edges (C + 1,) of at most this many columns of ascending x, and below and above all samples there.
 
     Straight lines between the edges have every sample between them.
     """
@@ -234,7 +234,7 @@ def _places(curves: Sequence[tuple[Floats, Floats]], size: tuple[int, int]) -> l
 
 
 def _cell_numbers(place: Floats, size: tuple[int, int]) -> Ints:
-    """The number of the cell of each point; −1 for what is not finite."""
+    """The number of the cell of each point; −1 where it is not finite."""
     is_finite = np.isfinite(place).all(axis=0)
     x, y = np.round(np.where(is_finite, place, 0.0)).astype(np.int64)
     return np.where(is_finite, x * size[1] + y, -1)

@@ -1,8 +1,8 @@
 """Films: frames written as an animated GIF, an MP4 or an HTML page.
 
-A film is a figure of which most stands still: what moves is drawn anew over the pixels of the rest.
+A film is a figure that is mostly static: moving parts are redrawn over the pixels of the rest.
 
-A film of modes has all of them side by side, each swinging once a loop, so that it goes round without a seam: a mode
+A film of modes shows all of them together, each swinging once per loop, so that the loop is seamless: a mode
 moves by q(s) = a Re(φ e^{−2πis}), s from 0 to 1 over the loop, its damping or growth omitted. One that does not
 oscillate decays from its shape, or grows to it, and is brought back in the last part of the loop.
 """
@@ -88,7 +88,7 @@ class MovingFigure(ABC):
         return None
 
     def image(self, frame: int) -> Image.Image:
-        """One frame: what moves, over what stands still for as long as the view does."""
+        """One frame: the moving parts, drawn over the static ones while the view stays the same."""
         self.show(frame)
         view = self.view(frame)
         if not self.still or self.still[0] != view:
@@ -341,7 +341,7 @@ class _Panel:
 
 
 def _panel(axis: Axes, modes: Modes, row: Mode, layout: ShapeLayout | None, amplitude: float) -> _Panel:
-    """The panel of a mode, with what stands still in it; layout is None where angles are drawn over pendula."""
+    """The panel of a mode, with its static parts; layout is None where angles are drawn over pendula."""
     shape = modes.shape(modes.index_of(row))
     real = shape.at()
 

@@ -89,9 +89,7 @@ def free_body_tikz(scene: Scene, letters: str = "own", parts: str = "") -> str:
     with theme("light"):
         hues = {look: _hue(look).removeprefix("#").upper() for look in LOOKS}
     lines = [rf"\definecolor{{fb{look}}}{{HTML}}{{{hue}}}" for look, hue in hues.items()]
-    unit = 10.9 / (
-        2 * (RIGHT_EDGE - LEFT_EDGE)
-    )  # cm: two diagrams and the letters beside them fill a line of the article class
+    unit = 10.9 / (2 * (RIGHT_EDGE - LEFT_EDGE))  # cm: two diagrams and their letters fill a line of the article class
     style = rf"x={unit:.3f}cm, y={unit:.3f}cm, line cap=round, >=stealth, font=\footnotesize"
     lines.append(rf"\begin{{tikzpicture}}[{style}]")
     for k, row in enumerate(_rows(pictures, 2)):
@@ -130,7 +128,7 @@ def _caption_words(bodies: FreeBodies) -> str:
 
 
 def _rows(pictures: Sequence[Diagram], columns: int = COLUMNS) -> list[list[Diagram]]:
-    """Diagrams in rows of so many columns; the links of a pendulum begin a row where they fit into one."""
+    """Diagrams in rows of this many columns; the links of a pendulum begin a row where they fit into one."""
     several = sum(diagram.title.startswith("pendulum") for diagram in pictures) > 1
     rows: list[list[Diagram]] = [[]]
     for diagram in pictures:

@@ -74,7 +74,7 @@ class Lettering(NamedTuple):
 
 @dataclass(frozen=True)
 class Diagram:
-    """The strokes and the words of one part, in so many columns of the sheet; `title` is above it."""
+    """The strokes and the words of one part, in this many columns of the sheet; `title` is above it."""
 
     title: str
     strokes: tuple[Stroke, ...]
@@ -151,7 +151,7 @@ def _second_derivative(letter: str, index: Sequence[int]) -> str:
 
 
 def _inertia(bodies: FreeBodies, part: FreeBody) -> str:
-    """What turns a link: I of a body, ⅓ m (l/2)² of a rod as paper 000 writes it, or m l²/12."""
+    """The rotational inertia of a link: I of a body, ⅓ m (l/2)² of a rod as paper 000 writes it, or m l²/12."""
     if part.kind == "body":
         return in_latex(part.inertia)
     m, l = in_latex(part.mass), in_latex(part.length, bodies.letters)
@@ -199,7 +199,7 @@ def _turn(
 
 
 def _joint(place: Any, effort: Effort) -> Iterator[Stroke | Lettering]:
-    """What a joint exerts on the part below it or on its pin: a moment, or forces above and to the left."""
+    """The load of a joint on the part below it or on its pin: a moment, or forces above and to the left."""
     if effort.turning:
         yield from _turn(place, -42.0, 75.0, effort.sign > 0, in_latex(effort.turning), "joint")
         return
@@ -227,7 +227,7 @@ def _bar(part: FreeBody, joint: Any, end: Any, look: str = "body") -> Iterator[S
 
 
 def _link(bodies: FreeBodies, part: FreeBody) -> Diagram:
-    """One link: what acts on it, and to the right what that causes."""
+    """One link: the forces on it, and to the right their effect."""
     link: Any = part.link
     way = np.array([sin(TILT), -cos(TILT)])
     end, normal_direction = TOP + way, np.array([cos(TILT), sin(TILT)])
@@ -258,7 +258,7 @@ def _leaning(bodies: FreeBodies, part: FreeBody) -> Iterator[Stroke | Lettering]
 def _effort(
     part: FreeBody, effort: Effort, centre: Any, end: Any, normal_direction: Any
 ) -> Iterator[Stroke | Lettering]:
-    """The arrows of what acts on a link, shafts above and left of its upper joint, below and right of the lower one."""
+    """Arrows of the forces on a link, shafts above and left of its upper joint, below and right of the lower one."""
     bob = part.kind == "bob"
     if effort.kind == "weight":
         low = centre + (np.array([-0.07, -BOB / 2]) if bob else np.array([0, 0]))
@@ -351,7 +351,7 @@ def _pins(bodies: FreeBodies) -> tuple[list[int], list[float]]:
 
 
 def _on_pins(bodies: FreeBodies, height: float) -> Iterator[Stroke | Lettering]:
-    """What the first links exert on their pins: forces above and to the left, moments to the right."""
+    """The loads of the first links on their pins: forces above and to the left, moments to the right."""
     numbers, places = _pins(bodies)
     for p, x in zip(numbers, places, strict=True):
         pin = np.array([x, height])
@@ -387,7 +387,7 @@ def _cart(bodies: FreeBodies) -> Diagram:
 
 
 def _on_cart(bodies: FreeBodies, right: float, height: float) -> Iterator[Stroke | Lettering]:
-    """What pushes the cart along the rail from its right end: H of its spring and damper, forces of the scene."""
+    """Forces on the cart along the rail, drawn at its right end: H of its spring and damper, forces of the scene."""
     names = [effort.along for effort in bodies.support.efforts if effort.kind in {"held", "applied"} and effort.along]
     for k, name in enumerate(names):
         place = np.array([right, height + 0.2 * (k - (len(names) - 1) / 2)])
@@ -426,7 +426,7 @@ def _standing(bodies: FreeBodies) -> Diagram:
 
 
 def _brackets(places: Sequence[float], low: float) -> Iterator[Stroke]:
-    """What holds the pins."""
+    """The body that holds the pins."""
     for x in places:
         for side in (-0.1, 0.1):
             yield _line((x + side, low), (x, TALL), "guide", 1.2)

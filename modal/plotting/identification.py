@@ -113,7 +113,7 @@ def _matrix(axis: Axes, assurance: Assurance) -> None:
 
 
 def _thin_ticks(words: list[str], limit: int = TICKS_MAX) -> tuple[list[int], list[str]]:
-    """Places and words of at most so many ticks."""
+    """Places and words of at most this many ticks."""
     places = even_choice(len(words), limit).tolist()
     return places, [words[k] for k in places]
 

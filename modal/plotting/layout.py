@@ -1,6 +1,6 @@
 """Common elements of every figure: title, caption, key, labels, plain logarithmic ticks, mode numbers.
 
-Also the positions of pendula that are drawn side by side.
+Also the positions of pendula that are drawn next to each other.
 """
 
 from __future__ import annotations
@@ -158,7 +158,7 @@ def set_values(
 
 
 def colour_bar(axis: Axes, mesh: ScalarMappable, words: str) -> Colorbar:
-    """A bar of the colours of a map beside it."""
+    """The colour bar of a map, next to it."""
     bar = axis.figure.colorbar(mesh, ax=axis, pad=0.02)
     bar.set_label(words)
     bar.outline.set_visible(False)

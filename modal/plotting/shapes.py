@@ -205,7 +205,7 @@ class ShapeLayout:
         return self.middle - self.half_width, self.middle + self.half_width
 
     def moved(self, shape: Shape, amplitude: float) -> Floats:
-        """The coordinates η (1, d) of what the pendula hang from in a real shape times an amplitude."""
+        """The coordinates η (1, d) of the supports in a real shape times an amplitude."""
         return np.asarray(amplitude * shape.leading.real[None, : self.scaffold.structure.size])
 
     def chains(self, shape: Shape, amplitude: float) -> list[Floats]:
@@ -258,7 +258,7 @@ def shapes_figure(
 
 
 def some_words(modes: Modes, numbers: Sequence[int] | None) -> str:
-    """What is omitted where no modes are requested, "" where none is."""
+    """The note on modes omitted where none were requested, "" if none were."""
     return f"the first {USUAL_PANELS} of {len(modes)} modes; " if numbers is None and len(modes) > USUAL_PANELS else ""
 
 

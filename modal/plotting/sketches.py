@@ -39,7 +39,7 @@ from modal.types import Floats
 TILTS = (31.0, 48.0, 26.0, 40.0)
 """Angles (degrees) of the links from the top, where none are given."""
 SHORT_LENGTH = 0.75
-"""Format: least length of a link over that of the longest, of a swing's rods, and reach of a carrier's points."""
+"""Format: least length of a link over that of the longest, of a swing's rods, and reach of a support's points."""
 INCHES = 1.6
 """Format: inches of the longest link."""
 LETTERS = {"phi": r"\varphi", "y": "z", "s": "x"}
@@ -202,7 +202,7 @@ def _arrow(
 def _schematic(
     scene: Scene, chains: list[list[AnyLink]], lengths: list[Floats], joint_places: list[Floats]
 ) -> Scaffold:
-    """What the pendula hang from, not to scale, with those that are drawn, of these lengths and places of joints."""
+    """The supports, not to scale, with those that are drawn, of these lengths and places of joints."""
     structure, numbers = structure_of(scene), _pendulum_numbers(scene)
     longest = max(link.length for chain in chains for link in chain)
     pivots = [structure.pivots[k] for k in numbers]
@@ -232,7 +232,7 @@ def _schematic(
 
 
 def _spread(pivots: list[CarrierEnd], joint_places: list[Floats]) -> list[CarrierEnd]:
-    """Pivots side by side, at least as far apart as the extents of their pendula ask for."""
+    """Pivots in a row, at least as far apart as the extents of their pendula ask for."""
     rows: dict[tuple[int, float], list[int]] = {}
     for p, (carrier, where) in enumerate(pivots):
         if not isinstance(where, int):
@@ -249,7 +249,7 @@ def _spread(pivots: list[CarrierEnd], joint_places: list[Floats]) -> list[Carrie
 
 
 def _factor(structure: Structure, k: int, pivots: list[CarrierEnd], longest: float) -> float:
-    """By how much the points of a carrier are drawn nearer."""
+    """The factor by which the points of a support are drawn closer together."""
     points: list[Where] = [pivot.where for pivot in pivots if pivot.carrier == k]
     ends = (end for spring in structure.springs for end in spring.ends)
     points += [end.where for end in ends if isinstance(end, CarrierEnd) and end.carrier == k]
@@ -285,7 +285,7 @@ def _drawn_spring(
 
 
 def _labels(scaffold: Scaffold, pieces: list[Piece], push: str) -> Iterator[Label]:
-    """The symbols of carriers with their coordinates, of a push on a cart, and of springs."""
+    """The symbols of supports with their coordinates, of a force on a cart, and of springs."""
     at_rest = np.zeros((1, scaffold.structure.size))
     has_names = sum(carrier.size > 0 for carrier in scaffold.structure.carriers) > 1
     for k, carrier in enumerate(scaffold.structure.carriers):

@@ -24,7 +24,7 @@ from modal.report import deferred
 from modal.types import Floats
 
 WIDTH = 8.0
-"""Format: width in inches of a figure of one column of panels, as both styles have it."""
+"""Format: width in inches of a figure of one column of panels, in both styles."""
 WIDE = 10.5
 """Format: width in inches of a figure of several columns."""
 HEAD = 1.2
@@ -34,7 +34,7 @@ ROW = 2.4
 KEPT = ("axes", "figure", "font", "grid", "hatch", "lines", "mathtext", "patch", "savefig", "text", "xtick", "ytick")
 """Groups of settings that a picture keeps: matplotlib creates ticks only when a figure is drawn."""
 HUES = 6
-"""Format: colours of the cycle; curves drawn beside each other where a panel has many."""
+"""Format: colours of the cycle; curves drawn next to each other where a panel has many."""
 CURVE_POINTS = 6000
 """Format: points along a curve, so that a hundred swings have no corners."""
 SOLVED_POINTS = 200
@@ -46,9 +46,9 @@ VISIBLE_SHARE = 1e-6
 LOG_RATIO = 30.0
 """Format: ratio of largest to smallest from which a scale is logarithmic."""
 COMPUTED = "-"
-"""The line of what the model gives, or what was measured: solid."""
+"""The line of the model's or measured values: solid."""
 PREDICTED = "--"
-"""The line of what a simpler theory says beside it (small angles, κ, averaged equations, regular motion): dashed."""
+"""The line of a simpler theory, for comparison (small angles, κ, averaged equations, regular motion): dashed."""
 MARKED = ":"
 """The line of a value, of an instant or of a construction, where there is no curve: dotted."""
 UNSTABLE = "-."
@@ -96,12 +96,12 @@ def sheet(width: float, height: float) -> Picture:
 
 
 def sheet_of_rows(rows: float, width: float = WIDTH) -> Picture:
-    """An empty picture as high as so many rows of panels need; one panel alone has one and a half."""
+    """An empty picture as high as this many rows of panels need; one panel alone has one and a half."""
     return Picture(width, HEAD + ROW * max(rows, 3 / 2))
 
 
 def stack(count: int, rows: float | None = None, width: float = WIDTH, **options: Any) -> tuple[Picture, list[Axes]]:
-    """A picture of so many panels below each other, as high as `rows` of them, with the `options` of subplots."""
+    """A picture of this many panels below each other, as high as `rows` of them, with the `options` of subplots."""
     figure = sheet_of_rows(count if rows is None else rows, width)
     return figure, figure.subplots(count, 1, squeeze=False, **options)[:, 0].tolist()
 
@@ -114,7 +114,7 @@ def theme(name: str) -> AbstractContextManager[None]:
 def figure_at(place: str, *arguments: Any, theme: str = "", **options: Any) -> Figure:
     """The figure that the function at `module:name` draws in a theme, by default in the style in force.
 
-    Where nobody has chosen a style, and matplotlib's own is in force, that is the light theme.
+    Where no style was chosen, and matplotlib's own is in force, that is the light theme.
     """
     is_own = rcParams["axes.prop_cycle"] == rcParamsDefault["axes.prop_cycle"]
     with style.context(f"modal.plotting.{theme or 'light'}", after_reset=True) if theme or is_own else nullcontext():

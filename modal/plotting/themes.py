@@ -65,7 +65,7 @@ def _settings(name: str) -> dict[str, Any]:
 
 @cache
 def _twins() -> dict[str, tuple[float, float, float]]:
-    """What each colour of the light style is in the dark one."""
+    """The dark style's colour for each of the light one."""
     light, dark = map(_settings, ("light", "dark"))
     pairs = list(zip(*(twin["axes.prop_cycle"].by_key()["color"] for twin in (light, dark)), strict=True))
     names = ("figure.facecolor", "text.color", "axes.edgecolor", "grid.color", "hatch.color")

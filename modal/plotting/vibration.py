@@ -46,7 +46,7 @@ QUANTITIES = {
     "N": "force",
     "N m": "torque",
 }
-"""What a unit measures."""
+"""The quantity that a unit measures."""
 
 
 def random_figure(response: RandomResponse) -> Figure:
@@ -104,7 +104,7 @@ def _limit(axis: Axes, f: Floats, psd: Floats, sharp: Floats) -> bool:
 def thermal_figure(noise: ThermalNoise, beside: RandomResponse | None = None, at: Sequence[float] = ()) -> Figure:
     """The amplitude spectral density of every output's thermal noise, one panel for each, with its budget by place.
 
-    What a PSD does stands `beside` it.  Raise ComputationError for more outputs than a picture holds.
+    `beside` holds the effects of a PSD.  Raise ComputationError for more outputs than a picture holds.
     """
     from modal.vibration import thermal_frequencies
     from modal.vibration.report import named_modes
@@ -151,7 +151,7 @@ def _over_frequency(panels: Any, f: Floats, modes: Iterable[tuple[int, float]], 
 
 
 def _place_words(scene: Scene, place: str) -> str:
-    """What dissipates there: a number of the scene by its name, else the place as it is."""
+    """The dissipator there: a number of the scene by its name, else the place as it is."""
     with suppress(SceneError):
         return number_words(scene, place)
     return place

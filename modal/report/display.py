@@ -287,7 +287,7 @@ def _several(values: Mapping[Any, Any] | Sequence[Any]) -> str:
 def deferred(place: str) -> Callable[..., Any]:
     """The function at `module:name`, imported when it is called.
 
-    By it a result is drawn and written by rooms below its own, which import that of the result.
+    By it subpackages below that of a result, which import it, draw and write the result.
 
     >>> deferred("modal.report.display:brief")(0.5)
     '0.5'

@@ -97,7 +97,7 @@ def csv_rows(rows: Iterable[Iterable[Any]]) -> str:
 
 
 def csv_comment(header: str) -> str:
-    """JSON as the first line of a CSV file, the same to whoever reads it as JSON.
+    """JSON as the first line of a CSV file, the same when read as JSON.
 
     A spreadsheet splits the line at its separators; within a text, those before the beginning of a formula are escaped.
     """

@@ -31,7 +31,7 @@ _LIMIT: ContextVar[TableLimit | None] = ContextVar("limit", default=None)
 _RULE = re.compile(r"\s*([-=])\1+")
 _WORD = re.compile(r"\d\S* %[.,;:)]*(?=\s|$)|\S+")  # a number keeps its sign for per cent
 _HANGING = re.compile(r"\s*(?:[-*] |\S+ {2,})?")
-"""What stands before the text of a line: blanks, a bullet, or a name in a column of names."""
+"""The prefix of a line: blanks, a bullet, or a name in a column of names."""
 
 
 def charset() -> str | None:
@@ -50,14 +50,14 @@ def limit() -> TableLimit | None:
 
 
 def fits(width: int) -> bool:
-    """Whether so many columns are no more than those in force."""
+    """Whether this many columns are no more than those in force."""
     most = columns()
     return most is None or width <= most
 
 
 @contextmanager
 def fitted(to: int | None, encoding: str | None = None, most: TableLimit | None = None) -> Iterator[None]:
-    """Make text inside this block fit into so many columns, any number for None.
+    """Make text inside this block fit into this many columns, any number for None.
 
     With an encoding, letters that it lacks take the columns of their spelling (`modal.report.spelling`).  Tables are
     shown as far as `most` says, whole without it.
@@ -131,7 +131,7 @@ def _fold(line: str, most: int, mark: str) -> Iterator[str]:
 
 
 def broken(text: str, most: int | None) -> list[str]:
-    """The lines of a text of at most so many columns, None for any number: a word longer than a line is broken.
+    """The lines of a text of at most this many columns, None for any number: a word longer than a line is broken.
 
     >>> broken("a longest word", 5)
     ['a', 'longe', 'st', 'word']
@@ -142,7 +142,7 @@ def broken(text: str, most: int | None) -> list[str]:
 
 
 def cut(line: str, most: int) -> Iterator[str]:
-    """A line in pieces of at most so many columns, between any letters."""
+    """A line in pieces of at most this many columns, between any letters."""
     start = used = 0
     for at, letter in enumerate(line):
         wide = breadth(letter)
@@ -154,7 +154,7 @@ def cut(line: str, most: int) -> Iterator[str]:
 
 
 def filled(text: str, most: int, first: str = "", then: str = "") -> Iterator[str]:
-    """Lines of at most so many columns, the first after `first`, all others after `then`."""
+    """Lines of at most this many columns, the first after `first`, all others after `then`."""
     line, empty = first, True
     for word in _WORD.findall(text):
         for piece, joined in _pieces(word, most - breadth(then)):
@@ -167,7 +167,7 @@ def filled(text: str, most: int, first: str = "", then: str = "") -> Iterator[st
 
 
 def _pieces(word: str, most: int) -> Iterator[tuple[str, bool]]:
-    """A word, or where it is too wide its wide letters one by one; and whether each joins what stands before it."""
+    """A word, or where it is too wide its wide letters one by one; and whether each joins the one before it."""
     if word.isascii() or breadth(word) <= most:
         yield word, False
         return

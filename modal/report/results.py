@@ -65,7 +65,7 @@ class ReportColumn(NamedTuple):
 
 
 def evened(numbers: Sequence[str], significant: int) -> list[str]:
-    """Decimal numbers with as many decimals as the one that has most, and with so many significant digits at most.
+    """Decimal numbers with as many decimals as the one that has most, and with this many significant digits at most.
 
     >>> evened(["7.18867087", "7.2094781", "12.5", "0", "1e-09"], 9)
     ['7.18867087', '7.20947810', '12.5000000', '0', '1e-09']
@@ -154,7 +154,7 @@ class Result(TextResult):
     __slots__ = ()
     what: ClassVar[str] = ""
     key: ClassVar[str] = "rows"
-    """What it is, under the title of the scene, and the key of its records in JSON."""
+    """Its description, under the title of the scene, and the key of its records in JSON."""
     scene: Any
     rows: Any
 

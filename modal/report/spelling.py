@@ -27,7 +27,7 @@ SPELLINGS = {
     **{"Æ": "AE", "Œ": "OE", "Ø": "O", "Ł": "L", "\u0307": "_dot", "\u0308": "_ddot", "\u0304": "_bar"},
     **{"\u0302": "_hat", "\u0303": "_tilde", "\u200c": "", "\u200d": ""},
 }
-"""What each sign is spelled as."""
+"""The ASCII spelling of each sign."""
 
 
 def spelled(text: str, encoding: str = "ascii") -> str:
@@ -42,7 +42,7 @@ def spelled(text: str, encoding: str = "ascii") -> str:
 
 
 def spell(error: UnicodeError) -> tuple[str, int]:
-    """The spelling of what could not be encoded, and where to go on: the error handler SPELLED."""
+    """The spelling of characters that could not be encoded, and where to continue: the error handler SPELLED."""
     if not isinstance(error, UnicodeEncodeError):
         raise error
     text, start, end = error.object, error.start, error.end

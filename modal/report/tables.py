@@ -11,7 +11,7 @@ from modal.report.fitting import breadth, broken, columns, folded, limit, padded
 
 T = TypeVar("T")
 Form = Literal["text", "csv", "json", "markdown"]
-"""What a report is written as."""
+"""The formats of a report."""
 
 LEFT = {
     *("action", "at", "description", "engine", "event", "lines", "loci", "meeting", "method", "moves", "number"),
@@ -23,7 +23,7 @@ NOTHING = "–"
 WORDS_COLUMNS = 12
 """Format: width of a column of words below which it is not made narrower."""
 NAMES_MAX = 9
-"""Format: columns that are left out and named."""
+"""Format: columns that are omitted and named."""
 
 
 def titled(scene: str, what: str, parts: Sequence[str], form: str) -> str:
@@ -62,7 +62,7 @@ def grid(cells: Sequence[Sequence[str]], headings: Sequence[str], form: str = "t
 def aligned(
     cells: Sequence[Sequence[str]], headings: Sequence[str], align: Sequence[str], spare: Sequence[str] = ()
 ) -> str:
-    """Cells under headings as text, with what is omitted of it in lines below (`layout`)."""
+    """Cells under headings as text, with omissions in lines below (`layout`)."""
     body, notes = layout(cells, headings, align, spare)
     return "\n".join([body, *map(folded, notes)])
 

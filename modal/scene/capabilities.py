@@ -3,11 +3,11 @@
 An entry is of one of these kinds; a test checks that no feature is without one:
 
     takes      it is in the result
-    leaves     it is left out, and the sentence is told beside the result
+    leaves     it is omitted, and the sentence is printed with the result
     refuses    SceneError before anything is computed: PLACE: WHAT WHY: THE WAY OUT, where WHY does not say it
     singly     it is taken, but members of an ensemble go one by one, for this reason
     unless     it is taken, except where this message says why not
-    beside     it cannot meet this capability
+    beside     it cannot be combined with this capability
 
 `conflicts` are pairs of features that are supported alone but not together; a scene needs one feature of each set in
 `needs`. `instead` is an alternative capability, which a refusal mentions if it supports the feature. The manual prints
@@ -76,7 +76,7 @@ LOSING = LOSS | DRAG | FRICTION | {"van_der_pol"}
 UNDRIVEN = "Drives are omitted: they sustain small swings without changing the modes."
 RUBBING = "Dry friction is omitted: at a given amplitude it acts as a damping ratio, and eventually it stops a swing."
 SMALL = {UNDRIVEN, "Quadratic drag is omitted: it dies out with the square of the speed."}
-"""Sentences of what has no part in linear models."""
+"""Sentences on features without effect in linear models."""
 GRIPPED = (
     "Dry friction on the rail is omitted: at a given amplitude it acts as a damping ratio, and eventually it holds the "
     "cart, below which the load swings on as from a fixed support."
@@ -91,20 +91,20 @@ ABOUT: Sentences = {
 }
 HOISTED = "Lengths change with the hoist: these are the modes at the lengths before it; hoist lists them along it."
 OMITTED: Sentences = {"hoist": HOISTED, **ABOUT}
-"""What the linear model of a scene omits; `ABOUT` where lengths are constant."""
+"""The omissions of the linear model of a scene; `ABOUT` where lengths are constant."""
 
 HELD: Sentences = {
     **OMITTED,
     "hoist": "Lengths change with the hoist: these are the equations at the lengths before it.",
 }
-"""What equations in symbols omit."""
+"""The omissions of equations in symbols."""
 
 IN_LOOPS: Sentences = {
     "limited_feedback": "Limits of feedback are omitted: small motions do not reach them.",
     "sampled_feedback": "Samples and delays of feedback are omitted: these are the poles of continuous loops.",
     "reference": "References of feedback are omitted: these are the poles about the rest.",
 }
-"""What linear models omit of loops that they close."""
+"""The omissions of linear models with closed loops."""
 
 CONSTANT: Sentences = {"hoist": "needs constant lengths"}
 SHIFTED: Sentences = {"constant_force": "is computed about links that hang or stand straight, which it tilts"}
@@ -130,7 +130,7 @@ LOSSLESS: Sentences = {
 IN_TIME: Sentences = {
     "loss": "does not support loss angles, which are defined at a frequency: response, vibration and table take them"
 }
-"""What is said of k (1 + iφ): no equations of motion in time have such a spring."""
+"""The sentence on k (1 + iφ): no equations of motion in time have such a spring."""
 UNLOADED: Sentences = {"load": "only `simulate` takes applied forces"}
 HANGS_STRAIGHT = "a massless cart has no equation of motion where all that pulls it hangs straight down"
 ENDS: Sentences = {"massless_cart": HANGS_STRAIGHT}
@@ -149,7 +149,7 @@ MINIMAL = ("form minimal", "form minimal takes it")
 UNRUBBED = {
     (kind, name): "dry friction on structures is not solved" for kind in sorted(STRUCTURED) for name in FRICTION
 }
-"""What is refused together: dry friction, and structures or springs between points."""
+"""Combinations that are refused: dry friction, and structures or springs between points."""
 AIRLESS = {
     (kind, name): "Hill's equations on structures do not include drag"
     for kind in sorted(STRUCTURED)
@@ -255,14 +255,14 @@ STRUCTURES: Sentences = {
     "springs": "does not support springs between points yet",
 }
 UNTOLD: Sentences = {**STRUCTURES, **IN_TIME, "feedback": "does not close loops of feedback"}
-"""What a capability refuses that says nothing else of structures, loss angles and feedback."""
+"""Default refusals of a capability for structures, loss angles and feedback."""
 
 
 LIKE = {"law": (), "active_law": ("van_der_pol",), "kinked_law": ()}
-"""What is said of a law of joints beside what is said of springs and dampers, by its nature: what is said of these."""
+"""The entry of a joint law, by its nature, from the entries of springs and dampers."""
 SPATIAL_LAWS = {("space", "law"): "a joint in space bends about two axes, and a law has one"}
 LEANING_LAWS = {("law", "constant_force"): "the equilibrium under a force is found without laws"}
-"""What laws of joints do not meet."""
+"""Entries that do not extend to joint laws."""
 SPATIAL_ROTORS = {("space", "rotor"): "a joint in space bends about two axes, and a rotor turns about one"}
 
 
@@ -285,7 +285,7 @@ def _with_laws(capability: Capability) -> Capability:
 
 
 def _complete(capability: Capability) -> Capability:
-    """A capability with what all say that have no entry of their own: of structures, losses, loads and friction."""
+    """A capability with default entries, for structures, losses, loads and friction."""
     refusals_of_silent = {name: words for name, words in UNTOLD.items() if not capability.entries(name)}
     load_sentences = {} if capability.entries("load") else UNLOADED
     friction_conflicts = UNRUBBED if capability.takes & FRICTION and capability.takes >= STRUCTURED else {}
@@ -298,7 +298,7 @@ def _complete(capability: Capability) -> Capability:
 
 
 def _of_loops(capability: Capability) -> Sentences:
-    """What is said of kinds of loops where feedback itself is refused or omitted."""
+    """The entries of kinds of loops where feedback itself is refused or omitted."""
     silent = [name for name in sorted(LOOPS - {"feedback"}) if not capability.entries(name)]
     why = "has no part in what is refused or left out as feedback"
     return {} if "feedback" in capability.takes else dict.fromkeys(silent, why)

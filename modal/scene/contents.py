@@ -92,7 +92,7 @@ INSTEAD = {
     ("table", "picture"): AS_CSV,
     ("table", "page"): AS_CSV,
 }
-"""What to give in place of a file of the second kind where one of the first is asked for."""
+"""Advice if a file of the second kind is given where one of the first is needed."""
 
 
 class FileKind(NamedTuple):
@@ -171,7 +171,7 @@ SIZES_READ = f"its size must be from {MEASURED_MIN:g} to {MEASURED_MAX:g}, or 0"
 PIECE_BYTES = 1 << 20
 """Limit: bytes that are read at once: no memory is taken for what is not there, and a heading stands in the first."""
 NAMES = {"table": "CSV text", "report": "JSON text", "": "text"}
-"""What text is called of which a file of each kind consists."""
+"""The name of the text of which a file of each kind consists."""
 
 
 def content_of(path: str | PathLike[str], largest: int = FILE_BYTES_MAX) -> bytes:
@@ -252,7 +252,7 @@ def private(path: str, flags: int) -> int:
 
 
 def _at_once(path: str, flags: int) -> int:
-    """A descriptor, without waiting for the other end of what has become a pipe."""
+    """A descriptor, without waiting for the other end if it has become a pipe."""
     return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
 
 
@@ -274,5 +274,5 @@ def lock(stream: IO[bytes]) -> None:
     elif os.name == "nt":
         import msvcrt
 
-        stream.seek(sys.maxsize // 2)  # a byte that nobody reads: locked ones cannot be read
+        stream.seek(sys.maxsize // 2)  # a byte that is never read: locked ones cannot be read
         msvcrt.locking(stream.fileno(), msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined]

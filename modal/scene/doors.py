@@ -40,7 +40,7 @@ WAYS = {
     "System": ": system_of(scene) gives one",
     "Variation": ': parse_variations(["support.mass=1:10:5"]) gives some',
 }
-"""How one comes by what is required, by its type."""
+"""How to obtain the required object, by its type."""
 
 
 def checked(function: Function) -> Function:
@@ -165,7 +165,7 @@ class _Door:
 
     @cached_property
     def checks(self) -> Mapping[str, Check]:
-        """What is checked, by parameter."""
+        """The checks, by parameter."""
         checks = {}
         for name, parameter in inspect.signature(self.function).parameters.items():
             has_no_bound = isinstance(parameter.default, float) and not isfinite(parameter.default)

@@ -151,7 +151,7 @@ def dumps_like(scene: Scene, source: str | os.PathLike[str] | Scene, folder: Pat
 
 
 def _edit(container: Any, before: Any, after: Any) -> None:
-    """Put what differs into a document whose keys and lists are those of the mappings."""
+    """Put the differences into a document whose keys and lists are those of the mappings."""
     places = after if isinstance(after, dict) else range(len(after))
     for place in places:
         old, new = (before.get(place) if isinstance(before, dict) else before[place]), after[place]
@@ -289,7 +289,7 @@ def _print(content: bytes) -> None:
 
 
 def _remove_forgotten(folder: Path) -> None:
-    """Remove what processes that were killed have left of files that they wrote."""
+    """Remove temporary files of processes that were killed while writing."""
     with suppress(OSError):
         for entry in list(os.scandir(folder)):
             if entry.name.startswith(TEMPORARY):

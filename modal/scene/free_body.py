@@ -160,7 +160,7 @@ def free_bodies(scene: Scene, letters: str = "own") -> FreeBodies:
 def _applied_efforts(scene: Scene, places: list[tuple[int, int]]) -> dict[int, list[Effort]]:
     """The forces and torques of a scene by the link that they act on, −1 for the support: F_1, F_2 and so on.
 
-    A torque on a joint acts reversed on what the link hangs from.
+    A torque on a joint acts reversed on the part that the link hangs from.
     """
     efforts: dict[int, list[Effort]] = {}
     for number, force in enumerate(scene.force, 1):
@@ -265,7 +265,7 @@ def normal(letters: str) -> str:
 
 
 class JointMoment(NamedTuple):
-    """What makes the moment of a joint, each by the name of its letter, "" where it is not there.
+    """The parts of the moment of a joint, each by the name of its letter, "" where it is not there.
 
     M = −J γ'' − k γ − d γ' + e (1 − (γ/γ₀)²) γ' + f + K + τ(γ, γ'), γ the angle of the link less that of the one
     above and its value at equilibrium (`upright`: how many half turns that is).  f is dry friction, at most `friction`;
@@ -284,7 +284,7 @@ class JointMoment(NamedTuple):
 
 
 def joint_law(bodies: FreeBodies, part: FreeBody) -> JointMoment | None:
-    """What makes the moment of the joint above a link; None if nothing does."""
+    """The moment of the joint above a link; None if there is none."""
     link: Any = part.link
     if link is None or not has_moment(link):
         return None

@@ -52,13 +52,13 @@ class _NamedLaw(JointPart):
 
     @property
     def linear_drag(self) -> float:
-        """That of a force on a centre of mass (N s/m)."""
+        """The linear drag of a force on a centre of mass (N s/m)."""
         law: Any = self.law
         drag: float = law.linear_drag(self.numbers)
         return drag
 
     def problems(self) -> Iterator[str]:
-        """None, unless the law is not what it says: that is its own mistake."""
+        """None; a law that violates its own declarations is an error of its own."""
         kind: Any = type(self.law)
         _judge(kind, tuple(self.numbers.values()))
         return iter(())

@@ -85,7 +85,7 @@ class LengthLaw(Displayed):
         for span, piece in zip(spans[may_exceed], pieces[may_exceed], strict=True):
             slope = np.polynomial.Polynomial(piece).deriv()
             roots = slope.roots() if np.any(slope.coef[1:]) else np.empty(0)
-            # complex roots do no harm: what is looked at beside them are lengths, too
+            # complex roots do no harm: they only add further lengths to examine
             inside = roots.real[(roots.real > 0) & (roots.real < span)]
             lengths += [float(np.polynomial.Polynomial(piece)(root)) for root in inside]
         return min(lengths), max(lengths)
@@ -235,12 +235,12 @@ def _speeds(times: Floats, lengths: Floats, ends: Floats) -> Floats:
 SPLINE_SAMPLES_MIN = 6
 """Format: samples of a spline of degree 5."""
 SPLINE_EXCESS_OF_RECORD = 0.02
-"""Tolerance: what a spline may leave the samples around by, over the range of the record: what noise does."""
+"""Tolerance: distance of a spline from the samples, over the range of the record: that of noise."""
 SPLINE_EXCESS_OF_SAMPLES = 0.45
 """Tolerance: and over the range of these samples: a sine of 2.8 samples a period, of which a spline still is within a
 percent, is 0.42 of it above them at its top."""
 SPLINE_PLACES = np.arange(1, 8) / 8
-"""Tolerance: places within an interval at which a spline is looked at."""
+"""Tolerance: places within an interval at which a spline is examined."""
 Spline = Callable[[int, int], Callable[[Floats], Floats]]
 """The spline through the samples from one to another, both included."""
 

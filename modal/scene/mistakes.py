@@ -86,7 +86,7 @@ def _key(name: str) -> str:
 
 
 ABOUT_CENTRE = ": it is the moment about the centre of mass, that about the joint less m c²"
-"""What is said where the published number of a body was taken for another."""
+"""The hint where the published number of a body was mistaken for another."""
 
 
 def _words(finding: Mapping[str, Any]) -> str:
@@ -125,7 +125,7 @@ def _words(finding: Mapping[str, Any]) -> str:
 
 
 def _unknown(key: str, is_table: bool) -> str:
-    """What is wrong with a key that is not known where it stands."""
+    """The mistake of a key that is unknown at its place."""
     if key in KEYS:
         return "does not belong here" + spelling_hint(key, KEYS - {key}, cutoff=SIMILARITY_MIN)
     kind = key if key in TAGS else OTHER_NAMES.get(key.lower(), "")

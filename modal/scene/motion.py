@@ -190,7 +190,7 @@ class RecordMotion(RecordSignal, Movement):
         return next((of, values) for name, of in RECORDED.items() if (values := getattr(self, name)) is not None)
 
     def problems(self) -> Iterator[str]:
-        """Those of records, and displacements on straight lines."""
+        """The mistakes of records, and displacements on straight lines."""
         yield from self.recorded_problems(tuple(RECORDED))
         if self.displacement_m is not None and self.interpolation == "linear":
             yield f".interpolation: {NO_LINES}, or a record of velocities"
@@ -302,7 +302,7 @@ class RecordForce(RecordSignal, AppliedForce):
         return next(values for name in FORCES if (values := getattr(self, name)) is not None)
 
     def problems(self) -> Iterator[str]:
-        """Those of records, and a force recorded for a torque."""
+        """The mistakes of records, and a force recorded for a torque."""
         yield from super().problems()
         right_key, wrong_key = FORCES[:: -1 if self.direction == "torque" else 1]
         if getattr(self, wrong_key) is not None:

@@ -61,14 +61,14 @@ WAYS = {"position": ("position to the right", "position downwards"), "centre": (
 ANGLES = {"loss", "wire_loss"}
 """Keys of angles in rad."""
 ENDINGS = {"_rate_deg": "°/s", "_deg": "°", "_hz": "Hz"}
-"""Units that keys tell by their endings."""
+"""Units that the endings of keys imply."""
 DIMENSIONLESS = "–"
 PHYSICAL = {
     *("gravity", "mass", "length", "centre", "inertia", "stiffness", "damping"),
     *("friction", "drag", "quadratic_drag", "rotor_inertia"),
 }
 COURSES = {"start", "hoist", "motion"}
-"""Keys of what a scene is made of, and of parts that say how it moves."""
+"""Keys of the parts of a scene, and of those that prescribe its motion."""
 
 
 @checked
@@ -162,7 +162,7 @@ def numbers_table(scene: Scene, form: str = "text") -> str:
 
 
 def _parts(scene: Scene, place: Place, places: Sequence[Place]) -> list[str]:
-    """What a number is, and what it belongs to, from the inside out."""
+    """The name of a number, and the parts that it belongs to, from the inside out."""
     match place:
         case ("pendulum", entry, *inner):
             pendula = _ranges(_pendula(scene, {at[1] for at in places}), "pendulum", "pendula")
@@ -240,7 +240,7 @@ def _links(scene: Scene, entry: int, links: set[int]) -> list[int]:
 
 
 def _ranges(numbers: Sequence[int], single: str, several: str) -> str:
-    """What ascending numbers count, those in a row as a range: links 1–3, 7."""
+    """Ascending numbers with their noun, consecutive ones as a range: links 1–3, 7."""
     runs: list[list[int]] = []
     for number in numbers:
         if runs and number == runs[-1][-1] + 1:

@@ -73,7 +73,7 @@ class Place(NamedTuple):
 
 
 Where = tuple[Any, Any] | int
-"""A point of a carrier: (s, h) in m from its origin, or the number of a point of a modal one."""
+"""A point of a support: (s, h) in m from its origin, or the number of a point of a modal one."""
 
 
 class LinkEnd(NamedTuple):

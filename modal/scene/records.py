@@ -245,7 +245,7 @@ def with_files_read(data: object, folder: Path) -> object:
 
 
 Change = Callable[[dict[str, Any], str], Any]
-"""What becomes of a table at a place of the scene."""
+"""The replacement of a table at a place of the scene."""
 
 
 def _change_tables(change: Change, part: Any, place: str) -> Any:

@@ -32,7 +32,7 @@ SIGNALS = {
     "acceleration_along": "acceleration along {link}",
     "acceleration_across": "acceleration across {link}",
 }
-"""What signals of linear models are called; others are words by themselves."""
+"""The names of signals of linear models; others are words already."""
 COLUMNS = {
     "omega": "ω",
     "survivor": "surviving mode",
@@ -40,7 +40,7 @@ COLUMNS = {
     "order": "order parameter R",
     "lyapunov": "largest Lyapunov exponent",
 }
-"""What columns of measures are called whose names do not say it."""
+"""The names of columns of measures whose keys do not say it."""
 SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 ANGLE = re.compile(r"theta[_[](\d+)[_,](\d+)\]?")
 SIGNAL = re.compile(r"([a-z_]+?)((?:_\d+){0,2})(_relative)?(?:@([\d.]+))?")

@@ -255,7 +255,7 @@ def force_problems(scene: Described, force: Any) -> Iterator[str]:
 
 
 def _limits(scene: Described) -> Iterator[str]:
-    """What structures do not take yet."""
+    """The features that structures do not support yet."""
     if scene.space == "space":
         yield '.space = "space": a structure moves in the plane: write space = "plane"'
     for index, support in enumerate(scene.supports):

@@ -67,7 +67,7 @@ def _part(name: str, bases: tuple[type, ...], fields: Mapping[str, Any], more: M
 
 
 def _reduced(part: Any) -> tuple[Any, ...]:
-    """A part whose class another process makes anew."""
+    """A part whose class another process creates again."""
     return _restored, (type(part.path), part.model_dump())
 
 

@@ -89,7 +89,7 @@ IN_SI = {
     "deg_per_s": ("rad_per_s", pi / 180),
     "g": ("m_per_s2", 9.80665),
 }
-"""Units beside those of SI: how names of columns end in the latter, and how many of these they are."""
+"""Units other than SI: how names of columns end in the latter, and how many of these they are."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -253,7 +253,7 @@ def read_table(
 ) -> DataTable:
     """The table in a file, or of a mapping of columns, a data frame or a structured array, which messages call `name`.
 
-    SceneError says what is wrong; it quotes what stands in a file only where it `has_quotes`.
+    SceneError says what is wrong; it quotes the file only where it `has_quotes`.
 
     >>> from modal.scene.tables import read_table
     >>> table = read_table({"time (s)": [0.0, 0.1], "Winkel/°": [3.0, 2.0]})

@@ -66,7 +66,7 @@ def _support(scene: Scene) -> str:
 
 
 def _nouns(support: Any) -> tuple[str, str]:
-    """What one support of its kind is called, and several."""
+    """The name of a support of its kind, singular and plural."""
     return WORDS.get(support.kind) or support.path.nouns
 
 

@@ -5,7 +5,7 @@
                   ^
         perhaps: length = 1.5
 
-The parser tells where it stopped.  Every usual mistake is a function that looks at that place and offers a corrected
+The parser reports where it stopped.  Every usual mistake is a function that looks at that place and offers a corrected
 document; the first by which the parser comes further is the guess.  Then the corrected document is read on, so that one
 message has all mistakes.
 """
@@ -50,7 +50,7 @@ TRUTHS = {
 }
 NUMBER = r"[-+]?\d[\d_]*(?:\.\d+)?(?:[eE][-+]?\d+)?"
 ENDS = r"(?=[ \t]*(?:$|[,}\]#]))"
-"""Before what ends a value."""
+"""Lookahead for the end of a value."""
 
 
 def mistakes_in(document: str, error: Exception) -> list[str]:
@@ -181,7 +181,7 @@ class Guess:
 
 
 def _replacement(pattern: str, by: str | Callable[[re.Match[str]], str], words: str, mark: int = 0) -> Mistake:
-    """The mistake of what a pattern finds in the line: the caret stands below the group `mark`.
+    """The mistake that a pattern finds in the line: the caret stands below the group `mark`.
 
     All that is found is replaced at first, then each of the first ones alone.
     """
@@ -282,7 +282,7 @@ def _lines_in_table(broken: Broken) -> Iterator[Guess]:
 
 
 def _closing(document: str, start: int) -> int:
-    """The end of what a bracket opens, 0 if it is not closed."""
+    """The end of the part that a bracket opens, 0 if it is not closed."""
     depth = 0
     for token in TOKEN.finditer(document, start):
         depth += bool(token["open"]) - bool(token["close"])
@@ -317,7 +317,7 @@ def _open_bracket(broken: Broken) -> Iterator[Guess]:
 
 
 def _closing_nothing(broken: Broken) -> Iterator[Guess]:
-    """A bracket that closes what nothing opened."""
+    """A closing bracket without an opening one."""
     depth = 0
     for token in TOKEN.finditer(broken.document, 0, broken.start + len(broken.line)):
         depth += bool(token["open"]) - bool(token["close"])
@@ -360,9 +360,9 @@ def _between_single(match: re.Match[str]) -> str:
 
 Mistake = Callable[[Broken], Iterator[Guess]]
 VALUE = r"(=[ \t]*|[\[,][ \t]*)"
-"""What stands before a value."""
+"""The text before a value."""
 KEY = r"(^[ \t]*|[{,][ \t]*)"
-"""What stands before a key."""
+"""The text before a key."""
 PATH = r"[A-Za-z_][\w.-]*(?:\[\d+\][\w.]*)*"
 UNIT = r"(?![eE](?:[-+\d]|$))([A-Za-zµμΩ°%][\w°%/·*^²³ ]*?)"
 IN_SI = "a number is written without its unit: all are in SI units, angles in degrees"
@@ -410,4 +410,4 @@ EQUALS: tuple[Mistake, ...] = (
 )
 TABLES: tuple[Mistake, ...] = (_two_keys, _repeated_table, _repeated_key, _open_header)
 MISTAKES = (*SIGNS, *VALUES, *ENDINGS, *TABLES, *TEXTS, *BRACKETS, *EQUALS)
-"""What is tried, in this order."""
+"""The guesses, in the order in which they are tried."""

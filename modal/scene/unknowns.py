@@ -81,7 +81,7 @@ class OfUnknown:
 
     @property
     def words(self) -> str:
-        """What it is, as reports call it."""
+        """Its name in reports."""
         return self.unknown.words
 
     @property

@@ -103,7 +103,7 @@ REALS_OR_NONE = optional(REALS)
 
 
 def text(longest: int) -> Schema:
-    """Text of so many letters at most."""
+    """Text of this many letters at most."""
     return {"type": "str", "max_length": longest}
 
 
@@ -169,7 +169,7 @@ class Field(NamedTuple):
 
     @property
     def words(self) -> str:
-        """What it is: the words that it may be, its meaning and its unit."""
+        """Its meaning and unit, and the words that it may be."""
         choices = " or ".join(f'"{word}"' for word in self.schema.get("expected", ()))
         meaning = ": ".join(filter(None, (choices, self.meaning)))
         return f"{meaning} ({self.unit})" if self.unit else meaning

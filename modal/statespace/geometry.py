@@ -60,7 +60,7 @@ class StructureCoordinate(NamedTuple):
 
 
 WORDS = ("coordinate of the modal support", "generalized force on a coordinate of the modal support")
-"""What coordinates of modal supports are, and forces on them."""
+"""The meaning of coordinates of modal supports, and of forces on them."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -82,7 +82,7 @@ class Along(Result):
         return np.column_stack([self.times, self.lengths, self.omega, self.swing]).tolist()  # type: ignore[no-any-return]
 
     def columns(self) -> list[ReportColumn]:
-        """Of the numbers at a time."""
+        """The columns of the numbers at a time."""
         names = [("time_s", "t (s)")]
         places = [(p + 1, i + 1) for p, i in self.links]
         names += [(f"length_{p}_{i}_m", f"l{angle_symbol(p, i)[1:]} (m)") for p, i in places]
@@ -100,7 +100,7 @@ class Along(Result):
     def parts(
         self, form: Form = "text", *, left: Sequence[Residual] = (), beside: str = ""
     ) -> Iterator[ReportTable | str]:
-        """The table, its meaning and omissions, or those `beside` a free cart, and what is `left` of commands."""
+        """The table, its meaning and omissions, or those `beside` a free cart, and the swing `left` by commands."""
         yield from super().parts(form)
         yield from self.notes
         if self.names:
@@ -112,19 +112,19 @@ class Along(Result):
 
     @property
     def support_words(self) -> str:
-        """What the support does while the modes swing."""
+        """The behaviour of the support while the modes swing."""
         if is_held(self.scene, self.drive):
             return "the cart's motion is prescribed: modes as on a fixed support"
         return "the cart is free and moves with its loads" if self.scene.cart else "about the support of the scene"
 
     def main_figures(self, left: Sequence[Residual]) -> str:
-        """The first and last frequency of each mode, and what is `left` of commands."""
+        """The first and last frequency of each mode, and the residual swing `left` by commands."""
         ends = zip(self.names, *self.omega[[0, -1]].tolist(), strict=True)
         words = [f"ω_{name} {first:.4g} to {last:.4g} rad/s" for name, first, last in ends]
         return f"{', '.join(words[:MOST_LISTED]) or NO_MODE}\n{residual_lines(left)}".rstrip()
 
     def whole(self, *, left: Sequence[Residual] = ()) -> dict[str, Any]:
-        """Every column as an array, and what is left."""
+        """Every column as an array, and the residual swing."""
         return {
             "title": self.scene.title,
             "drive": self.drive,
@@ -353,7 +353,7 @@ class Residual:
 
 
 def residual_lines(residuals: Sequence[Residual]) -> str:
-    """What commands leave, a line each."""
+    """The residual swing after commands, a line each."""
     return "\n".join(f"residual swing {short(degrees(each.angle))}°: {each.words}" for each in residuals)
 
 
@@ -459,7 +459,7 @@ def shaper_residual(scene: Scene, shaper: Shaper, drive: Drive = "cart_accelerat
 
 
 def _impulse_response(scene: Scene, times: Floats, amplitudes: Floats, last: float, coordinate: int | None) -> Floats:
-    """(q, q') after impulses from rest: of a force on a coordinate, or (None) of the speed of a cart that is held."""
+    """(q, q') after impulses from rest: of a force on a coordinate, or (None) of the speed of a cart held fixed."""
     hoisting, matrices_at = hoisting_of(scene), matrices_along(scene)
     start = equations_of_push(matrices_at(float(times[0])), coordinate)[1]
     n, size, y = len(start), float(np.abs(start).max()), np.zeros(2 * len(start))
@@ -617,7 +617,7 @@ def _advance(states: Floats, times: Floats, rows: Ints, equations: tuple[Floats,
 
 
 def _step(A: Floats, B: Floats, duration: float) -> tuple[Floats, Floats]:
-    """What becomes of (q, q') (2n, 2n), and of a quintic by its values inside (2n, POWERS_OF_QUINTIC), in a time."""
+    """The transition over a time of (q, q') (2n, 2n), and of a quintic by its values inside (2n, POWERS_OF_QUINTIC)."""
     n = len(B)
     matrix = np.zeros((2 * n + POWERS_OF_QUINTIC,) * 2)
     matrix[:n, n : 2 * n] = np.eye(n) * duration

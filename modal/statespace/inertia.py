@@ -97,7 +97,7 @@ def _forces_on_joints(
 def _eliminate(
     geometry: Geometry, chain: range, torques: Floats, on_joints: Floats
 ) -> tuple[list[_Level], Floats, Floats]:
-    """The links from the top, and the mass (2, 2) and forces (2, L) that their pivot feels."""
+    """The links from the top, and the mass (2, 2) and forces (2, L) at their pivot."""
     steps, mu, e = list[_Level](), np.zeros((2, 2)), np.zeros((2, torques.shape[1]))
     for i, link in zip(reversed(range(len(chain))), reversed(chain), strict=True):
         numbers = (geometry.mass, geometry.length, geometry.centre, geometry.inertia)

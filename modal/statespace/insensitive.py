@@ -49,7 +49,7 @@ def shaper_over(
     """Return the shortest shaper for a `span` such as "pendulum[0].links[0].length=8:14", and its largest residual.
 
     Of none of the `count` slowest modes that the `drive` excites more than `tolerance` is left, of the swing after one
-    impulse, at so many `samples` of the span and between them: there the modes are those of a spline, sixteen times as
+    impulse, at `samples` points of the span and between them: there the modes are those of a spline, sixteen times as
     close, where the shaper is made, and of the scene half-way, where it is checked.  With a `step` (s) impulses come at
     its multiples. Raise SceneError for another span, ComputationError if a mode does not oscillate, no shaper is short
     enough, or the check fails.

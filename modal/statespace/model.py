@@ -257,7 +257,7 @@ def _usual(geometry: Geometry) -> tuple[tuple[str, ...], tuple[str, ...]]:
 def without_carrier(scene: Scene) -> Scene:
     """The same pendula on a fixed support; raise SceneError for damping ratios by mode, which are those of other modes.
 
-    Of a scene with one cart alone: what springs join to it they join to the ground in its place.
+    Of a scene with one cart alone: springs that end on it end on the ground in its place.
     """
     if isinstance(scene.damping_ratio, tuple) and getattr(scene.support, "kind", "") == "cart":
         raise SceneError(
@@ -284,7 +284,7 @@ def without_carrier(scene: Scene) -> Scene:
 
 
 def _held_end(text: str, cart: tuple[float, float]) -> str:
-    """The end of a spring on a cart that is held at this place: a point of the ground."""
+    """The end of a spring on a cart held fixed at this place: a point of the ground."""
     point = parse_point(text)
     if point is not None and not isinstance(point, CarrierPoint):
         return text
@@ -311,7 +311,7 @@ def _drive(names: tuple[str, ...]) -> str | None:
 
 
 def _pushes(scene: Scene, geometry: Geometry, names: tuple[str, ...]) -> InputGroup:
-    """All generalized forces side by side, in the requested order."""
+    """All generalized forces as columns, in the requested order."""
     pushes = [push_of(scene, geometry, name) for name in names if name not in DRIVES | SUPPORT]
     none = np.zeros((geometry.size, 0)), np.zeros((len(geometry.tips), 0))
     return InputGroup(
@@ -392,14 +392,14 @@ def _partition(
 def _split(
     geometry: Geometry, K: Floats, D: Floats, F: Floats, given: Floats | None = None
 ) -> tuple[Floats, Floats, Floats]:
-    """M⁻¹ K, M⁻¹ D and M⁻¹ F; what is `given` is the acceleration of a cart that moves as prescribed."""
+    """M⁻¹ K, M⁻¹ D and M⁻¹ F; the `given` quantity is the acceleration of a cart that moves as prescribed."""
     solution = accelerations(geometry, np.hstack([K, D, F]), given)
     K, D, F = np.split(solution, np.cumsum([K.shape[1], D.shape[1]]), axis=1)
     return K, D, F
 
 
 def _may_translate(carrier: CarrierNumbers) -> bool:
-    """Whether a carrier's own mass, if it has any, can move along the rail and do nothing else."""
+    """Whether a support's own mass, if it has any, can move along the rail and do nothing else."""
     if not carrier.size or carrier.M is not None:
         return not carrier.size
     zeros = (0.0,) * carrier.size
@@ -411,7 +411,7 @@ PLACED = (("support", "m", "displacement"), ("support_dot", "m/s", "velocity"))
 
 
 def _states(geometry: Geometry, drive: str | None, order: int) -> list[Signal]:
-    """The names of what `_motion` makes states."""
+    """The names of the states that `_motion` adds."""
     places, rates = _positions(geometry), _rates(geometry)
     if drive is None or drive in DRIVES:
         if order == 2:

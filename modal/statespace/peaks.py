@@ -27,7 +27,7 @@ MOST_OUTPUTS = 24
 HALF_WIDTHS_OF_PEAK = 10.0
 """Tolerance: half-widths of a mode within which its peak is looked for."""
 POINTS_OF_PEAK = 24
-"""Cost: frequencies at once, of which the three beside the highest bound the next, closer ones."""
+"""Cost: frequencies at once, of which the three around the highest bound the next, closer ones."""
 
 
 def peaks_table(form: ModalForm, source: int, outputs: Sequence[int], to: str) -> str:

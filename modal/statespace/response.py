@@ -71,11 +71,11 @@ READ = {
 }
 NAME = re.compile(r"(\w+?)(?:_(\d+))?(?:_(\d+))?")
 PAIRS = {JOINT: TORQUE, WIRE: TURN, DRAG: FORCE, CART: PUSH}
-"""What the pair of forces of a dissipator is, by its kind."""
+"""The name of the pair of forces of a dissipator, by its kind."""
 TOLERANCE_OF_RESPONSE = 1e-12
 """Limit: relative error of every entry, the default of `tolerance`."""
 STATIC_FREQUENCY = 2.0**-200
-"""Tolerance: over the frequency of the fastest link alone, what stands for 0: its fourth power is still a float."""
+"""Tolerance: frequency that stands for 0, over that of the fastest link alone: its fourth power is still a float."""
 Evaluate = Callable[[Arithmetic], Any]
 FEWEST_TIMES = 2000
 """Format: fewest times of an impulse response that is computed for a figure or a file."""

@@ -70,7 +70,7 @@ class SampledLoops(ClosedLoops):
     @cached_property
     @np.errstate(all="ignore")
     def monodromy(self) -> Floats:
-        """What becomes of (q, q', inputs), those of each loop the last first, in a period, (S, S)."""
+        """The transition (S, S) over a period of (q, q', inputs), those of each loop the last first."""
         if is_singular(self.M):
             raise ComputationError(SINGULAR)
         states, (tick, counts) = 2 * len(self.M), self.clock
@@ -97,7 +97,7 @@ class SampledLoops(ClosedLoops):
 
     @cached_property
     def solution(self) -> ClosedSolution:
-        """Of the largest multipliers, as many as there are poles of loops that never wait."""
+        """The poles from the largest multipliers, as many as there are poles of loops that never wait."""
         P, n, T = self.monodromy, len(self.M), self.period
         feels = np.append(self.feels, np.ones(len(P) - 2 * n, dtype=bool))
         inner, (scale, _) = scipy.linalg.matrix_balance(P[np.ix_(feels, feels)], permute=False, separate=True)
@@ -126,7 +126,7 @@ class SampledLoops(ClosedLoops):
 
     @property
     def note(self) -> str:
-        """What these poles are."""
+        """The heading of these poles."""
         return (
             f"Feedback in samples: s = ln(z)/T of the multipliers z from sample to sample, T = {self.period:.4g} s; "
             "those of samples and delays that decay fastest are omitted."
@@ -141,7 +141,7 @@ def sampled_loops(modes: Modes) -> SampledLoops:
 def common_clock(periods: list[float], most: int = 1000) -> tuple[float, list[int]]:
     """The longest time of which all periods (s) are multiples, and the multiples.
 
-    ComputationError where a loop had more than so many samples before all meet again.
+    ComputationError where a loop had more than this many samples before all meet again.
 
     >>> common_clock([0.02, 0.05])[1]
     [2, 5]

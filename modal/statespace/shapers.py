@@ -371,7 +371,7 @@ def _single(swing: DampedSwing, kind: Kind, step: float, tolerance: float) -> Sh
 
 
 def _sum_of_powers(weights: Sequence[float], half: Train, step: float) -> Shaper:
-    """Σ w_k of the k-fold convolution of what stands for half a period, divided by the sum of all amplitudes."""
+    """Σ w_k of the k-fold convolution of the pair that acts as half a period, divided by the sum of all amplitudes."""
     power, trains = (np.zeros(1), np.ones(1)), []
     for weight in weights:
         trains.append((power[0], weight * power[1]))

@@ -101,7 +101,7 @@ PRESCRIBED = {
 }
 """Whether each prescribes the cart, or else the support, and how often its displacement is differentiated."""
 INPUTS = (*(name for name in PUSHES if name != "coordinate_forces"), *DRIVES, *SUPPORT)
-"""Those of scenes on a fixed support or a cart; a structure has `coordinate_forces` besides."""
+"""Those of scenes on a fixed support or a cart; a structure has also `coordinate_forces`."""
 
 
 # ------------------------------------------------------------------------------------------------------ outputs
@@ -133,7 +133,7 @@ class OutputGroup(NamedTuple):
 
     @property
     def order(self) -> int:
-        """Of the highest derivative that it contains."""
+        """The order of the highest derivative that it contains."""
         return 2 if self.acceleration is not None else 1 if self.rate is not None else 0
 
 
@@ -225,7 +225,7 @@ def _coordinate_rates(geometry: Geometry) -> OutputGroup:
 
 
 def _in_laboratory(geometry: Geometry) -> Floats:
-    """What the ground's motion adds: to the position of one cart alone, which is that in the laboratory."""
+    """The contribution of the ground's motion to the position of one cart alone, which is that in the laboratory."""
     return np.array([float(coordinate.is_cart) for coordinate in geometry.coordinates])
 
 
@@ -353,7 +353,7 @@ def validate_signals(
 ) -> tuple[str, ...]:
     """Return the words; raise SceneError with every one that is unknown, repeated, or not available.
 
-    `is_further` tells of further ones that are known, and `examples` how these are.
+    `is_further` recognizes further valid words, of which `examples` gives some.
     """
     if isinstance(words, str):
         raise SceneError([f'{what} {words}: must be a tuple of names: ("{words}",)'])
@@ -370,7 +370,7 @@ def validate_signals(
 
 
 def _lacks(word: str, geometry: Geometry) -> str:
-    """What a scene does not have that a word needs; "" where it has it."""
+    """The part that a word needs and the scene lacks; "" if it has it."""
     if word in OF_A_CART and not geometry.on_cart:
         names = [coordinate.force for coordinate in geometry.coordinates]
         return f"there is no cart alone: name one of {', '.join(names)}" if names else "the support is fixed"

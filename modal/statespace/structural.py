@@ -77,7 +77,7 @@ def loss_matrix(losses: Sequence[Dissipator], size: int, numbers: Arithmetic) ->
 
 
 def find_inputs(scene: Scene, geometry: Geometry, signals: Sequence[Signal | Dissipator]) -> list[Given]:
-    """What these inputs are; raise KeyError for an unknown name."""
+    """The definitions of these inputs; raise KeyError for an unknown name."""
     none = np.zeros(geometry.size), np.zeros(len(geometry.tips))
     groups, pushes = by_name(PUSHES, geometry), []
     for signal in signals:
@@ -96,7 +96,7 @@ def find_inputs(scene: Scene, geometry: Geometry, signals: Sequence[Signal | Dis
 
 
 def find_outputs(geometry: Geometry, signals: Sequence[Signal]) -> list[Reading]:
-    """What these outputs are; raise KeyError for an unknown name."""
+    """The definitions of these outputs; raise KeyError for an unknown name."""
     groups = by_name(READINGS, geometry)
     return [_reading(*groups[signal.name]) for signal in signals]
 
@@ -190,7 +190,7 @@ class _Answer:
         return output if row.pendulum is None else self._on_pivot(output, row.pendulum, driven)
 
     def _on_pivot(self, output: Any, pendulum: int, driven: Sequence[Given]) -> Any:
-        """The force on a pivot besides: inertia, drag, and what pushes the pendulum."""
+        """The other forces on a pivot: inertia, drag, and the forces on the pendulum."""
         geometry, number = self.geometry, self.numbers.number
         for i in np.flatnonzero(geometry.pendulum == pendulum):
             if geometry.drag[i]:
@@ -234,7 +234,7 @@ def solve_symmetric(A: Any, F: Any, numbers: Arithmetic, is_nonzero: Booleans | 
 def whole_response(
     scene: Scene, inputs: Sequence[Signal | Dissipator], outputs: Sequence[Signal]
 ) -> tuple[Callable[[Arithmetic], Any], list[Given], list[Reading]]:
-    """The evaluation (p, m, W) of a whole scene, with what its inputs and outputs are."""
+    """The evaluation (p, m, W) of a whole scene, with the definitions of its inputs and outputs."""
     rig = rig_of(scene).on_structure
     geometry = geometry_of_rig(rig)
     driven, outputs_read = find_inputs(scene, geometry, inputs), find_outputs(geometry, outputs)
@@ -325,7 +325,7 @@ def _jacobi(S: Any) -> tuple[list[Decimal], Any]:
     S, size = (S + S.T) / 2, len(S)
     V: Any = np.frompyfunc(Decimal, 1, 1)(np.eye(size))
     has_rotated = True
-    while has_rotated:  # each sweep squares what is off the diagonal
+    while has_rotated:  # each sweep squares the off-diagonal part
         has_rotated = False
         for i in range(size):
             for j in range(i + 1, size):

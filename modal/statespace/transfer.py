@@ -121,7 +121,7 @@ def _one(
     moving = np.abs(poles[poles != 0])
     fast, slow = (float(end(moving)) if len(moving) else G.unit for end in (np.max, np.min))
     middle = np.sqrt(fast) * np.sqrt(slow) * np.exp(0.5j)
-    far = EPS**-2  # above or below all poles by so much, only the degree is felt
+    far = EPS**-2  # above or below all poles by so much, only the degree matters
     *ends, gain = G.at(np.array([fast * far, 2 * fast * far, slow / far, 2 * slow / far, middle]))[0, 0]
     if not all(ends):
         return TransferFunction(driven, output, _ascending([]), _ascending([]), 0.0)
@@ -170,7 +170,7 @@ def _newton(start: Complexes, G: ExactResponse) -> Complexes:
 
 
 def _clean(n1: float, n0: float, rate: float) -> tuple[float, float]:
-    """The same without what rounding has left of a 0."""
+    """The same with rounding errors set to 0."""
     first, last = abs(n1) * rate, abs(n0)
     return n1 if first > NOISE_OF_SUM * last else 0.0, n0 if last > NOISE_OF_SUM * first else 0.0
 

@@ -23,13 +23,13 @@ from modal.types import Floats, Ints
 
 Role = Literal["body", "line", "spring", "dot", "ground", "hatch", "guide"]
 STILL: frozenset[Role] = frozenset({"ground", "hatch", "guide"})
-"""The roles of what does not move with η."""
+"""The roles of parts that do not move with η."""
 HALF_HEIGHT = 0.05
 """Format: of a body, and radius of wheels, over the unit of a picture, as all lengths here."""
 BODY_MARGIN = 0.13
-"""Format: what a body reaches beyond its points; those farther above or below it have a stem."""
+"""Format: extent of a body beyond its points; those farther above or below it have a stem."""
 WALL_GAP = 0.55
-"""Format: room between bodies that are set apart, and to the wall that a spring is fixed to."""
+"""Format: space between bodies that are set apart, and to the wall that a spring is fixed to."""
 SPRING_TEETH = 7
 """Format: of the zigzag of a spring."""
 SPRING_LEAD = 0.18
@@ -37,7 +37,7 @@ SPRING_LEAD = 0.18
 SPIRAL_TURNS = 2.25
 """Format: of a torsion spring."""
 GAPS_OF_CARRIERS = (6.0, 2.5)
-"""Format: gap between carriers, over the unit, from which on it is shortened, and to what."""
+"""Format: gap between supports, over the unit, above which it is shortened, and the length it is given."""
 STOREY = (0.75, 1.3, 0.7)
 """Format: half the width of a storey, and its height with a pendulum in it and without one, over the unit."""
 
@@ -84,7 +84,7 @@ class Scaffold:
 
     @cached_property
     def _points(self) -> tuple[Floats, ...]:
-        """Every carrier's points of which something is drawn, (K, 2) in m along and below its origin."""
+        """Every support's points of which something is drawn, (K, 2) in m along and below its origin."""
         points: list[list[tuple[float, float]]] = [[] for _ in self.structure.carriers]
         for pendulum, aside in zip(self.pendula.tolist(), self.aside.tolist(), strict=True):
             carrier, where = self.structure.pivots[pendulum]
@@ -98,7 +98,7 @@ class Scaffold:
 
     @cached_property
     def _bodies(self) -> tuple[tuple[float, float, float], ...]:
-        """Left, right and height (m, along and below its origin) of every carrier's body."""
+        """Left, right and height (m, along and below its origin) of every support's body."""
         bodies = []
         for body, points in zip(self.structure.carriers, self._points, strict=True):
             close_points = points if body.turning is None else points[np.abs(points[:, 1]) < 10 * self.unit]
@@ -168,7 +168,7 @@ class Scaffold:
         return shifts
 
     def _nearer(self, boxes: Sequence[tuple[float, float, float]]) -> Floats:
-        """How far every carrier moves along the rail where long gaps between their boxes are shortened, (C,)."""
+        """How far every support moves along the rail where long gaps between their boxes are shortened, (C,)."""
         longest, instead = (share * self.unit for share in GAPS_OF_CARRIERS)
         shifts, moved = np.zeros(len(boxes)), 0.0
         order = sorted(range(len(boxes)), key=lambda k: boxes[k][0])
@@ -181,7 +181,7 @@ class Scaffold:
 
     @cached_property
     def notes(self) -> list[str]:
-        """Sentences on what is not drawn in its place."""
+        """Sentences on parts that are not drawn in their places."""
         overlaps = (self.shifts[:, 0] > 0).any() > self.is_nearer or self.aside.any()
         words = ["what would overlap is drawn apart"] * bool(overlaps)
         words += ["heights of storeys not to scale"] * bool(self.storeys)
@@ -251,11 +251,11 @@ class Scaffold:
         return list(self._carrier(k, eta))
 
     def _at(self, k: int, points: Sequence[tuple[float, float]], eta: Floats) -> Floats:
-        """Points of a carrier, (F, K, 2)."""
+        """Points of a support, (F, K, 2)."""
         return np.stack([self.place(k, point, eta) for point in points], axis=1)
 
     def _ground_points(self, k: int, points: Sequence[tuple[float, float]]) -> Floats:
-        """Points of the ground next to a carrier as drawn, (1, K, 2)."""
+        """Points of the ground next to a support as drawn, (1, K, 2)."""
         x, z = self.structure.carriers[k].position
         shift, rise = self.shifts[k].tolist()
         return np.array([[(float(x) + shift + s, rise - (float(z) + h)) for s, h in points]])
@@ -286,7 +286,7 @@ class Scaffold:
             yield from drawing(k, body, eta)
 
     def _ceiling(self, k: int) -> Iterator[Piece]:
-        """What stands still, hatched from above."""
+        """The fixed parts, hatched from above."""
         points, u = self._points[k], self.unit
         for h in np.unique(points[:, 1]):
             abscissas = points[points[:, 1] == h, 0]
@@ -402,7 +402,7 @@ class Scaffold:
         yield Piece("spring", _zigzag(wall_end, body_end, self.unit, is_damper=not stiffness))
 
     def _side(self, k: int) -> float:
-        """On which side of a carrier there is room for a wall: −1 left, 1 right."""
+        """On which side of a support there is room for a wall: −1 left, 1 right."""
         middles = [
             float(body.position[0]) + float(self.shifts[i, 0]) + sum(self._bodies[i][:2]) / 2
             for i, body in enumerate(self.structure.carriers)
@@ -459,12 +459,12 @@ class Scaffold:
                 yield Piece("spring", _zigzag(*edges, self.unit, is_damper=is_damper))
 
     def _is_shortened(self, ends: tuple[End, End]) -> bool:
-        """Whether a spring is between carriers whose gap is drawn shorter."""
+        """Whether a spring is between supports whose gap is drawn shorter."""
         carriers = [end.carrier for end in ends if isinstance(end, CarrierEnd)]
         return len(carriers) == 2 and self.is_nearer and self.shifts[carriers[0], 0] != self.shifts[carriers[1], 0]
 
     def _edges(self, ends: tuple[End, End], first: Floats, second: Floats) -> tuple[Floats, Floats]:
-        """The ends of a spring between origins of carriers side by side, at the edges of their bodies."""
+        """The ends of a spring between origins of neighbouring supports, at the edges of their bodies."""
         edges, abscissas = [first, second], [self._rest_place(end) for end in ends]
         for k, end in enumerate(ends):
             if isinstance(end, CarrierEnd) and end.where == (0.0, 0.0):

@@ -128,7 +128,7 @@ def hung_masses(scene: Scene) -> list[float]:
 
 
 def _moments(structure: Structure, hung_mass: Sequence[Any]) -> Iterator[tuple[int, Any]]:
-    """A coordinate of η, and m ∂z/∂η (kg, kg m) of one mass by it, of all that the carriers are and carry."""
+    """A coordinate of η, and m ∂z/∂η (kg, kg m) of one mass by it, of all that the supports are and carry."""
     masses: list[tuple[int, Where, Any]] = [
         (index, carrier.centre, carrier.mass)
         for index, carrier in enumerate(structure.carriers)

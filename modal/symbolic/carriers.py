@@ -1,6 +1,6 @@
 """Supports and chains in symbols; positions and velocities of points, from the drawing, not from `modal.structure`.
 
-The origin as drawn is at (x₀, z₀), x along the rail and z down; a point (s, h) of a carrier lies at
+The origin as drawn is at (x₀, z₀), x along the rail and z down; a point (s, h) of a support lies at
 
     cart        (x₀ + x + s,  z₀ + h)
     swing       (x₀ + L sin(s_a/L) + s,  z₀ + L cos(s_a/L) − L + h)         s_a along the arc
@@ -65,7 +65,7 @@ LETTERS: dict[str, tuple[str, ...]] = {
     "heave": ("y",),
     "platform": ("x", "y", "phi"),
 }
-"""The letters of the coordinates of every kind but "modal", which the name of a carrier follows."""
+"""The letters of the coordinates of every kind but "modal", which the name of a support follows."""
 
 
 class Chain(NamedTuple):
@@ -88,11 +88,11 @@ class Chain(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class SymbolicCarrier:
-    """A carrier: its kind and name, the origin as drawn, and its numbers or symbols in SymPy.
+    """A support: its kind and name, the origin as drawn, and its numbers or symbols in SymPy.
 
     `index` is what follows the letters of its coordinates: its name, or nothing for one cart alone.
     `stiffness` and `damping` are matrices (d, d), diagonal but for a modal support, whose masses are `masses` (d, d)
-    and whose `points` (P, 2, d) move with its coordinates.  `carries` tells for each coordinate whether the own spring
+    and whose `points` (P, 2, d) move with its coordinates.  `carries` says for each coordinate whether the own spring
     carries the weight as drawn.  Of a kind that others wrote the `path` says how it moves, by its `values`.
     """
 

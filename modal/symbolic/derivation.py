@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 SECTIONS = ("lagrangian", "equations", "matrices", "polynomial", "modes")
 ASKED_FOR = ("hamiltonian",)
-"""Sections that are written where they are asked for by name, after the others."""
+"""Sections that are written where they are requested by name, after the others."""
 MOST_CHECKED = 6
 """Cost: links of which T and the equations are checked against Cartesian ones (benchmarks/symbolic.py)."""
 MOST_WRITTEN = 40
@@ -74,7 +74,7 @@ def derive(
 
 
 def _lagrangian(system: SymbolicStructure) -> Section:
-    """T and V, whole or of every carrier, chain and spring; SceneError if T and the rates of places disagree."""
+    """T and V, whole or of every support, chain and spring; SceneError if T and the rates of places disagree."""
     if system.spatial and system.has_joint_forces:
         return Section("Lagrangian", [Line(NOT_IN_SPACE)])
     T, lines = (_of_pair if system.is_of_pair else _of_parts)(system)
@@ -189,7 +189,7 @@ def _ways(system: SymbolicStructure) -> str:
 
 
 def _hamiltonian(system: SymbolicStructure) -> Section:
-    """H and Hamilton's equations; of carriers M(q) from the kinetic energies and p' from Lagrange's in p = M q'."""
+    """H and Hamilton's equations; of supports M(q) from the kinetic energies and p' from Lagrange's in p = M q'."""
     if system.is_of_pair:
         return hamiltonian(system)
     T, v = sp.Add(*(part.T for part in system.parts)), [c.v for c in system.coordinates]

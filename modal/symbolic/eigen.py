@@ -310,7 +310,7 @@ def _in_symbols(eigen: EigenPolynomial, system: SymbolicStructure) -> Iterator[L
     factors = [(sp.Poly(factor, x), count) for factor, count in sp.factor_list(eigen.polynomial, x)[1]]
     for polynomial, count in sorted(factors, key=lambda factor: _rank(factor[0])):
         times = f"{count} times; " if count > 1 else ""
-        if polynomial.degree() >= 3:  # whose closed forms nobody reads
+        if polynomial.degree() >= 3:  # whose closed forms are unreadable
             yield Line(f"{_heading_words(eigen)}degree {polynomial.degree()}: no useful closed form; use numbers")
             continue
         if polynomial.degree() == 2:
@@ -335,7 +335,7 @@ def _shape(system: SymbolicStructure, polynomial: Any) -> Iterator[Line]:
     x, has_one_root = sp.Symbol("x"), polynomial.degree() == 1
     M, K, _ = system.matrices()
     if system.spatial or not 2 <= M.rows <= (MOST_IN_SYMBOLS if has_one_root else 2):
-        return  # of one coordinate it is no shape, and of many a formula that nobody reads
+        return  # of one coordinate it is no shape, and of many an unreadable formula
     rows = K - x * M
     solved = rows.subs(x, _simple_root(polynomial)).applyfunc(sp.cancel) if has_one_root else rows[:-1, :]
     shapes = solved.nullspace(simplify=sp.cancel)
@@ -358,7 +358,7 @@ def _simple_root(polynomial: Any) -> Any:
 
 
 def _rank(polynomial: Any) -> tuple[int, int]:
-    """Ascending as far as symbols tell: of two sums of positive terms the one with fewer, behind it higher degrees."""
+    """Ascending as far as symbols have an order: of sums of positive terms the shorter first, higher degrees last."""
     is_of_one = polynomial.degree() == 1
     return polynomial.degree(), len(sp.Add.make_args(_simple_root(polynomial))) if is_of_one else 0
 

@@ -2,7 +2,7 @@
 
     H(q, p) = ½ pᵀ M(q)⁻¹ p + V(q)        q' = ∂H/∂p        p' = −∂H/∂q − ∂R/∂q'
 
-M(q) changes with the motion and its inverse is full.  What does not change are the numbers M, b, A of the pair.  With
+M(q) changes with the motion and its inverse is full.  Only the numbers M, b, A of the pair are constant.  With
 v_i = θ_i' n_i the rate of the direction u_i (v_0 = x' e_x), let P_i = Σ_j N_ij v_j, N = [[M, bᵀ], [b, A]]: along n_i it
 has the momentum p_i, along u_i some s_i, which follows from u_i·v_i = 0.  With the constant W = N⁻¹
 
@@ -190,7 +190,7 @@ def _constants(system: SymbolicStructure, W: Any) -> Iterator[Line]:
 
 
 def _pattern(W: Any) -> str:
-    """What the zeros of W say."""
+    """The meaning of the zeros of W."""
     if not any(entry == 0 for entry in W):
         return ""
     distant_entries = [W[i, j] for i in range(W.rows) for j in range(W.rows) if abs(i - j) > 1]

@@ -98,7 +98,7 @@ def cart_forces(system: SymbolicStructure) -> list[Any]:
 
 
 def joint_moments(system: SymbolicStructure) -> list[Any]:
-    """What the springs and dampers of joints take from each angle (N m): less the generalized forces."""
+    """Minus the generalized forces (N m) of the springs and dampers of joints on each angle."""
     plain, chains = system.without_laws, range(len(system.chains))
     (V, R), (V_laws, R_laws) = (
         (sp.Add(*map(part.joint_energy, chains)), sp.Add(*map(part.joint_dissipation, chains)))

@@ -102,7 +102,7 @@ class NewtonEuler(Displayed):
             yield "moments about the centre", equal(moments, self.proportions(part)[1] * theta.a)
 
     def _moment(self, part: FreeBody, effort: Effort) -> Any:
-        """That of an effort about the centre, positive the way θ grows."""
+        """The moment of an effort about the centre, positive the way θ grows."""
         if effort.turning:
             return effort.sign * sp.Symbol(effort.turning)
         if effort.at == "centre":

@@ -177,7 +177,7 @@ class SymbolicStructure(Displayed):
 
     @cached_property
     def coordinates(self) -> list[Coordinate]:
-        """η of all carriers, then the angles."""
+        """η of all supports, then the angles."""
         return [*(c for carrier in self.carriers for c in carrier.coordinates), *self.angles]
 
     @cached_property
@@ -299,7 +299,7 @@ class SymbolicStructure(Displayed):
 
     @cached_property
     def carried_weights(self) -> list[Any]:
-        """W (N or N m) of every carrier's coordinates that a spring holds as drawn, and 0 of the others."""
+        """W (N or N m) of every support's coordinates that a spring holds as drawn, and 0 of the others."""
         is_carried = [holds for carrier in self.carriers for holds in carrier.carries]
         weights = [(m * self.gravity, place[1]) for m, place in self.masses()]
         return [
@@ -309,7 +309,7 @@ class SymbolicStructure(Displayed):
 
     @cached_property
     def carrier_energies(self) -> list[Any]:
-        """½ k η² + W η of every carrier."""
+        """½ k η² + W η of every support."""
         weights, energies = iter(self.carried_weights), []
         for carrier in self.carriers:
             q = sp.Matrix([c.q for c in carrier.coordinates])
@@ -319,7 +319,7 @@ class SymbolicStructure(Displayed):
 
     @cached_property
     def parts(self) -> list[Energy]:
-        """The energies of every carrier and chain; weights count from the drawn origin of the carrier."""
+        """The energies of every support and chain; weights count from the drawn origin of the support."""
         parts = []
         for carrier, energy in zip(self.carriers, self.carrier_energies, strict=True):
             if carrier.coordinates:
@@ -347,7 +347,7 @@ class SymbolicStructure(Displayed):
         ]
 
     def _words_of(self, spring: SymbolicSpring) -> str:
-        """A spring and what it joins."""
+        """A spring and the parts that it joins."""
         names = []
         for end in self.spring_entries[spring.number].ends:
             if isinstance(end, LinkEnd):
@@ -375,7 +375,7 @@ class SymbolicStructure(Displayed):
         return Energy(f"pendulum {p + 1}{where}", sp.expand(T), V)
 
     def joints(self, p: int, part: str = "q") -> list[Any]:
-        """The angles at the joints of a chain from rest, or their rates (`part` v): the first from its carrier."""
+        """The angles at the joints of a chain from rest, or their rates (`part` v): the first from its support."""
         carrier_angle = self.carriers[self.pivot_ends[p].carrier].angle
         upper, relative = getattr(carrier_angle, part) if carrier_angle is not None else sp.S.Zero, []
         for angle, sign in zip(self._of_chain(p), self.chains[p].sigma, strict=True):
@@ -386,7 +386,7 @@ class SymbolicStructure(Displayed):
         return relative
 
     def joint_energy(self, p: int) -> Any:
-        """What the springs and laws at the joints of a chain store, in symbols."""
+        """The energy of the springs and laws at the joints of a chain, in symbols."""
         laws = zip(self.laws[p], self.joints(p), strict=True) if self.laws else ()
         potentials = (potential_of(part, gamma) for parts, gamma in laws for part in parts)
         return sp.Add(self.at_joints(p, self.chains[p].stiffness), *potentials)
@@ -408,7 +408,7 @@ class SymbolicStructure(Displayed):
 
     @cached_property
     def dissipation(self) -> Any:
-        """R = ½ η'ᵀ D η' of all carriers + Σ ½ d (rate)² of joints and springs; of a stretched one by the symbol ℓ'."""
+        """R = ½ η'ᵀ D η' of all supports + Σ ½ d (rate)² of joints and springs; of a stretched one by the symbol ℓ'."""
         return sp.Add(*self._dissipations())
 
     def _dissipations(self) -> Iterator[Any]:
@@ -569,5 +569,5 @@ def _shortest(entry: Any) -> Any:
 
 
 def indices(angle: Coordinate) -> list[str]:
-    """What follows the name of an angle: the numbers of its chain, if there are several, and of its link."""
+    """The indices of an angle: the numbers of its chain, if there are several, and of its link."""
     return list(angle.q.name.split("_")[1:])

@@ -262,7 +262,7 @@ def _grid(matrix: Any) -> str:
 
 
 class PlusMinus(sp.Function):  # type: ignore[misc]
-    """Two roots, given by what they share and by how far each is from it."""
+    """Two roots, given by their common part and the distance of each from it."""
 
     nargs = 2
     unit, unit_in_latex = "", ""
@@ -374,7 +374,7 @@ def in_display(formula: Any) -> str:
 
 
 def _display(formula: Any, line: float = LINE) -> str:
-    """A displayed formula, broken into lines if it is too long for one of so many letters."""
+    """A displayed formula, broken into lines if it is too long for one of this many letters."""
     text = _tex(formula)
     if letters(text) <= line:
         return f"\\begin{{equation*}}\n{text}\n\\end{{equation*}}"
@@ -395,7 +395,7 @@ def _sentence(words: str) -> str:
 
 
 def _inline(words: str) -> str:
-    """Words with what is mathematics in them between dollars."""
+    """Words, with mathematics in them between dollars."""
     pieces = _MATHEMATICS.split(words)
     return "".join(f"${in_latex(piece)}$" if at % 2 else _with_mathematics(piece) for at, piece in enumerate(pieces))
 

@@ -12,7 +12,7 @@ from modal.errors import ExtensionError
 from modal.extend import Extension, find_extension, register, registration
 
 HOSTILE: tuple[Any, ...] = (float("nan"), float("inf"), -float("inf"), 1e301, "x", "1", "", None, True, [], {})
-"""What no number of a scene can be."""
+"""Values that no number of a scene can have."""
 
 
 class ExtensionTests:
@@ -50,7 +50,7 @@ class ExtensionTests:
         assert getattr(self.extension, "words", "") or self.extension.__doc__
 
     def test_it_has_no_mistake(self) -> None:
-        """Of those that are told before anything is computed."""
+        """The messages that come before anything is computed."""
         assert not [*self.extension.mistakes()]
 
     def test_its_name_is_its_own(self) -> None:

@@ -21,7 +21,7 @@ from modal.testing.extensions import ExtensionTests
 
 SCENES = ("chain-1", "chain-3", "paper-cart-2", "crane-hook", "cart-upright", "huygens")
 TITLES = ('a "title"', "*/ /*", "{}; \\ % ' <&>", "Größe ∀", "")
-"""What a title may have in it."""
+"""Characters that a title may contain."""
 
 
 class FormatTests(ExtensionTests):
@@ -39,7 +39,7 @@ class FormatTests(ExtensionTests):
 
     @staticmethod
     def read(content: bytes) -> Sequence[Any] | None:
-        """A, B, C and D of what was written."""
+        """A, B, C and D as written."""
         return None
 
     def cases(self, name: str) -> Sequence[Any] | None:
@@ -95,7 +95,7 @@ class FormatTests(ExtensionTests):
         assert format_of_file(f"model{self.extension.extension}") == self.extension.name
 
     def test_it_is_among_the_formats(self) -> None:
-        """That an unknown name is told."""
+        """That an unknown name is reported."""
         assert type(find_format(self.extension.name)) is self.extension
         with pytest.raises(SceneError, match=self.extension.name):
             find_format("nosuch")

@@ -43,7 +43,7 @@ class LinkTests(MechanicsTests):
 
     @property
     def path(self) -> str:  # type: ignore[override]
-        """Of the bob."""
+        """The path of the bob."""
         return f"pendulum[0].links[0].{self.key}"
 
     def table(self, **wrong: Any) -> dict[str, Any]:
@@ -112,7 +112,7 @@ class LawTests(LinkTests):
     """
 
     def torque(self, first: Any, second: Any, **changes: Any) -> Any:
-        """Of the angle and the rate."""
+        """The torque, from the angle and the rate."""
         return self.law.torque(first, second, self.values | changes)
 
     def test_small_motion_has_its_slopes(self) -> None:
@@ -146,7 +146,7 @@ class ForceTests(LinkTests):
     key = "point_force"
 
     def torque(self, first: Any, second: Any, **changes: Any) -> Any:
-        """Of the velocity: the force along, with twice that down."""
+        """The force for a velocity: the part along, with twice that down."""
         along, down = self.law.force([first, second], self.values | changes)
         return along + 2 * down
 

@@ -17,7 +17,7 @@ from modal.scene.signal_names import column_label
 from modal.testing.extensions import ExtensionTests
 
 NOT_NUMBERS = ("x", "nan", "inf", "-1", "0", "1e9", "", "1,5")
-"""What no N of NAME:N can be."""
+"""Values that no N of NAME:N can have."""
 
 
 class MeasureTests(ExtensionTests):
@@ -33,7 +33,7 @@ class MeasureTests(ExtensionTests):
     expected: ClassVar[Mapping[str, float] | None] = None
 
     def cases(self, name: str) -> Sequence[Any] | None:
-        """Verbs, and what is no number."""
+        """Verbs, and values that are not numbers."""
         return {"verb": VERBS, "text": NOT_NUMBERS}.get(name)
 
     @property
@@ -116,7 +116,7 @@ class MeasureTests(ExtensionTests):
         assert number == self.extension.usual
 
     def test_a_scene_keeps_or_moves(self) -> None:
-        """What belongs to a scene has no use for seconds."""
+        """A measure of a scene takes no seconds."""
         assert (self.extension.reads == SCENE_ITSELF) <= (self.extension.counts != "seconds")
 
     def test_a_file_keeps_it(self, tmp_path: Path) -> None:

@@ -36,7 +36,7 @@ const motion = new $motion.Motion(system, $system.startOf(scene, system), { tole
 motion.advance(%s);
 process.stdout.write(JSON.stringify([...motion.y]));
 """
-"""Format: of what Node is asked."""
+"""Format: of the question to Node."""
 
 
 class MechanicsTests(ExtensionTests):
@@ -78,11 +78,11 @@ class MechanicsTests(ExtensionTests):
 
     @property
     def written(self) -> dict[str, Any]:
-        """As a scene has it."""
+        """As in a scene."""
         return {"kind": self.extension.name, **self.parameters}
 
     def table(self, **wrong: Any) -> dict[str, Any]:
-        """A scene with it, a bob and a rod, as a file has it; `wrong` takes the place of numbers."""
+        """A scene with it, a bob and a rod, as in a file; `wrong` takes the place of numbers."""
         raise NotImplementedError
 
     def scene(self, angles: Sequence[float] = (40.0, -25.0)) -> Scene:
@@ -115,7 +115,7 @@ class MechanicsTests(ExtensionTests):
         assert at_rest == pytest.approx(0.0, abs=LAW_ERROR_MAX)
 
     def test_lagranges_equations_hold_at_the_accelerations(self, seed: int) -> None:
-        """Of symbols, which leave drives out, at what floats compute."""
+        """Symbols, which omit drives, against floats."""
         if why := refusals(self.scene(), "a derivation") or ["drives"] * ("van_der_pol" in self.scene().features):
             pytest.skip(why[0])
         forms, equations = _lagrange(self.scene()), _equations(self.scene())
@@ -150,7 +150,7 @@ class MechanicsTests(ExtensionTests):
         np.testing.assert_allclose(other.motion.links, run.motion.links, atol=1e-6)
 
     def test_every_engine_has_the_same_motion(self, engine: str) -> None:
-        """Of members side by side."""
+        """Of an ensemble, all members at once."""
         scene, ensemble = self.scene(), deferred("nonlinear:ensemble")
         if why := refusals(scene, f"engine {engine}"):
             pytest.skip(why[0])

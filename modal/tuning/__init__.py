@@ -1,7 +1,7 @@
 """Optimization of parameters: dampers, lengths or springs for the best peaks, RMS, decay or residual swing.
 
 In: a scene, the places of free numbers with bounds, and quantities to minimize or maximize. Out: a `Tuned` with the
-scene of the best numbers, what each is worth, Den Hartog's values next to them, and curves before and after.
+scene of the best numbers, the sensitivity to each, Den Hartog's values next to them, and curves before and after.
 
     min over p of max over k |H(iω_k; p)|,      dH = −yᵀ dZ x
 

@@ -1,16 +1,16 @@
 """Closed-form optimum of one pendulum as an absorber of one mode: Den Hartog's values, and the exact ones.
 
-A pendulum of one link with the inertia A about its joint and the first moment b is, next to a carrier that it pulls by
-b, a mass b²/A on a spring; what is left of the carrier is M + m − b²/A. With μ their ratio, ω_1² = k/(M + m − b²/A), f
+A pendulum of one link with the inertia A about its joint and the first moment b is, next to a support that it pulls by
+b, a mass b²/A on a spring, leaving the support M + m − b²/A. With μ their ratio, ω_1² = k/(M + m − b²/A), f
 = ω_d/ω_1 and ζ = c/(2 A ω_d), the peak of k|x/F| is least, to first order about its two fixed points, for
 
     f = 1/(1 + μ),    ζ = √(3μ/(8(1 + μ)))                      [DenHartog1956, §3.3]
 
-and exactly, of a carrier without a damper, for [Nishihara2002]
+and exactly, of a support without a damper, for [Nishihara2002]
 
     f = 2/(1+μ) √(2(16+23μ+9μ²+2(2+μ)√(4+3μ))/(3(64+80μ+27μ²))),    ζ = ¼√((8+9μ−4√(4+3μ))/(1+μ))
 
-On several carriers the mode nearest to the pendulum stands for the carrier: with φᵀMφ = 1 and the row M_j of the
+On several supports the mode nearest to the pendulum stands for the support: with φᵀMφ = 1 and the row M_j of the
 pendulum, μ = (M_j φ)²/A.  There both are a rule, not the best.
 """
 
@@ -42,7 +42,7 @@ def den_hartog(mu: float) -> tuple[float, float]:
 
 
 def exact_optimum(mu: float) -> tuple[float, float]:
-    """The f and ζ of the least peak of a carrier without a damper.
+    """The f and ζ of the least peak of a support without a damper.
 
     >>> [round(value, 8) for value in exact_optimum(0.05)]
     [0.95237204, 0.13393773]
@@ -81,7 +81,7 @@ class Absorber(Displayed):
 
     @property
     def exact(self) -> tuple[float, float]:
-        """The f and ζ of the least peak of a carrier without a damper."""
+        """The f and ζ of the least peak of a support without a damper."""
         return exact_optimum(self.mu)
 
 

@@ -2,7 +2,7 @@
 
 M, K, D and the rows of outputs and inputs are sums of products of numbers, of degree 2 at most in each.  With u the
 numbers over those of a scene, Newton's form on the nodes 1, 2, 1/2 of each number, and for several numbers on products
-of these where each part of them has terms together, gives the coefficients; what is rounding is made 0, so that each
+of these where each part of them has terms together, gives the coefficients; rounding errors are set to 0, so that each
 entry is right to its own last digits.  Two other points tell whether that is all: lengths that turn springs are no
 polynomials, and then there is none.
 """
@@ -83,7 +83,7 @@ def interpolate(arrays_at: Callable[[Floats], Arrays], start: Floats) -> Interpo
 def _coefficients(
     at: Callable[[Sequence[float]], Floats], n: int, samples: dict[Powers, Floats]
 ) -> dict[Powers, Floats] | None:
-    """Those of Newton's form by the powers of all numbers; None for too many points."""
+    """The coefficients of Newton's form by the powers of all numbers; None for too many points."""
     coefficients: dict[Powers, Floats] = {}
     active: set[tuple[int, ...]] = set()
     for subset in _subsets(n, active):
@@ -141,7 +141,7 @@ def _monomials(powers: np.ndarray, rows: Floats) -> tuple[np.ndarray, Floats]:
 
 
 def _clean(powers: np.ndarray, rows: Floats, size: Floats) -> tuple[np.ndarray, Floats]:
-    """Without what is rounding next to the size of each entry."""
+    """With entries that are rounding errors for their size set to 0."""
     large_rows = np.where(np.abs(rows) > ENTRY_ROUNDING * size, rows, 0.0)
     is_used = np.any(large_rows != 0, axis=1)
     is_used[0] = True

@@ -35,12 +35,12 @@ ROUNDS = 120
 GAIN_MIN = 1e-10
 """Tolerance: gain of a step at which a search ends: the eigenvalues of modes that meet have half of all digits."""
 LABEL_STEP = 2e3
-"""Format: labels of values beside peaks, which are bounds, are larger by a step, those of other cases by four."""
+"""Format: labels of values other than peaks, which are bounds, are larger by a step, those of other cases by four."""
 
 
 @dataclass(frozen=True, eq=False)
 class Faces:
-    """Values (P,) of the pieces of a cost or a limit with their gradients (P, n); `at` (P,) tells them apart."""
+    """Values (P,) of the pieces of a cost or a limit with their gradients (P, n); `at` (P,) distinguishes them."""
 
     values: Floats
     gradients: Floats

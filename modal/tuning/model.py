@@ -23,13 +23,13 @@ GRID_POINTS = 80
 """Tolerance: points of the grid in addition to those of poles: zeros between them part peaks by far more."""
 FAR_FREQUENCY = 1e-4
 """Tolerance: a frequency, over that of the slowest pole, that stands for 0, its inverse for infinity, and a distance
-from an undamped pole at which an infinite peak shows: what is left out is of second order."""
+from an undamped pole at which an infinite peak shows: the neglected part is of second order."""
 STILL_RATE = 8 * np.sqrt(np.finfo(float).eps)
 """Tolerance: of the fastest mode, a rate below which a mode moves freely: λ² is right to its ε."""
 DAMPING_MIN = 1e-11
 """Tolerance: damping ratio of a mode that nothing damps: rounding leaves so much."""
 SIDE_POINTS = 24
-"""Cost: most frequencies beside peaks at which |H| bounds the largest."""
+"""Cost: most frequencies other than peaks at which |H| bounds the largest."""
 
 
 class TunedNumbers:

@@ -1,7 +1,7 @@
 """The objective: quantities with weights and limits, in the logarithms of free parameters, over several cases.
 
-What the best numbers are worth follows from it: how far each may be off, the worst that masses ±5 % make of them, and
-what the tuned dampers have to bear, their stroke and their torque or force, of the peak or the RMS that is tuned.
+Sensitivities of the best numbers follow from it: how far each may be off, the worst that masses ±5 % make of them, and
+the loads on the tuned dampers, their stroke and their torque or force, of the peak or the RMS that is tuned.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ Factors = Mapping[Place, float]
 MASS_SHARE = 0.05
 """Limit: by which masses may be off, ±5 % in the report."""
 PERCENT = 0.01
-"""Format: of a number and of the objective, what it is worth: `one_percent_larger`, `within_one_percent`."""
+"""Format: of a number and the objective, its sensitivities: `one_percent_larger`, `within_one_percent`."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -86,7 +86,7 @@ class Objective:
         return np.asarray(np.exp(z))
 
     def free_numbers(self, z: Floats) -> Floats:
-        """The free numbers themselves (n,): of a shift what is added."""
+        """The free numbers themselves (n,): of a shift the amount added."""
         return np.array([item.at(level) for item, level in zip(self.free, self.numbers(z).tolist(), strict=True)])
 
     def scene_at(self, z: Floats, factors: Factors | None = None) -> Scene:
@@ -193,7 +193,7 @@ def worths(objective: Objective, z: Floats) -> tuple[Worth, ...]:
 
 
 def _loss(objective: Objective, z: Floats, k: int, best: float) -> Callable[[float], float]:
-    """By what part the objective is worse where a number is changed by a logarithm."""
+    """The fraction by which the objective is worse where a number is changed by a logarithm."""
 
     def loss(change: float) -> float:
         aside = z.copy()
@@ -340,7 +340,7 @@ class Load(Displayed):
 
 
 def loads(objective: Objective, scene: Scene) -> tuple[Load, ...]:
-    """Those of the dampers of a scene that belong to links and springs with a free number."""
+    """The loads of the dampers of a scene that belong to links and springs with a free number."""
     aim = next((aim.quantity for aim in objective.aims if aim.quantity.kind in {"peak", "rms"}), None)
     if aim is None:
         return ()
@@ -372,7 +372,7 @@ def _largest(values: Floats, pieces: Pieces) -> tuple[float, float]:
 
 
 def _dampers(objective: Objective, scene: Scene) -> list[tuple[Place, str, float, str]]:
-    """Places of dampers with what they feel, their constants and the unit of their stroke."""
+    """Places of dampers with their relative motions, their constants and the unit of their stroke."""
     dampers: list[tuple[Place, str, float, str]] = []
     geometry = geometry_of(scene)
     first_numbers = np.concatenate(([0], np.cumsum([entry.count for entry in scene.pendulum])))

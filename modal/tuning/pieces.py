@@ -221,7 +221,7 @@ class At:
         return rows, values, np.where(np.isfinite(slopes), slopes, 0.0)
 
     def pieces(self, quantity: Quantity) -> Pieces:
-        """Those of a quantity."""
+        """The pieces of a quantity."""
         of = {
             "peak": self._peak,
             "rms": self._rms,
@@ -364,7 +364,7 @@ def masses_of(scene: Scene) -> list[Place]:
 
 
 def _validate(scene: Scene, quantities: Sequence[Quantity], setting: Setting) -> None:
-    """Raise SceneError for quantities that this scene, or what they are taken over, does not have."""
+    """Raise SceneError for quantities that this scene, or their range, does not have."""
     kinds = {quantity.kind for quantity in quantities}
     if kinds - {"residual"}:
         require(scene, "tuning")

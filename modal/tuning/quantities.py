@@ -34,7 +34,7 @@ KINDS = {
     "damping": "damping ratio",
     "settling": "settling time",
 }
-"""What quantities are called."""
+"""The names of quantities."""
 POSITIVE = ("mass", "length", "centre", "inertia", "gear_ratio", "gravity")
 CAN_VANISH = ("damping", "stiffness", "drag", "rotor_inertia")
 DIRECTIONS = ("sway", "heave", "roll")
@@ -71,7 +71,7 @@ class Quantity(Displayed):
 
     @property
     def words(self) -> str:
-        """What reports call it.
+        """Its name in reports.
 
         >>> parse_quantity("peak:theta_1_1/cart_force").words, parse_quantity("settling").words
         ('peak of θ₁₁ over force on the cart', 'settling time')
@@ -207,7 +207,7 @@ class FreeNumber(OfUnknown, Displayed):
 
     @property
     def given_level(self) -> float:
-        """That of the scene, 0 if there is none."""
+        """The level in the scene, 0 if there is none."""
         return self.value + self.base
 
     @property
@@ -220,7 +220,7 @@ class FreeNumber(OfUnknown, Displayed):
         return level - self.base
 
     def numbers(self, level: float) -> dict[Place, float]:
-        """Those of the scene, by their places."""
+        """The numbers of the scene, by their places."""
         return self.unknown.numbers(self.at(level))
 
     @property

@@ -68,7 +68,7 @@ class Tuned(Drawable, TextResult):
     certain: bool
     robust: bool
     open: float = 0.0
-    """What the last descent still gained where Newton's method did not settle, relative."""
+    """The relative gain of the last descent where Newton's method did not converge."""
     writer = "modal.tuning.report:tuned_text"
     figure = "modal.plotting.response:tuning_figure"
 
@@ -192,7 +192,7 @@ def unit_of(quantities: Quantities, quantity: Quantity) -> str:
 
 
 def _is_of_den_hartog(objective: Objective) -> bool:
-    """Whether one peak is tuned, of the displacement of a carrier under a force on it."""
+    """Whether one peak is tuned, of the displacement of a support under a force on it."""
     if len(objective.aims) != 1 or objective.aims[0].quantity.kind != "peak" or objective.aims[0].maximized:
         return False
     quantities = objective.quantities

@@ -290,7 +290,7 @@ def _reported(evaluate: Evaluate, report: Report, begin: float, end: float) -> E
 
 
 def _descend(objective: Objective, z: Floats) -> Minimum:
-    """The minimum next to z, about which the arrays are interpolated anew."""
+    """The minimum next to z, about which the arrays are interpolated again."""
     _centre(objective, z)
     return descend(_reported(objective.evaluate, silent, 0.0, 1.0), z, objective.low, objective.high)
 

@@ -57,7 +57,7 @@ GROWING = "grows "
 class Boundary(Displayed):
     """A boundary as a polyline of points, accurate to 1e-9: amplitudes (m) and frequencies (Hz), both (P,).
 
-    `number` tells what grows beyond it, by KINDS.  `least` is its point of least amplitude, between two points where it
+    `number` says what grows beyond it, by KINDS.  `least` is its point of least amplitude, between two points where it
     `turns` there, else one of its ends.
     """
 
@@ -180,7 +180,7 @@ class CurvePlace:
 
     @property
     def tangent(self) -> Floats:
-        """The direction that has what grows on its right."""
+        """The direction with growing motions on its right."""
         return np.array([-self.normal[1], self.normal[0]])
 
 

@@ -70,7 +70,7 @@ class Polynomials(NamedTuple):
 
 
 class FloatRows(dict[int, tuple[float, ...]]):
-    """The rows of these arrays side by side, in plain floats, made as they are requested, so many at once."""
+    """The rows of these arrays joined, in plain floats, made as they are requested, this many at once."""
 
     BLOCK = 512
 
@@ -127,7 +127,7 @@ class PrescribedMotion(ABC):
     breaks: tuple[float, ...] = ()
     shortest: float = inf
     words: str = ""
-    """What the user should know of it."""
+    """Remarks for the user."""
     units: Mapping[str, float] = {}
     """The keys of a scene that its constants come from, and the units of these there."""
     force: int = 2

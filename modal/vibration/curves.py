@@ -33,7 +33,7 @@ class Curve(ABC):
 
     @abstractmethod
     def begin(self, point: Point) -> Any:
-        """What of the system at a point the function is about; None if nothing is there."""
+        """The part of the system at a point to which the function refers; None if there is none."""
 
     @abstractmethod
     def at(self, point: Point, frame: Any) -> tuple[float, Floats, Any]:
@@ -53,7 +53,7 @@ class Singular(Curve):
         return self.system.monodromy(amplitude, tau * hertz) - (3 - 2 * self.number) * np.eye(2 * self.system.size)
 
     def determinant(self, amplitude: Floats, hertz: Floats) -> Floats:
-        """Of the matrices."""
+        """The determinant of the matrices."""
         sign, size = np.linalg.slogdet(self.matrix(amplitude, hertz))
         return np.asarray(sign * np.exp(np.minimum(size, 600.0)))
 

@@ -224,7 +224,7 @@ def hill_systems(scene: Scene) -> tuple[HillSystem, ...]:
 
 
 def _on_structure(scene: Scene) -> Iterator[HillSystem]:
-    """Those of a structure, all coordinates together, with P = ∂K/∂g; raise SceneError if weights push carriers."""
+    """Those of a structure, all coordinates together, with P = ∂K/∂g; raise SceneError if weights push supports."""
     structure = structure_of(scene)
     problems = [
         f"{name}: the ground shakes the weights that its spring carries, which then never rests: a Floquet multiplier "
@@ -353,7 +353,7 @@ def parametric_stability(scene: Scene) -> ParametricStability:
     """Compute the stability of a scene with a vertical sine motion of its support, hanging or inverted, with any links.
 
     A motion along the rail next to it pushes small angles and does not change their growth. Raise SceneError for any
-    other motion, and for what Hill's equation does not include: forces, friction, drives, hoists.
+    other motion, and for features that Hill's equation lacks: forces, friction, drives, hoists.
 
     >>> from modal import Bob, Pendulum, Scene
     >>> from modal.scene import Moved, SineMotion

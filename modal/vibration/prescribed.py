@@ -50,7 +50,7 @@ SPLINE_DEGREE = 5
 """Format: degree of the spline through a record of more samples than that: its acceleration is a cubic."""
 ORDERS = {"displacement": 0, "velocity": 1, "acceleration": 2}
 BAND_ERROR = 0.01
-"""Physics: relative error of the support's acceleration at the end of the band that is told of a record."""
+"""Physics: relative error of the support's acceleration at the end of the band that is reported for a record."""
 IMAGES = np.arange(1, 200)[:, None] * [1, -1]
 DRIFT_MIN = 1e-3
 """Tolerance: velocity at the end, over the largest in the record, from which on the record is said to drift."""
@@ -130,7 +130,7 @@ class Record(PiecewiseMotion):
         return np.append(spline.x[:-1][has_length], self.last), derivatives
 
     def polynomials(self, order: int) -> Polynomials:
-        """Those of the spline; outside the record none, at constant velocity."""
+        """The polynomials of the spline; outside the record none, at constant velocity."""
         return self._polynomials[order - 1]
 
     @cached_property
@@ -152,7 +152,7 @@ class Record(PiecewiseMotion):
         return polynomials[0], polynomials[1]
 
     def derivative(self, time: Any, order: int) -> Any:
-        """Of the spline less its baseline; at constant velocity outside the record."""
+        """The derivative of the spline less its baseline; at constant velocity outside the record."""
         within = np.clip(time, self.first, self.last)
         value = self._without_drift(within, order)
         if order == 0:

@@ -48,7 +48,7 @@ FREQUENCIES_AT_ONCE = 4096
 ERROR_UNDER_INTEGRAL = 1e-10
 """Tolerance: relative error of H under an integral, which an RMS has too; 1e-11 takes five times as long."""
 POWER_OF_DRIFT = -0.99
-"""Tolerance: power of ω up to which an integral down to 0 is infinite: −1, as two low frequencies tell it."""
+"""Tolerance: power of ω up to which an integral down to 0 is infinite: −1, as estimated from two low frequencies."""
 MOST_TERMS = 5e6
 """Limit: modes, squared, times outputs, refused beyond."""
 DIVERGES = "undamped and excited by the noise: the RMS grows without bound"
@@ -196,7 +196,7 @@ class RandomResponse(ModalResponse):
         return np.asarray((size[:, 0] > 0) & (power <= POWER_OF_DRIFT))
 
     def _responses(self, omega: Floats, remainder: Floats) -> Iterator[tuple[int | None, Complexes]]:
-        """What each mode adds to H at omega + remainder, (p, W); None for the support itself."""
+        """The contribution of each mode to H at omega + remainder, (p, W); None for the support itself."""
         s = 1j * omega
         for mode, group in groupby(self._terms, key=lambda entry: entry[0].mode):
             response = np.zeros((len(self.outputs), len(s)), dtype=np.complex128)

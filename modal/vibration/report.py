@@ -24,7 +24,7 @@ from modal.vibration.thermal import ThermalNoise
 POINTS_OF_BAND = 400
 """Format: frequencies of a PSD in a file or a figure, in addition to those around resonances."""
 PER_RESONANCE = (-10.0, -3.0, -1.0, -0.3, 0.0, 0.3, 1.0, 3.0, 10.0)
-"""Distances from a resonance, in half-widths, at which a PSD is printed besides its grid."""
+"""Distances from a resonance, in half-widths, at which a PSD is printed in addition to its grid."""
 INFINITE = "∞"
 
 

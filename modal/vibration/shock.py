@@ -306,7 +306,7 @@ class ShockResponse(ModalResponse):
 def shock_response(scene: Scene, motion: RecordMotion, outputs: tuple[str, ...] = USUAL) -> ShockResponse:
     """Compute the response of a scene, at rest on its support, to a record of the support's motion along the rail.
 
-    `outputs` are groups of `modal.statespace.signals.OUTPUTS`. The history begins with the record and goes on for two
+    `outputs` are groups of `modal.statespace.signals.OUTPUTS`. The history begins with the record and continues for two
     of the slowest periods beyond it. Raise ComputationError if it would take too many steps, and the errors of
     `state_space` and `to_modal_form`.
     """
@@ -334,7 +334,7 @@ def shock_response(scene: Scene, motion: RecordMotion, outputs: tuple[str, ...] 
 
 
 def _carried_along(form: ModalForm, record: Record, times: Floats) -> Floats:
-    """The outputs (p, T) of a support that goes on as it begins: what is at rest on it moves with it."""
+    """The outputs (p, T) of a support that keeps its initial velocity, with everything on it at rest."""
     start, speed = float(record.displacement(record.first)), float(record.velocity(record.first))
     return np.asarray(form.outputs[0] @ np.stack([start + speed * (times - record.first), np.full(len(times), speed)]))
 
@@ -353,7 +353,7 @@ def _steps(eigenvalues: Complexes, record: Record) -> tuple[float, float]:
 
 
 def _history(term: Term, record: Record, grid: Grid) -> Floats:
-    """What one term adds to each output, (p, T), for the support's acceleration."""
+    """The contribution of one term to each output, (p, T), for the support's acceleration."""
     N1, N0, times = term.N1[:, :1], term.N0[:, :1], grid.times
     c2, c1, c0 = term.c
     if not c2:

@@ -37,7 +37,7 @@ NAMES = {
     "tuning": ("tune",),
     "derivation": ("derive", "enclose"),
 }
-"""The names of the commands of every group, a module of this room."""
+"""The names of the commands of every group, a module of this subpackage."""
 ABOUT = (
     "Frequencies, mode shapes and motion of multi-pendulum systems: chains of bobs, rods and rigid bodies, in the "
     "plane or in space, on a fixed support, coupled by a common cart, or hung from structures with springs."

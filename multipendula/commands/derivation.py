@@ -55,7 +55,7 @@ def derive(options: argparse.Namespace) -> None:
 
 
 def _of_free_bodies(options: argparse.Namespace) -> Iterator[str]:
-    """What is asked that free bodies alone take."""
+    """Options given that only free bodies take."""
     if _drawing(options):
         yield f"-o {options.output}: only free-body diagrams are drawn: add --show freebody, or write text"
     for name in ("names", "parts"):

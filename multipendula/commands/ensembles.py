@@ -31,20 +31,20 @@ COMPUTED = (
     "--folder",
 )
 Made = TypeVar("Made", bound="Result")
-"""What an ensemble ends in."""
+"""Options of the stored end of an ensemble."""
 FORMATS = ("text", "csv", "json")
 BY_ENERGY, BY_STROBES = ("--energy", "--crossing"), ("--phase-deg", "--spread", "--settle", "--of", "--seed")
 """Options of a section at an energy, and of a stroboscopic one."""
 
 
 def measured(verb: str, usual: str, **how: Any) -> Option:
-    """What is measured of every member; the `usual` measure ends the words."""
+    """The measures of every member; the `usual` measure ends the words."""
     known, completion = taken_by(verb, discover=False), extensions("measure", lambda known: verb not in known.refused)
     return option(f"--measure: {', '.join(known)} (default {usual}", completion=completion, **how)
 
 
 def strobed(transient: str) -> tuple[str, ...]:
-    """When a driven scene is looked at, and which of its links are drawn; `transient` says how long by default."""
+    """When a driven scene is sampled, and which of its links are drawn; `transient` says how long by default."""
     return (
         "--phase-deg (default 0)",
         f"--settle (default {transient})",
@@ -141,7 +141,7 @@ def _scene(options: argparse.Namespace) -> Scene:
 
 
 def _show(options: argparse.Namespace, figure: str, outcome: Made) -> Made | None:
-    """The result, once its report and its picture are written; of a share only where it is kept, and None."""
+    """The result, once its report and its picture are written; of a share only where it is stored, and None."""
     if tell_of_share(options):
         return None
     say(outcome.report(options.format), options.format)
@@ -150,7 +150,7 @@ def _show(options: argparse.Namespace, figure: str, outcome: Made) -> Made | Non
 
 
 def tell_of_share(options: argparse.Namespace) -> bool:
-    """Whether a share was computed, which is told in place of the result."""
+    """Whether a share was computed, which is reported in place of the result."""
     from modal.report import visible
 
     if options.share:

@@ -1,8 +1,8 @@
-"""What `table` computes again about its rows when it is asked: angles by periodic orbits, and proofs of frequencies.
+"""What `table` computes again about its rows on request: angles by periodic orbits, and proofs of frequencies.
 
 A proof says for every row between which squares of frequencies its own is, and how many are below both: what
 `check_proof.py` counts again.  It is that file which judges here too, so that a table says no more than a reader will
-find; what both compute has no part in the frequencies of the table.
+find; neither affects the frequencies of the table.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ WHAT = "python check_proof.py SCENE.toml TABLE.json PROOF.json re-checks it, wit
 
 
 class Evidence(NamedTuple):
-    """The rows of a table and what their starred angles are; by number deviations of ω and ζ, and what is proved."""
+    """The rows of a table and the source of their starred angles; by number deviations of ω and ζ, and proofs."""
 
     rows: list[Mode]
     starred: str
@@ -46,7 +46,7 @@ class Evidence(NamedTuple):
 
 
 def evidence(options: argparse.Namespace, modes: Modes, rows: list[Mode], starred: str) -> Evidence:
-    """What the options ask for next to the rows; a proof goes into its file."""
+    """Requested additions to the rows; a proof goes into its file."""
     estimate = estimate_of(modes.scene, options.covariance)
     stds = proofs = None
     if estimate:
@@ -75,7 +75,7 @@ def evidence(options: argparse.Namespace, modes: Modes, rows: list[Mode], starre
 
 
 def angles_by_orbits(modes: Modes, rows: Sequence[Mode]) -> tuple[list[Mode], str]:
-    """The rows with the 1 % angles of starred modes from periodic orbits, and what these angles are."""
+    """The rows with the 1 % angles of starred modes from periodic orbits, and the source of these angles."""
     from nonlinear.orbits import orbit_where_off
 
     replaced, missing = [], []
@@ -171,7 +171,7 @@ def first_numbers(modes: Modes) -> dict[int, int]:
 
 
 class _Prover:
-    """What is claimed of rows of a table, for the sums of squares of its scene.
+    """The claims about rows of a table, for the sums of squares of its scene.
 
     Of more coordinates `in_fractions` these grow so long that integers rounded outwards are sooner done, and of more
     coordinates `in_polynomials` roots are not counted (`benchmarks/proofs.py`).
@@ -194,7 +194,7 @@ class _Prover:
             self.why = f"with dampers, polynomials of at most {in_polynomials} coordinates are made"
 
     def claim(self, row: Mode, root: complex) -> dict[str, Any]:
-        """The claim for a row with this eigenvalue (rad/s), as the proof has it."""
+        """The claim for a row with this eigenvalue (rad/s), as in the proof."""
         try:
             if self.balls and not row.is_uncertain:
                 return {"mode": row.number, "why": self.why, "enclosed": self._counts(row)}

@@ -30,24 +30,24 @@ MOTION = {
     "accuracy": "--accuracy, instead of a tolerance",
     "keep_modes": "--keep-modes",
 }
-"""The options of a motion beside its duration, by name: every command that simulates one takes them from here."""
+"""The options of a motion other than its duration, by name: every command that simulates one takes them from here."""
 Check = Callable[[], object]
 Computed = TypeVar("Computed")
 HOW = ("method", "form", "tolerance", "accuracy")
 
 
 def motion(duration: float, *, runs: bool = True, without: Sequence[str] = ()) -> tuple[Takes, ...]:
-    """What a command takes that simulates: a scene, or with `runs` a saved run, too, and all options but some."""
+    """Arguments of a command that simulates: a scene, or with `runs` a saved run, too, and all options but some."""
     taken = (words for name, words in MOTION.items() if name not in without)
     return (RUN if runs else SCENE, option(f"--duration (default {duration:g})", usual=duration), *taken)
 
 
 @dataclass(frozen=True)
 class RunOptions:
-    """What a command was told of a motion: a scene or a saved run, its duration (s), and options by name, if given.
+    """The request for a motion: a scene or a saved run, its duration (s), and options by name, if given.
 
     `output` is the file that the command writes, whose folder is looked for before anything is computed; where it
-    `resolves_modes`, a duration that nobody gave is long enough for the spectrum to separate them.
+    `resolves_modes`, a default duration is long enough for the spectrum to separate them.
     """
 
     scene: Any
@@ -100,7 +100,7 @@ class RunOptions:
         in_a_folder(self.output)
 
     def _computed(self, function: Callable[..., Computed], checks: Sequence[Check]) -> Computed:
-        """What a function that takes the arguments of `simulate` makes of a scene and its start."""
+        """The result of a function with the arguments of `simulate` for a scene and its start."""
         from modal.scene import load
         from nonlinear.integration import validate, validate_method
 
@@ -153,7 +153,7 @@ class RunOptions:
         return reduced.trajectory
 
     def _whole_scene(self) -> None:
-        """Raise SceneError for what --keep-modes does not go with."""
+        """Raise SceneError for options incompatible with --keep-modes."""
         from modal.errors import SceneError
 
         asked = [name for name in ("form", "accuracy") if name in self.given]

@@ -29,7 +29,7 @@ DURATION_MAX = 1e7
 COORDINATE_SECONDS = 9e-5
 """Cost: of the modes of a structure, over the square of its coordinates; `benchmarks/modes.py` measures it."""
 PROGRESS_SECONDS = 1.0
-"""Format: seconds until progress is shown, and between two looks at it."""
+"""Format: seconds until progress is shown, and between two updates."""
 MEASURED = "{desc}{percentage:3.0f} % |{bar:24}| {remaining} left, {elapsed} passed"
 COUNTED = "{desc}{unit}: {n_fmt}, {elapsed} passed"
 NUMBERS_SHOWN_MAX = 20
@@ -43,7 +43,7 @@ OF_FUNCTION: ContextVar[bool] = ContextVar("OF_FUNCTION", default=False)
 
 
 def text_stream() -> TextIO:
-    """Where text goes: standard output, or what `text_into` has put in its place."""
+    """Where text goes: standard output, or its replacement by `text_into`."""
     return TEXT.get() or sys.stdout
 
 
@@ -59,7 +59,7 @@ def with_keywords(words: str, quote: str = "`") -> str:
 
 @contextmanager
 def text_into(text: StringIO, *, of_function: bool = False) -> Iterator[StringIO]:
-    """Collect in it what a command prints, of this thread alone; notes `of_function` name keywords, not options."""
+    """Collect in it the output of a command, in this thread alone; notes `of_function` name keywords, not options."""
     before, kind = TEXT.set(text), OF_FUNCTION.set(of_function or OF_FUNCTION.get())
     try:
         yield text
@@ -131,14 +131,14 @@ def pictured(options: argparse.Namespace, room: str, figure: str, result: object
 
 
 def say(text: str, form: str = "text") -> None:
-    """Print what a command says: lines of text folded to fit the terminal, with nothing in them that controls it."""
+    """Print lines of text folded to fit the terminal, with nothing in them that controls it."""
     from modal.report import folded, visible
 
     text_stream().write(folded("\n".join(map(visible, text.split("\n")))) if form == "text" else text)
 
 
 def made(name: str, words: str) -> None:
-    """Say what a file that was written holds, unless it was standard output."""
+    """Name the contents of a written file, unless it was standard output."""
     from modal.report import visible
     from modal.scene import STANDARD
 
@@ -173,7 +173,7 @@ def drawn(name: str, theme: str) -> Iterator[IO[bytes]]:
 def draw_in(
     options: argparse.Namespace, name: str | None, room: str, figure: str, *results: object, **how: object
 ) -> None:
-    """Save the figure of results in a file, if there is one, made by the function `figure` of a room of figures."""
+    """Save the figure of results in a file, if there is one, made by the function `figure` of a plotting subpackage."""
     if name:
         from importlib import import_module
 
@@ -266,7 +266,7 @@ def validated(options: argparse.Namespace, image: str | None, misfits: Iterable[
 
 
 class Progress:
-    """What a computation tells how far it has come, and how long it is expected to take before it has come far."""
+    """The progress of a computation, and an expected time until there is some."""
 
     def __init__(self, shown: Any = None) -> None:
         self.shown, self.usual = shown, getattr(shown, "bar_format", "")
@@ -279,12 +279,12 @@ class Progress:
             self.shown.update(now - self.shown.n)
 
     def expect(self, seconds: float, done: float = 0.0) -> None:
-        """What is left takes about so long, which is said first if it is over an hour; so much is done already."""
+        """The rest takes about so long, reported at once if over an hour; this share is already done."""
         self.expected_seconds, self.first = seconds, done
         _forewarn(seconds, HOUR)
 
     def look(self, now: float) -> None:
-        """Tell the time left as expected while nothing more is done."""
+        """Report the expected time left while there is no progress."""
         left = self.expected_seconds - self.shown.format_dict["elapsed"]
         about = f"about {self.shown.format_interval(left)}"
         self.shown.bar_format = (
@@ -327,7 +327,7 @@ def bar(total: float, unit: str = "s", title: str = "") -> Iterator[Progress]:
 
 
 def crew_of(options: argparse.Namespace) -> AbstractContextManager[Workers]:
-    """Who computes what is independent: the --workers, or those of a --scheduler."""
+    """The executor of independent tasks: the --workers, or those of a --scheduler."""
     from nonlinear.ensembles import workers_at
 
     return workers_at(options.scheduler, options.workers)
@@ -362,7 +362,7 @@ def estimate_of(scene: Scene, path: str | None) -> Estimate | None:
 
 
 def noted(scene: Scene, capability: str = "the table of modes") -> Scene:
-    """The scene itself; what a capability omits of it is told on standard error."""
+    """The scene itself; omissions of a capability are reported on standard error."""
     from modal.scene import left_out
 
     for words in left_out(scene, capability):
@@ -371,7 +371,7 @@ def noted(scene: Scene, capability: str = "the table of modes") -> Scene:
 
 
 def about(scene: Scene) -> Scene:
-    """The scene itself; where constant forces move its equilibrium, that is told on standard error."""
+    """The scene itself; where constant forces move its equilibrium, standard error says so."""
     if "constant_force" in scene.features:
         from modal.assembly import rig_of
         from modal.modes import equilibrium_words
@@ -382,7 +382,7 @@ def about(scene: Scene) -> Scene:
 
 
 def large(scene: Scene) -> Scene:
-    """The scene itself; of so many coordinates of supports that its modes take long, it is told first how long."""
+    """The scene itself; if it has so many support coordinates that its modes take long, that is said first."""
     if scene.is_structured:
         from modal.structure import structure_of
 
@@ -393,7 +393,7 @@ def large(scene: Scene) -> Scene:
 
 
 def warned(scene: Scene, what: str) -> Scene:
-    """The scene itself; where it has so many links that `what` takes long, that is told on standard error first."""
+    """The scene itself; where it has so many links that `what` takes long, standard error says so first."""
     if scene.n_links > MANY_LINKS:
         remark(f"{what} of {scene.n_links} links takes minutes: try a smaller scene first")
     return scene
@@ -402,7 +402,7 @@ def warned(scene: Scene, what: str) -> Scene:
 def forewarning(
     report: Callable[[float], object], scene: Scene, duration: float, members: int = 1, least: float = 24 * HOUR
 ) -> Callable[[float], object]:
-    """The report, which at its first call says on standard error how long so many motions take, if over `least` s.
+    """The report, which at its first call says on standard error how long this many motions take, if over `least` s.
 
     Raise SceneError for motions that take longer than anyone can wait.
     """
@@ -437,7 +437,7 @@ def _forewarn(seconds: float, least: float) -> None:
 
 
 def missing(scene: Scene, flag: str, values: str, more: str = "") -> SceneError:
-    """The error where a command that is about numbers of a scene was told none: what there is, with an example.
+    """The error of a command that needs numbers of a scene and got none: those that there are, with an example.
 
     In the `values` of the example {half} and {double} stand for those of a number; `more` follows it.
     """

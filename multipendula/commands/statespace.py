@@ -335,7 +335,7 @@ def shaper(options: argparse.Namespace) -> Shaper:
 
 
 def _shaper(scene: Scene, drive: str, options: argparse.Namespace) -> tuple[Shaper, list[str]]:
-    """The shaper, and what it promises over a range."""
+    """The shaper, and its guarantee over a range."""
     from modal.statespace import shaper_for
 
     step, tolerance = options.discrete or 0.0, options.residual / 100
@@ -364,7 +364,7 @@ def _in_full(travel: ShapedTravel) -> Sequence[float]:
 
 
 def scene_of(options: argparse.Namespace, capability: str) -> Scene:
-    """The scene, with a note on what a capability omits of it."""
+    """The scene, with a note on omissions of a capability."""
     return about(large(noted(scene_at(options), capability)))
 
 
@@ -398,7 +398,7 @@ def model_of(scene: Scene, options: argparse.Namespace) -> StateSpace:
 
 
 def inputs_of(scene: Scene, options: argparse.Namespace) -> tuple[str, ...]:
-    """The inputs that the options name, or what a shaper of the scene is for."""
+    """The inputs that the options name, or that of a shaper of the scene."""
     from modal.statespace import usual_inputs
 
     return listed(options.input) or usual_inputs(scene)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 BY_STROBES = ("--phase-deg", "--settle", "--of")
 BY_ENERGY, DRAWN = "start.energy", ("--members", "--seed")
-"""What is varied where starts are drawn at random, and the options of that."""
+"""Quantities varied with random starts, and their options."""
 ENDINGS = (*RUNS, "json", *PICTURES)
 """Of the numbers, and of the figure in their place."""
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from modal.vibration import RandomResponse, ShockResponse, ThermalNoise
 
 COLUMNS = "HEADING=COLUMN, such as t=time_ms"
-"""What is said of a wrong --column."""
+"""The message on a wrong --column."""
 USUAL = "support_acceleration"
 OUTPUTS = (
     *("angles", "tip_accelerations", "rates", "relative_angles", "relative_rates", "joint_positions"),
@@ -67,7 +67,7 @@ def _white_level(text: str, unit: str) -> float:
 
 
 def _random(options: argparse.Namespace, scene: Scene, **outputs: tuple[str, ...]) -> RandomResponse:
-    """The response to the PSD in a file, or for a number to a white one over the band of the modes, which is told."""
+    """The response to the PSD in a file, or of a number to a white one over the band of the modes, as reported."""
     from os.path import exists
 
     from modal.scene.records import read_spectrum

@@ -2,7 +2,7 @@
 
 In: a scene or a trajectory.  Out: a page without any request to a network.  `document` puts it together from
 `page.html`, `page.css` and the JavaScript modules in `modules/`, and writes the equations of one link into it
-(`nonlinear.dynamics.steps`); `payload` is what it is given to show, `structure` what pages of structures have of their
+(`nonlinear.dynamics.steps`); `payload` is its data, `structure` has for pages of structures their
 own, all equations and the drawing (`carriers.js`), `whole` the equations and switches of scenes with dry friction or
 forces (`switched.js`), of which `scalars` writes what Python runs as JavaScript.  In `modules/`, `system.js` is a scene
 as numbers, `modes.js` its modes under the numbers of the table, `equations.js` the loops of its equations of motion,

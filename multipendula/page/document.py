@@ -63,7 +63,7 @@ def _module(name: str, scene: Scene | None) -> str:
 
 @cache
 def steps() -> str:
-    """The module of the equations of motion, written from what `nonlinear.dynamics.steps` records."""
+    """The module of the equations of motion, written from the records of `nonlinear.dynamics.steps`."""
     from nonlinear.dynamics import link_steps, sine_steps, support_steps
 
     kinds = {

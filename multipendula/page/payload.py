@@ -1,4 +1,4 @@
-"""What a page is given: a scene with every link written out, and a saved motion."""
+"""The data of a page: a scene with every link written out, and a saved motion."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def _problems(scene: Scene) -> Iterator[str]:
 
 
 def _structure_problems(scene: Scene) -> Iterator[str]:
-    """What the page cannot show of a structure."""
+    """Parts of a structure that the page cannot show."""
     count = scene.n_links + structure_of(scene).size
     if scene.n_links <= MOST_LINKS and count > PAGE_COORDINATES_MAX:
         words = f"the live page cannot show more than {PAGE_COORDINATES_MAX}"
@@ -118,7 +118,7 @@ def _renumbered(text: str, scene: Scene) -> str:
 
 
 def recording_of(trajectory: Trajectory) -> dict[str, Any]:
-    """The samples of a motion, evenly thinned out to what a page holds, as 32-bit floats in base64.
+    """The samples of a motion, evenly thinned out to the capacity of a page, as 32-bit floats in base64.
 
     A row is (x, angles, x', rates, work) in SI units, with the coordinates of a structure for x; `drift` is that of the
     energy over the whole run.

@@ -1,4 +1,4 @@
-"""What moves a support or acts in time on a page, where it is no sine: sweeps, records and random processes.
+"""Motions of a support and loads in time on a page other than sines: sweeps, records and random processes.
 
 The module `prescribed` of the page is made here, null where all that time brings are sines.  It has the functions of a
 sweep, as Python runs them (`multipendula.page.scalars`), the polynomials of a record, the lines of a random process,
@@ -55,7 +55,7 @@ def prescribed_module(scene: Scene) -> str:
 
 
 def leading(system: System) -> int:
-    """How many inputs u of the equations come first: the time, or the values of what is prescribed."""
+    """How many inputs u of the equations come first: the time, or the prescribed values."""
     if not system.prescribed_motions:
         return 0
     return 1 if system.is_analytic else len(system.courses())
@@ -90,7 +90,7 @@ def _source(motion: PrescribedMotion) -> dict[str, Any]:
 
 
 def _polynomials(motion: Record) -> tuple[Polynomials, Polynomials, Polynomials]:
-    """Those of the displacement, the velocity and the acceleration."""
+    """The polynomials of the displacement, the velocity and the acceleration."""
     velocity, acceleration = (motion.polynomials(order) for order in (1, 2))
     powers = np.arange(1, velocity.coefficients.shape[1] + 1)
     begun = np.asarray(motion.derivative(velocity.origins, 0))

@@ -1,4 +1,4 @@
-"""Scalar functions of Python as JavaScript: what happens at a switch is written once (`nonlinear.integration.changes`).
+"""Scalar functions of Python as JavaScript: the changes at a switch are written once (`nonlinear.integration.changes`).
 
 Such functions have numbers, booleans and lists, `for` over lists and ranges, `if`, comprehensions, and of the built-ins
 those of `CALLED`: what Python runs and numba compiles.  Anything else is a TypeError that names its line.  A sum of

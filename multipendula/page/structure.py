@@ -96,7 +96,7 @@ def _written(name: str, data: dict[str, Any], **modules: Module) -> str:
 
 
 def _coordinates(structure: Structure) -> Iterator[dict[str, Any]]:
-    """Of every coordinate its carrier, kind, unit and name, and words for its motion in a mode."""
+    """Of every coordinate its support, kind, unit and name, and words for its motion in a mode."""
     for carrier, numbers in enumerate(structure.carriers):
         named = UNNAMED.get(numbers.kind, numbers.name) if numbers.name == numbers.kind else numbers.name
         for k, suffix in enumerate(numbers.suffixes):
@@ -108,7 +108,7 @@ def _coordinates(structure: Structure) -> Iterator[dict[str, Any]]:
 
 
 def _bases(structure: Structure) -> list[int]:
-    """Of every pendulum the coordinate by which its carrier turns, -1 where it does not."""
+    """Of every pendulum the coordinate by which its support turns, -1 where it does not."""
     angles = (structure.angle_of(pivot.carrier) for pivot in structure.pivots)
     return [-1 if angle is None else angle for angle in angles]
 
@@ -134,7 +134,7 @@ def _rests(y: Any, system: System) -> bool:
 
 
 def _drawing(system: System, structure: Structure) -> tuple[Module, list[dict[str, Any]]]:
-    """The functions "pivots", of y = η, and "pieces", also of u, the joints of all pendula, and what is still.
+    """The functions "pivots", of y = η, and "pieces", also of u, the joints of all pendula, and the fixed parts.
 
     Lengths are in m, along the rail and down.
     """

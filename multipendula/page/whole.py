@@ -1,7 +1,7 @@
 """Scenes whose equations the page has as one text: those with dry friction, or with forces, on a cart or a support.
 
 The module `whole` of the page is made here, null for other scenes: the functions of `nonlinear.dynamics.switching_of`,
-what happens at a switch and where a step ends at one, all the same text as Python runs (`multipendula.page.scalars`),
+the changes at a switch and where a step ends at one, all the same text as Python runs (`multipendula.page.scalars`),
 and where the numbers are that they take.
 """
 
@@ -24,7 +24,7 @@ TEXTS = ("rates", "sticking", "friction", "responses", "values", "clear", "kick"
 CHANGED = ("damping", "drag", "quadratic_drag")
 """The numbers of links that have a slider also where they are 0."""
 CALLED = ("sticking", "friction", "responses", "kick", "kicked")
-"""The texts that are called by what happens at a switch."""
+"""The texts that are called at a switch."""
 LISTS = frozenset({"inputs"})
 
 
@@ -81,14 +81,14 @@ def whole_module(scene: Scene) -> str:
 
 
 def _called(name: str, size: int | None) -> str:
-    """A text as a function that returns what it writes; one that the scene does not have returns nothing."""
+    """A text as a function that returns its results; one that the scene does not have returns nothing."""
     if size is None:
         return f"const {name} = () => [];"
     return f"const {name} = (c, y, u, v) => {{ const o = new Array({size}); steps.{name}(c, y, u, v, o); return o; }};"
 
 
 def _switches(switches: Any) -> str:
-    """What happens at a switch, and where steps end at one."""
+    """The changes at a switch, and where steps end at one."""
     from nonlinear.integration import MEETING, meeting_source, names_in, switching_source
 
     constants = [*_constants(names_in(switches.places)), *_constants(MEETING)]

@@ -133,7 +133,7 @@ class Advice(Result):
         return ATTEMPT
 
     def footnotes(self) -> Iterator[str]:
-        """The verdict, and what it rests on."""
+        """The verdict, and its grounds."""
         last, info, times = self.attempts[-1], self.trajectory.run, self.trajectory.times
         if info.interrupted:
             yield f"{info.stopped}: no accuracy is guaranteed."
@@ -144,7 +144,7 @@ class Advice(Result):
         yield EVIDENCE
 
     def facts(self) -> dict[str, Any]:
-        """What was requested, and whether and how long it is met."""
+        """The request, and whether and how long it is met."""
         return {
             "accuracy_rad": self.accuracy,
             "met": self.is_met,
@@ -230,7 +230,7 @@ def _with_twin(tried_run: TriedRun, twin_request: Request) -> TriedRun:
 
 
 def _with_errors(tried_run: TriedRun, runs: Sequence[TriedRun], rounding: float) -> TriedRun:
-    """A run with its errors, estimated from looser runs, plus what rounding (rad) adds where they differ at all."""
+    """A run with its errors, estimated from looser runs, plus rounding errors (rad) where they differ at all."""
     previous = runs[-1]
     if tried_run.gave_up:
         return tried_run

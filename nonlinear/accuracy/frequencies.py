@@ -89,7 +89,7 @@ class FrequencyTradeoff(Result):
         )
 
     def footnotes(self) -> tuple[str, ...]:
-        """What the columns are."""
+        """The meanings of the columns."""
         return (NOTES,)
 
     def facts(self) -> dict[str, Any]:

@@ -34,7 +34,7 @@ from nonlinear.system import apart, system_of
 DIFFERENCE_SHARE_MAX = 1e-2
 """Tolerance: the largest difference of the references over an error that they can measure."""
 ERROR_MEASURABLE = 1e-6
-"""Limit: error (rad at angles of order 1) that must still be measurable at the horizon, which the report tells."""
+"""Limit: error (rad at angles of order 1) that must still be measurable at the horizon, as the report says."""
 TWIN = Candidate("minimal", "DOP853", 1e-12)
 
 

@@ -42,7 +42,7 @@ from nonlinear.system import (
 )
 
 REFERENCE_PATIENCE = 120.0
-"""Limit: seconds of the reference's run, beyond which a shorter duration is asked for."""
+"""Limit: seconds of the reference's run, beyond which a shorter duration is requested."""
 FIRST_PERIODS = 32
 """Cost: initial length of the reference in fastest periods, four times as long each time (benchmarks/simulation.py)."""
 PHASE_WINDOW = 0.2
@@ -145,7 +145,7 @@ class WorkPrecision(Result):
         return {**super().whole(), "skipped": [{"rung": name, "reason": reason} for name, reason in self.skipped]}
 
     def footnotes(self) -> Iterator[str]:
-        """What the comparison rests on, and what its columns are."""
+        """The basis of the comparison, and the meanings of its columns."""
         reference = self.reference
         yield (
             "reference: a proved tube, which shares no error with any method."
@@ -227,7 +227,7 @@ def _part(
 ) -> Callable[[float], object]:
     """A report of the share of a run, the `fraction` of which is a part of one candidate after those `count`.
 
-    It rises from what was `base`.
+    It rises from the former `base`.
     """
     reached_share = base
 
@@ -321,7 +321,7 @@ def late(motion: Motion, reference: Trajectory) -> float:
 
 
 def _flat(motion: Motion, system: System, rows: Any) -> tuple[Floats, Floats]:
-    """The q and q' at these samples, (T, n): the cart, or carriers, in lengths of the longest link, then every link."""
+    """The q and q' at these samples, (T, n): the cart, or supports, in lengths of the longest link, then every link."""
     count = int(np.sum(rows))
     links = (part[rows].reshape(count, -1) for part in (motion.links, motion.link_rates))
     carts: Any = (part[rows] / system.length for part in (motion.cart, motion.cart_rate))

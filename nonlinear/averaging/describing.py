@@ -5,7 +5,7 @@ A kick P at the angle a of a joint that swings with the complex amplitude Γ at 
     T_h = (2 P Ω/π) (e^{iα} Γ/|Γ|)^h,     cos α = (a + P κ/2πΩ)/|Γ|,     h = 1, 3, 5, …
 
 of two kicks per period [Gelb1968, ch. 2 and 5].  A kick leaves a
-corner in the oscillation.  With κ = Σ γ_r², the inverse of the inertia that the joint feels, the harmonics from the
+corner in the oscillation.  With κ = Σ γ_r², the inverse of the inertia at the joint, the harmonics from the
 third on add up to −2 P κ/πΩ · Σ 1/(h² − 1) = −P κ/2πΩ at the kick, if all modes oscillate at about Ω: the first
 harmonic has to reach that far beyond a.  Among several frequency bands Γ is that of the band that swings the joint
 most; the others shift a, and with it α, and add their speed to Ω|Γ| sin α.

@@ -58,7 +58,7 @@ LINKS_MAX = 400
 BANDS_MAX = 4
 """Limit: "averaged equations are limited to 4 bands of frequencies": their lattice grows like a power of it."""
 ARRAY_ENTRIES = 2_000_000
-"""Cost: entries of the arrays of what is computed at once; benchmarks/simulation.py."""
+"""Cost: entries of the arrays that are computed at once; benchmarks/simulation.py."""
 DIFFERENCE_STEP = np.cbrt(np.finfo(float).eps)
 """Tolerance: relative, of central differences: rounding and curvature take equal parts there."""
 RESONANCE_DETUNING = 0.05

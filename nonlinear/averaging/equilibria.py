@@ -46,7 +46,7 @@ NEUTRAL_RATE_RATIO = 1e-4
 START_SEED = 5
 """Format: of the random starts, which are the same in every run."""
 START_ANGLE = 0.1
-"""Cost: largest angle (rad) of a start, within what is averaged well; benchmarks/sync/survivors.py."""
+"""Cost: largest angle (rad) of a start, within the range of averaging; benchmarks/sync/survivors.py."""
 HANGING_ANGLE_MAX = np.pi / 2
 """Limit: largest angle (rad) of a state: wider ones are not found."""
 SETTLING_STEPS = 1_500
@@ -308,7 +308,7 @@ def is_same_motion(
 ) -> bool:
     """Whether two are the same motion within this relative tolerance, up to phases and exchanges of equal pendula.
 
-    Of two members of a continuous family the energies by rows and the stability tell.
+    Two members of a continuous family are compared by their energies by rows and their stability.
     """
     energies = [state.averaged.energies(state.z) for state in (equilibrium, second)]
     is_near = np.abs(energies[0] - energies[1]).max() <= within * energies[0].sum()
@@ -323,7 +323,7 @@ def is_same_motion(
 def likeness(equilibrium: RelativeEquilibrium, z: Complexes, threshold: float = 1 - 1e-9) -> Floats:
     """Return the similarity, 0 to 1, of motions z (C, S) to a state up to size, phases and exchanges of pendula, (S,).
 
-    Of a continuous family the energies by rows tell.  No exchange is looked for from the likeness `threshold` on.
+    In a continuous family the energies by rows decide.  No exchange is looked for from the likeness `threshold` on.
     """
     equations = equilibrium.averaged
     if equilibrium.is_family:

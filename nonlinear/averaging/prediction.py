@@ -41,7 +41,7 @@ ASIDE = 0.05
 NEIGHBOUR_SEED = 11
 """Format: of the neighbouring starts, which are the same in every run."""
 E_FOLDING_TIMES = 10.0
-"""Limit: of a slowest rate, that a transient lasts: what began at 5e-5 has grown or decayed to order 1 then."""
+"""Limit: of a slowest rate, that a transient lasts: a perturbation of 5e-5 has grown or decayed to order 1 then."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)

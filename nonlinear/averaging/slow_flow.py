@@ -17,15 +17,15 @@ from nonlinear.averaging.equations import AveragedEquations, derivative
 STEP_GROWTH_MAX = 0.4
 """Tolerance: largest growth within a step, of which the method of fourth order errs by 1e-4."""
 STEP_TURN_MAX = 1.0
-"""Tolerance: largest rotation (rad) within a step, which Lawson's form takes exactly but for what it turns."""
+"""Tolerance: largest rotation (rad) within a step, which Lawson's form takes exactly except for the rotated terms."""
 BEAT_PLACES = 8
-"""Tolerance: places within a step at which amplitudes that rotate freely are looked at: they miss 8 % of a beat."""
+"""Tolerance: places within a step at which amplitudes that rotate freely are sampled: they miss 8 % of a beat."""
 SLOW_FIRST_PERIODS = 64
 """Cost: fast periods in the first part; benchmarks/sync/survivors.py."""
 SLOW_STEPS_MAX = 6000
 """Limit: "averaged equations need more than 6000 steps"."""
 PART_TIMES = 50
-"""Cost: times kept of a part, a third of them where only its end counts; benchmarks/sync/survivors.py."""
+"""Cost: times stored of a part, a third of them where only its end counts; benchmarks/sync/survivors.py."""
 STEADY_CHANGE_MAX = 0.1
 """Cost: change of amplitudes that keeps the pace; benchmarks/sync/survivors.py."""
 HASTE_MAX = 1.5
@@ -33,9 +33,9 @@ HASTE_MAX = 1.5
 STOPPED_AMPLITUDE_RATIO = 0.01
 """Physics: fall of amplitudes within an interval that dry friction alone causes: it stops them there."""
 CALM_ENERGY_RATIO = 1e-3
-"""Tolerance: of the energy, what may change rows in half of the time of a settled motion; a tenth of what locks."""
+"""Tolerance: of the energy, the part that may change rows in half the time of a settled motion; a tenth of LOCKED."""
 LONE_ENERGY_RATIO = 3e-4
-"""Tolerance: of the energy, what all other rows have once one has won: enough below LOCKED."""
+"""Tolerance: of the energy, the share of all other rows once one has won: enough below LOCKED."""
 DEAD_AMPLITUDE_RATIO = 1e-4
 """Limit: of the initial amplitude, below which the motion, or one of its bands, "dies out"."""
 LOCKED = 0.01
@@ -129,7 +129,7 @@ def settle(
 def settle_apart(
     averaged_equations: AveragedEquations, starts: Complexes, active: Booleans, max_steps: int = SLOW_STEPS_MAX
 ) -> Iterator[Complexes]:
-    """The end (C,) of the same from each start, restricted to the modes kept of it (C, S).
+    """The end (C,) of the same from each start, restricted to its retained modes (C, S).
 
     Each has its own steps, HASTE_MAX times as long, and few of them where the motion is slow.
     """
@@ -180,7 +180,7 @@ def _settling(
 
 
 def _begin_stretch(equations: AveragedEquations, z: Complexes, reach: Floats) -> _Stretch:
-    """What begins with amplitudes (C, S)."""
+    """The motions that begin with amplitudes (C, S)."""
     turning = equations.turning(z)
     return _Stretch(z, turning, _pace(equations, z, turning), reach)
 

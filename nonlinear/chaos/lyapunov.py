@@ -39,10 +39,10 @@ TRANSIENT = 0.5
 SPREAD_MAX = 10.0
 """Limit: largest `spread` (rad), "must be a finite number from 0 to 10"."""
 STARTS_TOGETHER = 256
-"""Cost: starts that a crew computes together: side by side 64 take hardly longer than 4; twice as many of a sweep at
+"""Cost: starts that a crew computes together: 64 at once take hardly longer than 4; twice as many of a sweep at
 energies, four times as many motions of one over numbers; benchmarks/ensembles.py."""
 GROWTH_SAMPLES_MAX = 50_000_000
-"""Limit: numbers of the growth that are kept, half of those of an ensemble's samples: "must be at most … s for … starts
+"""Limit: stored numbers of the growth, half of those of an ensemble's samples: "must be at most … s for … starts
 of this scene"."""
 DURATION_TIMES = 200.0
 """Limit: default of `duration` in sqrt(l/g) of the longest link."""
@@ -51,11 +51,11 @@ DURATION_TIMES_MIN = 20.0
 TOLERANCE = 1e-7
 """Limit: default of `tolerance`: a trajectory soon leaves the true one, but both have the same mean growth."""
 BLOCKS = 10
-"""Format: blocks of time for an uncertainty, each longer than what growth remembers."""
+"""Format: blocks of time for an uncertainty, each longer than the memory of the growth."""
 STARTS_FOR_SPREAD_MIN = 4
-"""Limit: number of starts whose spread tells an uncertainty; with fewer "use 4 starts or more"."""
+"""Limit: number of starts whose spread gives an uncertainty; with fewer "use 4 starts or more"."""
 BLOCKS_WIDENING = 1.4
-"""Physics: what blocks of time leave out, as chaotic motion sticks to islands for longer than a block.
+"""Physics: an uncertainty that blocks of time miss, as chaotic motion sticks to islands for longer than a block.
 
 Measured on 700 single runs: 2 standard uncertainties from the blocks contain λ in 84 to 92 of 100, not in 95.
 """
@@ -229,7 +229,7 @@ def _fastest(scene: Scene) -> float:
 
 @checked
 def regular_exponent(scene: Scene, duration: float) -> float:
-    """The apparent λ (1/s) of regular motion in so many seconds after the transient: what is above it is chaotic.
+    """The apparent λ (1/s) of regular motion in this many seconds after the transient: values above it are chaotic.
 
     >>> from modal import load
     >>> from nonlinear.chaos import regular_exponent
@@ -320,7 +320,7 @@ def nearby(state: State, members: int, spread: float, rng: np.random.Generator) 
 
 
 def validate_duration(scene: Scene, duration: float) -> None:
-    """Raise SceneError for a duration (s) that is too short to tell growth from regular motion."""
+    """Raise SceneError for a duration (s) that is too short to distinguish growth from regular motion."""
     shortest = DURATION_TIMES_MIN / DURATION_TIMES * usual_duration(scene)
     if not shortest <= duration < float("inf"):
         words = f"must be at least {shortest:.3g} s for this scene, {DURATION_TIMES_MIN:g} sqrt(l/g)"
@@ -328,7 +328,7 @@ def validate_duration(scene: Scene, duration: float) -> None:
 
 
 def _refuse_endless(duration: float, rate: float, members: int) -> None:
-    """Raise SceneError for more samples of the growth than can be kept."""
+    """Raise SceneError for more samples of the growth than can be stored."""
     if (samples := (1 + TRANSIENT) * duration * rate * members) > GROWTH_SAMPLES_MAX:
         longest = duration * GROWTH_SAMPLES_MAX / samples
         raise SceneError([f"duration {duration:g}: must be at most {longest:.3g} s for {members} starts of this scene"])

@@ -1,6 +1,6 @@
 """The supports of the first joints of pendula at one instant: a structure, a fixed support or a cart.
 
-Equations of motion ask a `Bearing` how the first joints move, hand over what hangs there group by group, and are given
+Equations of motion ask a `Bearing` how the first joints move, hand over the pendula there group by group, and are given
 back accelerations.
 """
 
@@ -50,7 +50,7 @@ class Bearing:
     ) -> None:
         """Without weights, springs and all that acts, if `bare`: then it answers generalized forces alone.
 
-        Without what their own mass does, if `massless`: then what acts here are forces alone.
+        If `massless`, without the effects of their own mass: then only forces act here.
         """
         self.carriers, self.structure, system = carriers, carriers.structure, carriers.system
         size = self.structure.size
@@ -75,7 +75,7 @@ class Bearing:
             self.torques, self.power = self.strained.torques, self.power + self.strained.power
 
     def _begin(self, number: int, carrier: CarrierNumbers) -> None:
-        """A carrier's own inertia, its springs, dampers and weight."""
+        """A support's own inertia, its springs, dampers and weight."""
         if not carrier.size:
             self.blocks.append([])
             return
@@ -108,7 +108,7 @@ class Bearing:
 
     @property
     def potential(self) -> Any:
-        """Potential energy (J) of the carriers' weights and own springs.
+        """Potential energy (J) of the supports' weights and own springs.
 
         It is 0 as drawn; that of the pendula is in the heights of their pivots, that of springs in `tensions`.
         """
@@ -128,7 +128,7 @@ class Bearing:
 
     @property
     def momentum(self) -> Any:
-        """Momentum (kg m/s) of the carriers along the rail, modal ones excepted."""
+        """Momentum (kg m/s) of the supports along the rail, modal ones excepted."""
         momentum: Any = 0.0
         for number, carrier in enumerate(self.structure.carriers):
             if carrier.M is None and carrier.size:
@@ -158,7 +158,7 @@ class Bearing:
             self.right[angle] = self.right[angle] + torque
 
     def angle(self, number: int, values: Sequence[Any] | None = None) -> Any:
-        """The angle (rad) of a carrier, or of other `values` of its coordinates; 0.0 if it does not turn."""
+        """The angle (rad) of a support, or of other `values` of its coordinates; 0.0 if it does not turn."""
         angle = self.structure.angle_of(number)
         return 0.0 if angle is None else (self.eta if values is None else values)[angle]
 
@@ -173,13 +173,13 @@ class Bearing:
         return tuple(self._join(group, [place[k] for place in places]) for k in (0, 1)), self.velocity(group)
 
     def point(self, end: CarrierEnd) -> tuple[Vector, Moving, Vector]:
-        """The displacement of a point of a carrier, how it moves, and its velocity."""
+        """The displacement of a point of a support, how it moves, and its velocity."""
         eta, rates = (self.structure.part(end.carrier, values) for values in (self.eta, self.rates))
         moving = self.carriers.moving(end.carrier, end.where, self.eta, self.rates)
         return self.structure.carriers[end.carrier].displacement(end.where, eta), moving, moving.velocity(rates)
 
     def base(self, group: int) -> Base | None:
-        """Angles and rates of what carries the first joints of a group; None if nothing there turns."""
+        """Angles and rates of the body that carries the first joints of a group; None if nothing there turns."""
         bundles = self.carriers.bundles[group]
         if all(self.structure.carriers[bundle.carrier].turning is None for bundle in bundles):
             return None
@@ -187,7 +187,7 @@ class Bearing:
         return self._join(group, angles), self._join(group, rates)
 
     def velocity(self, group: int) -> Vector:
-        """That of the first joints of a group (m/s), along the rail and down."""
+        """The velocity of the first joints of a group (m/s), along the rail and down."""
         velocities = [
             moving.velocity(self.structure.part(bundle.carrier, self.rates))
             for bundle, moving in zip(self.carriers.bundles[group], self.moves[group], strict=True)
@@ -246,7 +246,7 @@ class Bearing:
                 self.right[first + k] = self.right[first + k] + push
 
     def _react(self, bundle: Bundle, reaction: Any, external: External | None) -> None:
-        """The torques of first joints on a carrier that turns."""
+        """The torques of first joints on a support that turns."""
         angle = self.structure.angle_of(bundle.carrier)
         if angle is None or np.ndim(reaction) == 0:
             return
@@ -255,7 +255,7 @@ class Bearing:
             self.power = self.power - external.at_base[bundle.columns].sum(0) * self.rates[angle]
 
     def add_outside_forces(self, drag: Any) -> tuple[Any, Any]:
-        """The generalized forces (first, ...) and the power (W) of what acts here; `drag` is that of damping ratios."""
+        """The generalized forces (first, ...) and the power (W) of the loads here; `drag` is that of damping ratios."""
         push, size = self.instant.push, self.structure.size
         outside = push.supports if self.system.is_structured else [push.cart] * size
         for forces in (drag, outside):
@@ -272,13 +272,13 @@ class Bearing:
         return self.right, self.power
 
     def solve(self, drag: Any) -> tuple[Any, Any]:
-        """η'' (first, ...) of all carriers, and the power."""
+        """η'' (first, ...) of all supports, and the power."""
         self.add_outside_forces(drag)
         self.solution = self.solve_blocks()
         return self.solution, self.power
 
     def _act(self, end: CarrierEnd, direction: Any, size: Any) -> None:
-        """A force of the scene on a carrier."""
+        """A force of the scene on a support."""
         first = self.structure.offsets[end.carrier]
         if direction is None:
             if (angle := self.structure.angle_of(end.carrier)) is not None:
@@ -289,7 +289,7 @@ class Bearing:
             self.working[k] = self.working[k] + (x * direction[0] + z * direction[1]) * size
 
     def solve_blocks(self) -> list[Any]:
-        """The solution of the carriers' equations, block by block."""
+        """The solution of the supports' equations, block by block."""
         solution: list[Any] = []
         for number, block in enumerate(self.blocks):
             solution += solve_block(block, list(self.structure.part(number, self.right)))

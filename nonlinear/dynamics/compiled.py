@@ -1,7 +1,7 @@
 """`nonlinear.dynamics.recursion` compiled by numba (extra `fast`): one kernel for the whole derivative.
 
 Links are ordered as in y: pendulum by pendulum, top to bottom, so that joints, recursion and work are loops over flat
-arrays; what it does at each link is `nonlinear.dynamics.recursion`, as it stands there.
+arrays; its operations at each link are those of `nonlinear.dynamics.recursion`, unchanged.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from nonlinear.system import System
 LINK_NUMBERS = 12
 """Format: constants of a link in a row of a compiled scene."""
 TURN_ROWS = 6
-"""Format: rows of what turning links have at an instant."""
+"""Format: rows of the quantities of turning links at an instant."""
 Arguments = tuple[Floats, Floats, Ints, Floats, float, bool, bool, FlatStructure | None, Floats | None]
 SINCOS_ANGLE_MAX = 1e6
 """Tolerance: rad, up to which `sincos` reduces angles exactly; beyond the library does."""
@@ -64,7 +64,7 @@ def _sines(angles, sin, cos):  # type: ignore[no-untyped-def]
 
 @in_place
 def _joint(links, laws, angles, rates, i, top):  # type: ignore[no-untyped-def]
-    """Moment (N m) on link i of the spring, damper and laws above it, and the power (W) of what does work."""
+    """Moment (N m) on link i of the spring, damper and laws above it, and the power (W) of the parts that do work."""
     stiffness, damping, rest, start, end = links[i, 7], links[i, 8], links[i, 9], int(links[i, 10]), int(links[i, 11])
     angle, speed = angles[i], rates[i]
     if not top:
@@ -92,7 +92,7 @@ def rate(  # type: ignore[no-untyped-def]
 
     `laws` are the programs of the joints, `first` the first links of the pendula, `cart` holds mass, damper and spring,
     or is empty; where not `has_joint_torques`, no joint has a spring, damper or law; `rotors` (L,) are those of all
-    joints, or None.  `turns` (6, L) is room for sin, cos, and hx, hz, e, J over D, whose divisions overlap on the way
+    joints, or None.  `turns` (6, L) is space for sin, cos, and hx, hz, e, J over D, whose divisions overlap on the way
     up.
     """
     if structure is not None:
@@ -162,7 +162,7 @@ class Compiled(Minimal):
     def scene(self) -> Arguments:
         """Arguments of `rate`: constants, laws, first links, cart, gravity, whether joints act, y has work, and more.
 
-        The room of a structure and the rows of laws are the caller's own.
+        The caller provides the storage of a structure and the rows of laws.
         """
         links, laws, *numbers, structure, rotors = self._constants
         own_structure = None if structure is None else with_own_room(structure)

@@ -1,6 +1,6 @@
-"""The equations of structures compiled by numba (extra `fast`): loops over flat arrays of carriers, links and springs.
+"""The equations of structures compiled by numba (extra `fast`): loops over flat arrays of supports, links and springs.
 
-What is done at each is the text of `nonlinear.dynamics.structure`, `springs` and `recursion` and of
+The operations at each are the text of `nonlinear.dynamics.structure`, `springs` and `recursion` and of
 `modal.structure.carriers`; here is only its order.  Modal supports and those that others write are left to the written
 text and to NumPy.
 """
@@ -34,7 +34,7 @@ from nonlinear.dynamics.text import sincos
 from nonlinear.system import System
 
 STRAIGHT, ARC, TURNING = range(3)
-"""Kinds of coordinates: along a line, of a swing along its arc, of what turns."""
+"""Kinds of coordinates: along a line, of a swing along its arc, of rotation."""
 TIGHT, LOOSE, TORSION = range(3)
 GROUND, ON_LINK, ON_CARRIER = range(3)
 
@@ -55,9 +55,9 @@ _stretch_law, _slack, _eliminate = in_place(stretch_law), in_place(slack), in_pl
 
 
 class FlatStructure(NamedTuple):
-    """A structure in flat arrays; the last are room for what is computed.
+    """A structure in flat arrays; the last are storage for results.
 
-    Of every coordinate `kind`, `length` of rods, and `law` (d, 3): stiffness, damping, carried weight; of every carrier
+    Of every coordinate `kind`, `length` of rods, and `law` (d, 3): stiffness, damping, carried weight; of every support
     its first coordinate (c + 1,), the one that is its angle or −1, and `body` (c, 4): mass, inertia about its origin,
     centre; of every pendulum its `carrier`, `where` (P, 2) it hangs, and whether its first joint moves as that of the
     one before it; of every spring `spring` (E,), `numbers` (E, 5): k, d, Δ₀, |Δ₀|, and of its ends `ends` (E, 2, 2):
@@ -174,7 +174,7 @@ def _end(carriers: Carriers, end: End, torsion: bool) -> tuple[tuple[int, int], 
 
 @in_place
 def _slope(F, y, half, carrier, s, h):  # type: ignore[no-untyped-def]
-    """Slopes of a point of a carrier, in F.slopes, and its bias; only what an angle does depends on the point."""
+    """Slopes of a point of a support, in F.slopes, and its bias; only what an angle does depends on the point."""
     bx, bz, k = F.bias[0, carrier], F.bias[1, carrier], F.angle[carrier]
     if k >= 0:
         _, slope, bias = _turn_motion(s, h, F.turns[0, k], F.turns[1, k], y[half + k])
@@ -185,7 +185,7 @@ def _slope(F, y, half, carrier, s, h):  # type: ignore[no-untyped-def]
 
 @in_place
 def _times_slopes(F, values, start, carrier):  # type: ignore[no-untyped-def]
-    """J times the numbers of a carrier among `values`, with the slopes that are in F."""
+    """J times the numbers of a support among `values`, with the slopes that are in F."""
     x = z = 0.0
     for k in range(F.first[carrier], F.first[carrier + 1]):
         x, z = x + F.slopes[0, k] * values[start + k], z + F.slopes[1, k] * values[start + k]
@@ -194,7 +194,7 @@ def _times_slopes(F, values, start, carrier):  # type: ignore[no-untyped-def]
 
 @in_place
 def _displacement(F, y, carrier, s, h):  # type: ignore[no-untyped-def]
-    """How far a point of a carrier is from where it is drawn."""
+    """How far a point of a support is from where it is drawn."""
     x = z = 0.0
     for k in range(F.first[carrier], F.first[carrier + 1]):
         if F.kind[k] == STRAIGHT:
@@ -296,7 +296,7 @@ def _spring_forces(F, y, half, sin, cos, torque):  # type: ignore[no-untyped-def
 
 @in_place
 def _carrier_terms(F, y, half, gravity):  # type: ignore[no-untyped-def]
-    """The carriers' own inertia, springs, dampers and weights, into F.A and F.right; the power of their dampers."""
+    """The supports' own inertia, springs, dampers and weights, into F.A and F.right; the power of their dampers."""
     power = 0.0
     for k in range(len(F.kind)):
         if F.kind[k] != STRAIGHT:
@@ -335,7 +335,7 @@ def link_at(links, i):  # type: ignore[no-untyped-def]
 
 @in_place
 def _hinge(F, links, laws, y, half, i, top, c):  # type: ignore[no-untyped-def]
-    """Moment (N m) on link i of the spring, damper and laws above it, and the power (W) of what does work."""
+    """Moment (N m) on link i of the spring, damper and laws above it, and the power (W) of the parts that do work."""
     at, law = len(F.kind) + i, links[i]
     bend, speed = y[at], y[half + at]
     if i > top:
@@ -351,7 +351,7 @@ def _hinge(F, links, laws, y, half, i, top, c):  # type: ignore[no-untyped-def]
 
 @in_place
 def _project(F, y, half, gravity, p, part):  # type: ignore[no-untyped-def]
-    """What the pendula that end with p answer, on the coordinates of their carrier."""
+    """The reaction of the pendula that end with p, on the coordinates of their support."""
     c = F.carrier[p]
     bx, bz = _slope(F, y, half, c, F.where[p, 0], F.where[p, 1])
     fx, fz = _driven(part.xx, part.xz, part.zz, bx, bz - gravity)

@@ -1,7 +1,7 @@
-"""Compilation of functions by numba (extra `fast`), and the files in which it keeps what it has compiled.
+"""Compilation of functions by numba (extra `fast`), and the files in which it caches compiled code.
 
-What is kept saves time and nothing else: a file that is cut, damaged, or that others could have written is dropped, and
-the function is compiled anew, as it is where its code or that of anything it calls is another than then; where nothing
+The cache saves time and nothing else: a file that is cut, damaged, or that others could have written is dropped, and
+the function is recompiled, as it is where its code or that of anything it calls is another than then; where nothing
 can be written it is compiled in every process.  While foreign code is loaded and compiled, Ctrl-C is deferred.
 """
 
@@ -32,11 +32,11 @@ DIGEST = sha256().digest_size
 OTHERS_WRITE = S_IWGRP | S_IWOTH
 """Permissions of others to change a file."""
 LOCK_SECONDS = 120.0
-"""Limit: that a process waits for what another compiles, several times what the largest takes; then it does itself."""
+"""Limit: wait for another process to compile, several times the longest compilation; then it compiles itself."""
 ANY_ORDER = frozenset({"contract", "nsz", "reassoc"})
 """Of products and sums: contracted, and added up in any order, as vector instructions want it."""
 watching: ContextVar[Callable[[], AbstractContextManager[object]]] = ContextVar("watching", default=nullcontext)
-"""A block in which numba compiles one function, not in which it loads what it has kept."""
+"""A block in which numba compiles one function, not one in which it loads from the cache."""
 ENDING = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
 
 
@@ -140,7 +140,7 @@ class KeptFile:
 
     @property
     def _source_stamp(self) -> str:
-        """What was compiled, in place of the date of its file: known only once all that it calls is defined."""
+        """A digest of the source, in place of the date of its file: known only once all that it calls is defined."""
         return self._stamp
 
     @cached_property
@@ -159,7 +159,7 @@ class KeptFile:
             return None
 
     def save(self, key: Any, data: Any) -> None:
-        """Cache what was compiled, if possible."""
+        """Cache compiled code, if possible."""
         try:
             status = os.stat(self._cache_path)
             if os.name == "posix" and status.st_uid == os.geteuid() and status.st_mode & OTHERS_WRITE:
@@ -208,7 +208,7 @@ class KeptFile:
     def _folder(self) -> str:
         """The folder without links; PermissionError where somebody else could put another in its place.
 
-        In a folder such as /tmp nobody moves what is another's.  Whoever may change the folders of the source has no
+        In a folder such as /tmp nobody can move files of others.  Whoever may change the folders of the source has no
         need of this file.
         """
         path = Path(os.path.realpath(self._cache_path))
@@ -222,7 +222,7 @@ class KeptFile:
         return str(path)
 
     def _content(self, name: str) -> Any:
-        """What a file of this folder holds: what is examined is what is opened, and what is read are its bytes."""
+        """The contents of a file of this folder; the file that is checked is the one that is opened and read."""
         path = os.path.join(self._folder(), name)
         flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
         with open(os.open(path, flags), "rb") as stream:
@@ -321,9 +321,9 @@ def vectorized_part(function: Any) -> Any:
 
 
 def in_place(function: Any, **options: Any) -> Any:
-    """As `vectorized_part`, for what makes no array of its own but reads and fills those of its caller.
+    """As `vectorized_part`, for functions that allocate no array but read and fills those of its caller.
 
-    Their references are not counted, which in small functions takes longer than what they compute.
+    Their references are not counted, which in small functions takes longer than the computation.
     """
     return part(function, fastmath=set(ANY_ORDER), _nrt=False, **options)
 

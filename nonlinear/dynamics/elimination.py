@@ -4,7 +4,7 @@ The dense matrices of all pendula of a group at once are eliminated from the tip
 
     Σ_j A_ij [cos(θ_i − θ_j) θ_j'' + sin(θ_i − θ_j) θ_j'²] + b_i n_i·ã = Q_i,   n = (cos θ, −sin θ)
 
-is solved for θ_i'' where the first joint feels the acceleration ã, and for the response to each coordinate of what
+is solved for θ_i'' where the first joint has the acceleration ã, and for the response to each coordinate of what
 carries it.  Where the length l of a rope changes, θ'' + 2 l' θ'/l stands for θ'' and θ'² − l''/l for θ'².  Few
 links take fewer operations so than by the recursion, many would take more: the equations of short chains are written
 out from it (`nonlinear.dynamics.forms`).
@@ -104,7 +104,7 @@ class Elimination:
         return M, side
 
     def _substitute(self, M: list[list[Any]], right: Iterable[Any]) -> list[Any]:
-        """θ'' from the eliminated equations and what is left on their right-hand sides."""
+        """θ'' from the eliminated equations and their remaining right-hand sides."""
         solution: list[Any] = []
         for row, side in zip(M, right, strict=True):
             value = side
@@ -114,12 +114,12 @@ class Elimination:
         return solution
 
     def response(self, angles: Any, rates: Any, torques: Any) -> Projection:
-        """What the pendula answer to motions of their first joints."""
+        """The reactions of the pendula to motions of their first joints."""
         return Eliminated(self, angles, rates, torques)
 
 
 class Eliminated:
-    """Pendula on carriers, with n across a link, u along it, slopes j_k of first joints and their acceleration ã.
+    """Pendula on supports, with n across a link, u along it, slopes j_k of first joints and their acceleration ã.
 
     M_kl = Σ m j_k·j_l − a_kᵀ M⁻¹ a_l,   force_k = Σ m j_k·ã − Σ b u·j_k θ'² + a_kᵀ M⁻¹ (Q − b n·ã),   a_k = b n·j_k
     """
@@ -222,7 +222,7 @@ class Banded:
         return band
 
     def response(self, angles: Any, rates: Any, torques: Any) -> Projection:
-        """What the pendula answer to motions of their first joints."""
+        """The reactions of the pendula to motions of their first joints."""
         return Linked(self, angles.T, rates.T**2, torques.T)
 
     def band(self, columns: Any, bend: Floats) -> Floats:

@@ -67,7 +67,7 @@ class HeldInputs:
                 inputs[k:] = [float(input_of(loop, y))]
 
     def at(self, time: float) -> list[float]:
-        """What every loop holds at a time (s) of the motion; raise ComputationError if its samples are not known."""
+        """Held inputs of all loops at a time (s) of the motion; raise ComputationError if its samples are not known."""
         held = []
         for loop, times, inputs in zip(self.loops, self.times, self.inputs, strict=True):
             k = bisect_right(times, time) - 1 - loop.delayed_samples
@@ -77,7 +77,7 @@ class HeldInputs:
         return held
 
     def beside(self, times: Any) -> list[Any]:
-        """The same at times (S,) side by side, each (S,)."""
+        """The same at times (S,) at once, each (S,)."""
         shape = np.shape(times)
         columns = [self.at(time) for time in np.ravel(times).tolist()]
         return [np.reshape(row, shape) for row in zip(*columns, strict=True)] if self.loops else []

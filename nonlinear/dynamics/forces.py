@@ -46,7 +46,7 @@ class External(NamedTuple):
     """External forces on a group: generalized ones on u (d, n, P, ...) or torques on angles (n, P, ...), and the rest.
 
     The power (W) is (...), the force (N) on every centre is (d, n, P, ...), that which every pendulum hands on to its
-    first joint (d, P, ...), as are torques (N m) that act reversed on what carries it.
+    first joint (d, P, ...), as are torques (N m) that act reversed on the part that carries it.
     """
 
     generalized_forces: Any
@@ -216,7 +216,7 @@ def cart_force(system: System, x: Any, rate: Any) -> Any:
 
 
 Base = tuple[Any, Any]
-"""The angles (rad) and rates (rad/s) of what carries the first joints, (P, ...) each."""
+"""The angles (rad) and rates (rad/s) of the parts that carry the first joints, (P, ...) each."""
 
 
 def joint_torques(group: Group, angles: Any, rates: Any, base: Base | None = None) -> tuple[Any, Any]:

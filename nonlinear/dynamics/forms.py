@@ -2,7 +2,7 @@
 
 The lines of `nonlinear.dynamics.minimal`, in space of `nonlinear.dynamics.spatial`, are run once with symbols in place
 of numbers, state and inputs, and what they leave on the tape is written (`nonlinear.dynamics.text`).  A number that is
-0, and a centre at the end of its link, belong to the form: what only they would do is not in the text.
+0, and a centre at the end of its link, belong to the form: terms that vanish with them are not in the text.
 """
 
 from __future__ import annotations
@@ -135,7 +135,7 @@ def form_of(
 
 
 def _shape_of_term(term: JointTerm) -> tuple[Any, ...]:
-    """What of the joint laws is not a number."""
+    """The non-numeric part of the joint laws."""
     return (
         type(term.law),
         term.order,
@@ -148,7 +148,7 @@ def _present(entries: Sequence[Any]) -> tuple[bool, ...]:
 
 
 def shape_of(system: System) -> tuple[Any, ...]:
-    """What of a structure is not a number: kinds, where pendula hang, where springs end, which have no length."""
+    """The non-numeric part of a structure: kinds, where pendula hang, where springs end, which have no length."""
     structure = system.suspension
     pivot_numbers = {pivot: k for k, pivot in enumerate(dict.fromkeys(map(id, structure.pivots)))}
     carriers = tuple(

@@ -39,7 +39,7 @@ class Written(ABC):
     @property
     @abstractmethod
     def rate_of_arrays(self) -> Callable[..., Any]:
-        """The same of many y side by side."""
+        """The same of many y at once, as columns."""
 
     @property
     @abstractmethod
@@ -52,7 +52,7 @@ class Written(ABC):
         return False
 
     def derivative(self, time: Any, y: Any) -> Any:
-        """The time derivative of one y, (size,), or of many side by side, (size, S), real or complex."""
+        """The time derivative of one y, (size,), or of many at once, (size, S), real or complex."""
         slopes = np.empty_like(y)
         if y.ndim > 1:
             for row, rate in zip(slopes, self.rate_of_arrays(y, self.inputs_beside(time, y)), strict=True):
@@ -66,7 +66,7 @@ class Written(ABC):
         return slopes
 
     def inputs_beside(self, times: Any, y: Any) -> Any:
-        """The inputs (K, S) of states side by side at one time or a time each."""
+        """The inputs (K, S) of several states, at one time or each at its own."""
         if self.inputs_at is None:
             return ()
         times_of_states = np.broadcast_to(times, y.shape[1:]).tolist()
@@ -83,12 +83,12 @@ class Generated(Written, Arranged):
 
     @cached_property
     def form(self) -> Form:
-        """What the text depends on."""
+        """The key of the text."""
         return form_of(self.system, has_load=self.load is not None, works=self.layout.works)
 
     @cached_property
     def constants(self) -> list[float]:
-        """What stands in the text for this scene."""
+        """The numbers in the text for this scene."""
         numbers = entries_of(self.system), constants_of(self.system)
         return module_of(self.form).constants(self.form.numbers(*numbers))
 
@@ -99,7 +99,7 @@ class Generated(Written, Arranged):
 
     @cached_property
     def rate_of_arrays(self) -> Callable[..., Any]:
-        """The same of many y side by side."""
+        """The same of many y at once, as columns."""
         return module_of(self.form).function("rates", self.constants, "arrays")
 
     @property
@@ -117,7 +117,7 @@ class Generated(Written, Arranged):
         return lambda time, y: self.inputs.inputs_at(time, y, self.layout)
 
     def inputs_beside(self, times: Any, y: Any) -> Any:
-        """The inputs (K, S) of states side by side."""
+        """The inputs (K, S) of several states."""
         if self.load is not None:
             return super().inputs_beside(times, y)
         return [np.broadcast_to(value, y.shape[1:]) for value in self.inputs.beside(times)]
@@ -170,7 +170,7 @@ class Lanes:
 
     @cached_property
     def form(self) -> Form:
-        """What the text depends on."""
+        """The key of the text."""
         numbers = self.numbers.entries, self.numbers.constants
         members = self.numbers.arrays
         frail = [loses_digits(group, members) for group in members.groups]
@@ -182,11 +182,11 @@ class Lanes:
         return module_of(self.form, tangent=self.tangent)
 
     def constants(self, numbers: Numbers) -> list[Any]:
-        """What stands in the text for these members: numbers and arrays (S,)."""
+        """The values in the text for these members: numbers and arrays (S,)."""
         return self.module.constants(self.form.numbers(numbers.entries, numbers.constants))
 
     def rates(self, numbers: Numbers) -> Rates:
-        """The rates of so many members as these numbers are of."""
+        """The rates of this many members as these numbers are of."""
         if self.is_written:
             rates = self.module.function("rates", self.constants(numbers), self.target)
             if not self.inputs.count:

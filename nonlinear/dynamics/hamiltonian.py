@@ -5,7 +5,7 @@
 T and V are recorded from `nonlinear.dynamics.mechanics` and differentiated backwards on the tape; M⁻¹ p is a pass of
 `nonlinear.dynamics.recursion` without gravity or rates, with p in place of the forces; Q are the forces that act, of
 dampers, drives, drag and loads; where the support moves V has the work against its acceleration too.  No q'' is needed
-for any, so that a comparison with Lagrange's form tells something.  The p_x of a free cart is constant to the last
+for any, so that a comparison with Lagrange's form is meaningful.  The p_x of a free cart is constant to the last
 digit.  Vectors p are ordered like q, (x, links) or (η, links).
 
 In space they are on unit vectors u and their momenta π, y = (x, u, p_x, π, work), by O(links) passes.  With the kinetic
@@ -13,7 +13,7 @@ energy T = ½ M x'² + x' e_x·Σ b_i u_i' + ½ Σ A_ij u_i'·u_j' of the pair, 
 
     P_i = ∂T/∂u_i' = Σ_j A_ij u_j' + b_i x' e_x        π_i = P_i − (u_i·P_i) u_i        p_x = ∂T/∂x'
 
-P_i is the derivative as if every component of u_i' were free, and π_i what of it counts on the sphere |u_i| = 1, so
+P_i is the derivative as if every component of u_i' were free, and π_i its part tangent to the sphere |u_i| = 1, so
 that u_i·π_i = 0.  As u_i·u_i' = 0, p_x x' + Σ π_i·u_i' = 2T, and H(x, u, p_x, π) = ½ (p_x x' + Σ π_i·u_i') + V with the
 rates that solve
 
@@ -64,7 +64,7 @@ class Hamiltonian(Generated):
 
     @cached_property
     def constants(self) -> list[float]:
-        """What stands in the text for this scene."""
+        """The numbers in the text for this scene."""
         numbers = entries_of(self.system), constants_of(self.system)
         return hamilton_of(self.form).constants(self.form.numbers(*numbers))
 
@@ -79,7 +79,7 @@ class Hamiltonian(Generated):
 
     @cached_property
     def rate_of_arrays(self) -> Callable[..., Any]:
-        """The same of many y side by side."""
+        """The same of many y at once, as columns."""
         return self._rate("arrays")
 
     def _rate(self, target: str) -> Callable[..., Any]:

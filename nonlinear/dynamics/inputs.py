@@ -104,7 +104,7 @@ class Inputs:
 
     @cached_property
     def samples(self) -> HeldInputs:
-        """What loops that are sampled hold."""
+        """The held inputs of sampled loops."""
         return HeldInputs(self.system.loops)
 
     @property
@@ -200,7 +200,7 @@ class Inputs:
     def longest_step(self, accuracy: float = 0.0) -> float:
         """The time (s) in which the support's acceleration and every force change too little to be missed by a step.
 
-        For an `accuracy`, a relative tolerance, records are looked at: of one that is smooth over many samples a step
+        For an `accuracy`, a relative tolerance, records are examined: of one that is smooth over many samples a step
         may pass over as many.
         """
         longest = inf
@@ -266,7 +266,7 @@ class Inputs:
         return Inputs(self.system)
 
     def at(self, time: Any, y: Any, layout: Layout) -> Instant:
-        """The instant at one time (s) and state, or at many times side by side."""
+        """The instant at one time (s) and state, or at many times at once."""
         instant = self._of_time_alone.instant(self.of_time(time)) if self._of_time_alone.count else QUIET
         return instant._replace(push=self.load(time, layout.state(y))) if self.load else instant
 
@@ -343,7 +343,7 @@ def smooth_window(pieces: Polynomials, breaks: Sequence[float], error: float) ->
 
 
 def _is_smooth(values: Floats, looks: int, error: float) -> bool:
-    """Whether a polynomial of RECORD_DEGREE is right to the error in all windows of so many of the values (T,)."""
+    """Whether a polynomial of RECORD_DEGREE is right to the error in all windows of this many of the values (T,)."""
     looks = min(looks, len(values))
     basis, _ = np.linalg.qr(
         np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, looks), min(RECORD_DEGREE, looks - 1))

@@ -433,7 +433,7 @@ def add_outside(
 def acting(system: System, state: State, push: AppliedForces) -> tuple[float, Floats, float]:
     """Force (N) along the rail, generalized forces (N m) on the absolute angles, (L,), and non-conservative power (W).
 
-    They are those of joints, of damping ratios, of a cart's spring and damper and of a load: what acts on centres is
+    They are those of joints, of damping ratios, of a cart's spring and damper and of a load: forces on centres are
     left to the links, which are free.  Conservative forces do not count in the power.
     """
     torques, power = state.links * 0.0, 0.0

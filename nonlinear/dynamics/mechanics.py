@@ -29,7 +29,7 @@ from nonlinear.dynamics.structure import carriers_of
 from nonlinear.system import Group, Layout, Motion, System
 
 Along = tuple[Any, Any]
-"""Something of first joints along the rail and down, each beside that of links (T, n, P)."""
+"""Components of first joints along the rail and down, each combined with that of links (T, n, P)."""
 NUMBERS_IN_CACHE = 16_000
 """Cost: links times instants in one block that fits a processor's cache."""
 
@@ -54,7 +54,7 @@ def chain_sums(
 
     Gives positions from unit vectors, velocities from their first and accelerations from their second derivatives;
     `pivots` are the same quantity of first joints, group by group along the rail and down, (T, 1, P) each.  Where
-    lengths change, `length` (T, L) are those and `extra` (T, L, d) is what their change contributes, by which the bobs
+    lengths change, `length` (T, L) are those and `extra` (T, L, d) the part due to their change, by which the bobs
     at their ends move as well.
     """
     ends, centres = np.empty_like(per_metre), np.empty_like(per_metre)
@@ -195,12 +195,12 @@ class Mechanics(Displayed):
 
     @property
     def cart_kinetic(self) -> Floats:
-        """Kinetic energy (J) of the cart or the carriers, (T,)."""
+        """Kinetic energy (J) of the cart or the supports, (T,)."""
         return np.asarray(self._parts.cart_kinetic + 0.0 * self.motion.cart)
 
     @property
     def cart_potential(self) -> Floats:
-        """Energy (J) of the cart's spring; that of carriers and of all springs between points, (T,)."""
+        """Energy (J) of the cart's spring; that of supports and of all springs between points, (T,)."""
         return np.asarray(self._parts.cart_potential + 0.0 * self.motion.cart)
 
     @cached_property
@@ -304,7 +304,7 @@ class Reactions(Displayed):
 
 
 class Energies(NamedTuple):
-    """Kinetic and potential energy (J) of every link, (L, ...), and of the carriers, such as a cart, (...).
+    """Kinetic and potential energy (J) of every link, (L, ...), and of the supports, such as a cart, (...).
 
     The latter is that of their springs and of all between points.  A joint's spring belongs to the link below it.
     """
@@ -391,7 +391,7 @@ def kinetic_energy(group: Group, swing: LinkMotion, speed: tuple[Any, Any], wind
 
 
 def along_chain(group: Group, values: Any, extra: Any = 0.0) -> Any:
-    """What `values` (n, P, ...) of a metre of link add up to at centres, and `extra` of each rope that is wound."""
+    """The sum at centres of `values` (n, P, ...) per metre of link, and `extra` of each rope that is wound."""
     length, centre = (spread(part, values) for part in (group.block.length, group.block.centre))
     return (length * values + extra).cumsum(0) + (centre - length) * values
 

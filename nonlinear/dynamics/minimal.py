@@ -1,6 +1,6 @@
 """Equations of motion in minimal coordinates, solved group by group: in the plane one angle per link.
 
-Each group answers the acceleration of what carries it with a pull on every coordinate of that: on a cart's
+Each group reacts to the acceleration of its support by a force on each of its coordinates: on a cart's
 mass · x'' + force, whose equation
 
     (m_c + Σ mass) x'' = F − c_c x' − k_c x − Σ force
@@ -62,11 +62,11 @@ class Projection(Protocol):
     """The reaction of a group of pendula on its supports, bundle by bundle in their order."""
 
     def project_on_carrier(self, columns: Any, slopes: Sequence[Any], bias: tuple[Any, Any], move_alike: bool) -> Any:
-        """The inertia (lower half) and the force on each coordinate of the carrier of the pendula in these columns.
+        """The inertia (lower half) and the force on each coordinate of the support of the pendula in these columns.
 
         First joints move by these slopes (m, or m/rad, along the rail and down), all by the same where they
         `move_alike`, and `bias` is their acceleration, less gravity, without that of the coordinates.  Of a group with
-        rotors each slope has a third entry, 1 for the coordinate that turns the carrier, else 0.
+        rotors each slope has a third entry, 1 for the coordinate that turns the support, else 0.
         """
 
     def fall(self, pushes: Sequence[Sequence[Any]], accelerations: Any) -> Any:
@@ -93,15 +93,15 @@ class Arranged(ABC):
 
     @cached_property
     def inputs(self) -> Inputs:
-        """What time brings."""
+        """The inputs that depend on time."""
         return Inputs(self.system, self.load)
 
     @abstractmethod
     def derivative(self, time: Any, y: Any) -> Any:
-        """The time derivative of y, (size, ...): further axes of y are independent trajectories side by side."""
+        """The time derivative of y, (size, ...): further axes of y are independent trajectories."""
 
     def __getstate__(self) -> dict[str, Any]:
-        """Without what has been derived: functions that are written cannot be pickled."""
+        """Without derived attributes: generated functions cannot be pickled."""
         return {part.name: getattr(self, part.name) for part in fields(cast("Any", self))}
 
     def begin(self, state: State) -> Floats:
@@ -119,7 +119,7 @@ class Arranged(ABC):
 
     @property
     def tangent_units(self) -> Floats:
-        """The natural size of what lies across every unit vector in space, (L,): of rates (1/s) sqrt(g/l)."""
+        """The natural size of components across every unit vector in space, (L,): of rates (1/s) sqrt(g/l)."""
         return np.asarray(np.sqrt(self.system.gravity / self.system.by_link("length")))
 
     def project(self, y: Floats) -> tuple[Floats, float]:
@@ -177,7 +177,7 @@ class Suspended(Arranged):
         return [(group, body) for group, body in zip(self.system.groups, self.bodies, strict=True) if body]
 
     def derivative(self, time: Any, y: Any) -> Any:
-        """The time derivative of y, (size, ...): further axes of y are independent trajectories side by side."""
+        """The time derivative of y, (size, ...): further axes of y are independent trajectories."""
         return self.rates(y, self.inputs.at(time, y, self.layout))
 
     def groups_at(self, instant: Instant) -> list[Group]:
@@ -190,11 +190,11 @@ class Suspended(Arranged):
         return with_lengths(group, self.system.hoisting.moving, lengths.length[group.index])
 
     def rates(self, y: Any, instant: Instant) -> Any:
-        """The time derivative of y, (size, ...), from what time brings at this instant."""
+        """The time derivative of y, (size, ...), from the inputs at this instant."""
         return self.rates_and_friction(y, instant)[0]
 
     def bearing(self, q: Any, v: Any, instant: Instant, *, massless: bool = False) -> Bearing:
-        """What carries the first joints, at this instant."""
+        """The part that carries the first joints, at this instant."""
         return Bearing(carriers_of(self.system), q, v, instant, massless=massless)
 
     def close_loops(self, y: Any, instant: Instant) -> Instant:
@@ -207,7 +207,7 @@ class Suspended(Arranged):
         return instant._replace(forces=(*instant.forces, *inputs))
 
     def rates_and_friction(self, y: Any, instant: Instant, response: Any = None) -> tuple[Any, Rubbed]:
-        """The same, and what dry friction does.
+        """The same, with the effects of dry friction.
 
         Where all contacts slide on a rail with a coefficient, the `response` (half,) to a unit of friction on it may
         be given.
@@ -304,13 +304,13 @@ class Suspended(Arranged):
         bearing: Bearing,
         externals: Sequence[Any],
     ) -> Any:
-        """The `power` (W) with that of what winds the ropes."""
+        """The `power` (W) with that of the hoists."""
         lengths, gravity = instant.lengths, self.system.gravity
         assert lengths is not None
         for k, (place, group, external) in enumerate(zip(self.places, self.groups_at(instant), externals, strict=True)):
             winding = [part[group.index] for part in lengths[1:]]
             motion = links[place], rates[place], accelerations[place]
-            # without the support's acceleration: with the work of its inertial forces on what the ropes move
+            # without the support's acceleration: with the work of its inertial forces on hoisted masses
             pulls = tensions(group, winding, *motion, bearing.start(k, gravity), external)
             power = power + (winding[0] * pulls).sum((0, 1))
         return power
@@ -389,7 +389,7 @@ class Recursion:
         self.rotors: Any = rotor.reshape(*rotor.shape, *[1] * tail) if group.has_rotors else None
 
     def response(self, angles: Any, rates: Any, torques: Any) -> Projection:
-        """What the pendula answer to motions of their first joints."""
+        """The reactions of the pendula to motions of their first joints."""
         bias = self._bias(rates)
         at = self.sine(angles), self.cosine(angles), rates, torques, bias
         if self.rotors is not None:
@@ -432,7 +432,7 @@ class Recursed:
 
 
 class RecursedWithRotors:
-    """The same with rotors at joints, by f = M ã + r α + p and the moment r·ã + s α + q, α of the carrier."""
+    """The same with rotors at joints, by f = M ã + r α + p and the moment r·ã + s α + q, α of the support."""
 
     def __init__(self, body: Recursion, answer: Geared, turns: Any, bias: Any) -> None:
         self.body, self.answer, self.turns, self.bias = body, answer, turns, bias

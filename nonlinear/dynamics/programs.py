@@ -64,7 +64,7 @@ def _program(group: Group, row: int, column: int, start: int) -> list[list[float
 
 @in_place
 def run_program(rows, start, end, bend, rate):  # type: ignore[no-untyped-def]  # noqa: PLR0912 - one for each operation
-    """The two torques (N m) of the laws of a joint, whose rows hold what is computed on the way."""
+    """The two torques (N m) of the laws of a joint, whose rows hold intermediate results."""
     rows[start, 4], rows[start + 1, 4] = bend, rate
     for k in range(start + 2, end):
         operation = int(rows[k, 0])

@@ -1,7 +1,7 @@
 """Accelerations in the plane by one pass from the tips up and one back down, O(links), without a matrix.
 
 With u = (sin θ, cos θ) along a link, n = (cos θ, −sin θ) across it and ã = a − g e_z the acceleration of its upper
-joint as the link feels it, everything from that joint down responds with the force f = M ã + p, M symmetric.  Given M'
+joint less gravity, everything from that joint down responds with the force f = M ã + p, M symmetric.  Given M'
 and p' of all that hangs below (zero below the last link), with J = I + m c²,
 
     D = J + l² n·M'n     h = m c n + l M'n     e = l n·(p' − l ω² M'u) − Q     θ'' = −(h·ã + e)/D
@@ -11,7 +11,7 @@ In the basis (n, u) two of M's three numbers need no subtraction (as in `modal.e
 
     M_nn = (m I + (I + m (l−c)²) M'_nn)/D,   M_nu = (I − m c (l−c)) M'_nu / D,   M_uu = m + M'_uu − l² M'_nu²/D
 
-With rotors at joints all that hangs below feels the angular acceleration α of the link above: f = M ã + r α + p, and
+With rotors at joints all that hangs below has the angular acceleration α of the link above: f = M ã + r α + p, and
 r·ã + s α + q is the moment on that link (`geared_response`).
 This is the articulated-body recursion [Featherstone2008, §7.2] of a planar chain.
 A bob whose rope changes its length has the accelerations β_u = l'' along it and β_n = 2 l' ω across it, too, as has all
@@ -216,7 +216,7 @@ def geared_response(
 ) -> tuple[Geared, Turn]:
     """`link_response` with the inertia J of a `rotor` at the upper joint, and rotors below.
 
-    With α of the link above, σ = s' + J and primes for what is below,
+    With α of the link above, σ = s' + J and primes for the parts below,
 
         D = I + m c² + l² M'_nn + 2 l r'_n + σ     h = m c n + l M'n + r'     θ'' = −(h·ã + e − J α)/D
         e = l n·(p' − l ω² M'u) − l ω² r'_u + q' − Q     r = J h/D     s = J (D − J)/D     q = J e/D
@@ -264,7 +264,7 @@ def geared_downward(
     base: tuple[Any, Any, Any],
     bias: Sequence[Bias] | None = None,
 ) -> list[Any]:
-    """θ'' (rad/s²) of every link where the first joint has ã and what it is on turns by α, `base` = (ã_x, ã_z, α)."""
+    """θ'' (rad/s²) of every link from ã of the first joint and α of its support, `base` = (ã_x, ã_z, α)."""
     ax, az, alpha = base
     accelerations = []
     extra = [None] * len(links) if bias is None else bias

@@ -1,7 +1,7 @@
 """Motion in space, the cart along its rail and one unit vector per link, y = (x, u, x', w, work), by O(links) passes.
 
 A link is the unit vector u with rate w = u', u·w = 0, and does not spin: u'' = α − |w|² u with α across the link. With
-ã = a − g e_z the acceleration of its upper joint as it feels it, everything from that joint down answers with the force
+ã = a − g e_z the acceleration of its upper joint less gravity, everything from that joint down answers with the force
 f = M ã + p, M symmetric.  Given M' and p' of all that hangs below (zero below the last link), Q across the link the
 generalized force on u, J = I + m c², P = 1 − u uᵀ,
 
@@ -227,7 +227,7 @@ class SpatialRecursion:
         self.links = [type(link)(*(value.reshape(-1, *[1] * tail) for value in link)) for link in links_of(group)]
 
     def response(self, u: Any, w: Any, torque: Any) -> Projection:
-        """What the pendula answer to motions of their first joints.
+        """The reactions of the pendula to motions of their first joints.
 
         The stages of an integrator's step leave the sphere, where the two reflections of `upward` and `downward` would
         give different results and y' would jump as a link passes the horizontal: so directions are normalized first.

@@ -1,6 +1,6 @@
-"""Springs and dampers between points of links, carriers and the ground, and between their angles.
+"""Springs and dampers between points of links, supports and the ground, and between their angles.
 
-With Δ the vector from one end to the other, Δ₀ as drawn and δ = Δ − Δ₀ what displacements add to it,
+With Δ the vector from one end to the other, Δ₀ as drawn and δ = Δ − Δ₀ the contribution of displacements,
 
     F = (k e + d u·Δ') u,   u = Δ/|Δ|,   e = |Δ| − |Δ₀| = (2 Δ₀·δ + δ·δ)/(|Δ| + |Δ₀|)
 
@@ -33,23 +33,23 @@ class Carrying(Protocol):
         """Displacements (m) and velocities (m/s) of first joints, (P, ...) each."""
 
     def point(self, end: CarrierEnd) -> tuple[Vector, Moving, Vector]:
-        """The displacement of a point of a carrier, how it moves, and its velocity."""
+        """The displacement of a point of a support, how it moves, and its velocity."""
 
     def angle(self, number: int, values: Sequence[Any] | None = None) -> Any:
-        """The angle (rad) of a carrier, or of other `values` of its coordinates."""
+        """The angle (rad) of a support, or of other `values` of its coordinates."""
 
     def push(self, number: int, moving: Moving, force: Vector) -> None:
-        """A force (N) on a point of a carrier."""
+        """A force (N) on a point of a support."""
 
     def turn(self, number: int, torque: Any) -> None:
-        """A torque (N m) on a carrier."""
+        """A torque (N m) on a support."""
 
 
 class Tension(NamedTuple):
-    """Of so many springs the extension e (m, or rad), the pull (N, or N m) and the energy (J), (E, ...) each.
+    """Of this many springs the extension e (m, or rad), the pull (N, or N m) and the energy (J), (E, ...) each.
 
     `force` (2, E, ...) is that on their first ends (N), of those between angles the torque (E, ...), and `power` (...)
-    what their dampers take (W).
+    the power (W) of their dampers.
     """
 
     extension: Any
@@ -60,7 +60,7 @@ class Tension(NamedTuple):
 
 
 class Strained(NamedTuple):
-    """What all springs do: generalized forces on the angles of links (L, ...), and on first joints of every group.
+    """The forces of springs: generalized forces on the angles of links (L, ...), and on first joints of every group.
 
     The latter are (2, P, ...) along the rail and down, None if no spring ends in a group; those `on_links` are (2, L,
     ...), and `power` is in W.
@@ -104,7 +104,7 @@ def _tension(stiffness: Any, stretch: tuple[Any, ...]) -> Tension:
 
 
 class Nodes(NamedTuple):
-    """The points at which springs end: those of links, `link` (N,) and `below` (N, ...), then those of carriers."""
+    """The points at which springs end: those of links, `link` (N,) and `below` (N, ...), then those of supports."""
 
     link: Ints
     below: Any
@@ -119,7 +119,7 @@ class Springs:
 
     @property
     def structure(self) -> Structure:
-        """What they belong to."""
+        """The parts that they belong to."""
         return self.system.suspension
 
     @cached_property
@@ -171,7 +171,7 @@ class Springs:
         return components.reshape(2, len(vectors), *components.shape[1:]), array_of(rest)
 
     def tensions(self, q: Any, v: Any, carrying: Carrying) -> list[tuple[Ints, Tension]]:
-        """What springs of each kind do, with their numbers, at coordinates q and rates v (half, ...)."""
+        """The forces of springs of each kind, with their numbers, at coordinates q and rates v (half, ...)."""
         tight, loose, torsion = self.kinds
         stiffness, damping = (_spread(part, q) for part in self.numbers)
         tensions = []
@@ -234,7 +234,7 @@ class Springs:
         return places, speeds
 
     def forces(self, q: Any, v: Any, carrying: Carrying) -> Strained:
-        """What they do; carriers at which they end are pushed and turned at once."""
+        """Their forces; those on supports at which they end are added at once."""
         size, (nodes, pairs) = self.structure.size, self.nodes
         links, count = q[size:], len(nodes.link)
         torques, power = np.full(links.shape, 0.0, dtype=links.dtype), 0.0
@@ -295,7 +295,7 @@ def array_of(values: Sequence[Any]) -> Any:
 
 
 def _spread(constant: Any, like: Any) -> Any:
-    """Constants (…, N) as (…, N, 1) where what they meet has further axes."""
+    """Constants (…, N) as (…, N, 1) where their operands have further axes."""
     return (
         constant.reshape(*constant.shape, *[1] * (like.ndim - constant.ndim)) if like.ndim > constant.ndim else constant
     )

@@ -23,10 +23,10 @@ y = (η, θ, η', θ', work), and u and v as follows:
 
     rates       u = the time (s) where something is prescribed, then forces (N, N m) on η and moments on θ: y'
     linear      the same u, v a small change of (η, θ, η', θ') from a state at rest: its rate, drives and quadratic drag
-                left out, with the rates of that state itself
+                omitted, with the rates of that state itself
     stored      the kinetic and the potential energy (J), the latter from rest
     paired      u = x, v = z, two small motions of (η, θ) from a state at rest: x'Mz, x'Kz, x'Dz without what prescribes
-    impelled    u = generalized impulses (N s, N m s) on (η, θ): what they add to the rates
+    impelled    u = generalized impulses (N s, N m s) on (η, θ): their contribution to the rates
 
 The bilinear forms are second derivatives of the energies and of the power of dampers, by the chain rule on the tape.
 """
@@ -175,7 +175,7 @@ def link_steps(*, linear: bool = False) -> Module:
 
 @cache
 def support_steps(*, linear: bool = False) -> Module:
-    """What the first joints do, of the numbers CART."""
+    """The motion of the first joints, from the numbers CART."""
     return _record(CART, {"railed": (_rail_step, (5, 13, 0)), "held": (_support_step, (5, 13, 0))}, linear)
 
 
@@ -198,7 +198,7 @@ class StructureSteps:
 
     @cached_property
     def form(self) -> Form:
-        """What the text depends on: every damper has a number there."""
+        """The key of the text: every damper has a number there."""
         form = form_of(self.system, has_load=True, works=True)
         links = self.system.n_links
         at = BEFORE + links * FIELDS.index("damping")
@@ -213,7 +213,7 @@ class StructureSteps:
 
     @property
     def numbers(self) -> list[Any]:
-        """The numbers p of the system: those entries, then the constants of what is prescribed."""
+        """The numbers p of the system: those entries, then the constants of prescribed motions."""
         return self.form.numbers(entries_of(self.system), constants_of(self.system))
 
     @cached_property

@@ -5,10 +5,10 @@ found by one pass from its tip (`nonlinear.dynamics.recursion`), so that
 
     (M_s(η) + Σ J_pᵀ R_p J_p) η'' = Q_s − Σ J_pᵀ [p_p + R_p (J_p' η' − g e_z)] − Σ (torques of first joints)
 
-with a block for each carrier, which elimination solves; then one pass goes down each chain.  Q_s has the carriers'
-springs and dampers, their weights, and the terms of M_s'(η).  Where a carrier has a spring this carries the weight at
-the drawn rest: its potential is ½ k η² + W η with W = g Σ m ∂z/∂η there.  The torque of a first joint on a carrier that
-turns acts on the angle of the link relative to it, and reversed on the carrier.
+with a block for each support, which elimination solves; then one pass goes down each chain.  Q_s has the supports'
+springs and dampers, their weights, and the terms of M_s'(η).  Where a support has a spring this carries the weight at
+the drawn rest: its potential is ½ k η² + W η with W = g Σ m ∂z/∂η there.  The torque of a first joint on a support that
+turns acts on the angle of the link relative to it, and reversed on the support.
 
 Every line is plain arithmetic: it accepts floats, arrays with further axes, complex numbers and recorded symbols.
 """
@@ -33,9 +33,9 @@ Vector = tuple[Any, Any]
 
 
 class Bundle(NamedTuple):
-    """Pendula of one group that hang from one carrier: their `columns`, and the points `where` they hang.
+    """Pendula of one group that hang from one support: their `columns`, and the points `where` they hang.
 
-    They `move_alike` where all hang from one point, or the carrier does not turn.
+    They `move_alike` where all hang from one point, or the support does not turn.
     """
 
     carrier: int
@@ -66,11 +66,11 @@ def _bundle(structure: Structure, carrier: int, members: Sequence[tuple[int, Any
     return Bundle(carrier, slice(low, high) if contiguous else np.array(columns), where, move_alike)
 
 
-# ---------------------------------------------------------------------------------------------------- one carrier
+# ---------------------------------------------------------------------------------------------------- one support
 
 
 def inertia(carrier: CarrierNumbers, centre: Moving) -> list[list[Any]]:
-    """The lower half of the carrier's own mass matrix; its centre of mass moves like this."""
+    """The lower half of the support's own mass matrix; its centre of mass moves like this."""
     if carrier.M is not None:
         return [list(row[: k + 1]) for k, row in enumerate(carrier.M.tolist())]
     if carrier.path is None:
@@ -88,7 +88,7 @@ def inertia(carrier: CarrierNumbers, centre: Moving) -> list[list[Any]]:
 
 
 def thrown(carrier: CarrierNumbers, centre: Moving, bias: Vector) -> Iterator[Any]:
-    """The generalized forces of the carrier's own mass under −`bias`, the frame's acceleration less gravity, and η'."""
+    """The generalized forces of the support's own mass under −`bias`, the frame's acceleration less gravity, and η'."""
     if carrier.M is not None:
         yield from [0.0] * carrier.size
         return
@@ -100,14 +100,14 @@ def thrown(carrier: CarrierNumbers, centre: Moving, bias: Vector) -> Iterator[An
 
 
 def elastic_forces(carrier: CarrierNumbers, eta: Sequence[Any]) -> list[Any]:
-    """The forces of the carrier's own springs."""
+    """The forces of the support's own springs."""
     if carrier.K is not None:
         return [-_product(row, eta) for row in carrier.K.tolist()]
     return [-plus(0.0, k, value) for k, value in zip(carrier.stiffness, eta, strict=True)]
 
 
 def mounting_forces(carrier: CarrierNumbers, eta: Sequence[Any], rates: Sequence[Any]) -> tuple[list[Any], list[Any]]:
-    """The forces of the carrier's own springs and of its potential, and those of its dampers."""
+    """The forces of the support's own springs and of its potential, and those of its dampers."""
     elastic, jets = elastic_forces(carrier, eta), stored(carrier, eta)
     if jets is not None:
         elastic = [force - jet.first for force, jet in zip(elastic, jets, strict=True)]
@@ -117,7 +117,7 @@ def mounting_forces(carrier: CarrierNumbers, eta: Sequence[Any], rates: Sequence
 
 
 def stored(carrier: CarrierNumbers, eta: Sequence[Any]) -> Any:
-    """The carrier's energy (J) next to springs and weight, as a jet along each coordinate; None without any."""
+    """The support's energy (J) next to springs and weight, as a jet along each coordinate; None without any."""
     return carrier.path.forces(eta, carrier.values) if carrier.path and carrier.stores else None
 
 
@@ -125,7 +125,7 @@ def _product(row: Sequence[Any], values: Sequence[Any]) -> Any:
     return sum((entry * value for entry, value in zip(row, values, strict=True)), 0.0)
 
 
-# ------------------------------------------------------------------------------------------------ all carriers
+# ------------------------------------------------------------------------------------------------ all supports
 
 
 @lru_cache(maxsize=16)
@@ -142,7 +142,7 @@ class Carriers:
 
     @property
     def structure(self) -> Structure:
-        """The carriers and the springs between points."""
+        """The supports and the springs between points."""
         return self.system.suspension
 
     @cached_property
@@ -157,7 +157,7 @@ class Carriers:
 
     @cached_property
     def weights(self) -> list[Any]:
-        """W (first,), N or N m: the weights at the drawn rest where carriers' own springs carry them, else 0."""
+        """W (first,), N or N m: the weights at the drawn rest where supports' own springs carry them, else 0."""
         hanging_masses: list[Any] = [0.0] * len(self.structure.pivots)
         for group in self.system.groups:
             for column, pendulum in enumerate(group.pendula.tolist()):
@@ -179,7 +179,7 @@ class Carriers:
 
     @cached_property
     def _alike(self) -> list[Moving | None]:
-        """How every point of a carrier moves where all move alike at all times; their place is of no use."""
+        """How every point of a support moves where all move alike at all times; their place is of no use."""
         zeros = [0.0] * self.structure.size
         return [
             None if part.bends or part.M is not None else part.moving(part.centre, zeros, zeros)
@@ -187,7 +187,7 @@ class Carriers:
         ]
 
     def moving(self, number: int, where: Any, eta: Sequence[Any], rates: Sequence[Any]) -> Moving:
-        """How a point of a carrier moves, its place excepted."""
+        """How a point of a support moves, its place excepted."""
         if (alike := self._alike[number]) is not None:
             return alike
         structure = self.structure
@@ -201,7 +201,7 @@ class Carriers:
         return tuple(part[:, None] for part in bundle.where)
 
     def centre(self, number: int, eta: Sequence[Any], rates: Sequence[Any]) -> Moving:
-        """How the centre of mass of a carrier moves."""
+        """How the centre of mass of a support moves."""
         return self.moving(number, self.structure.carriers[number].centre, eta, rates)
 
 

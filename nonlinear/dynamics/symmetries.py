@@ -10,11 +10,11 @@ so large that integrators would scale their tolerance by them, they are removed.
 double precision cannot square m l² are rescaled by powers of two, relative to the largest; gravity scales with lengths,
 so that time is unchanged.
 
-What symmetry ties together stays together however unstable that is; real pendula would not.  The same holds of equal
+Pendula that symmetry ties stay together, however unstable that is; real pendula would not.  The same holds of equal
 pendula that swing in antiphase about a cart at rest, although nothing is reduced there: rounding is as symmetric as the
 motion (`exactly_symmetric`).
 
-Beside it whether a start is an unstable equilibrium of the full equations, which rounding alone would end.
+Also whether a start is an unstable equilibrium of the full equations, which rounding alone would end.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ UNIT_POWER_MAX = 200
 class Symmetry:
     """An equivalent `system`: how to start it, how to recover the whole motion from it, and a description in `words`.
 
-    `ties` says whether it holds together what would part under a small perturbation.
+    `ties` says whether it holds motions together that would part under a small perturbation.
     """
 
     system: System
@@ -264,7 +264,7 @@ class Reduced:
 
     @property
     def words(self) -> str:
-        """A description of what is integrated."""
+        """A description of the integrated system."""
         return "; ".join(symmetry.words for symmetry in self.symmetries)
 
     @property

@@ -2,7 +2,7 @@
 
 The equations of motion are plain arithmetic: run with symbols in place of numbers they leave their operations on a
 tape, each once, without those that involve only a 0.  The inputs have a kind: "p" (the numbers of a scene), "u" (what
-time brings), "y" (the state), "v" (a direction).  `nonlinear.dynamics.text` writes what is on the tape.
+time brings), "y" (the state), "v" (a direction).  `nonlinear.dynamics.text` writes the tape as code.
 
 Derivatives are found on the same tape by the chain rule, forwards: `partials` are the entries of a Jacobian that are
 not zero, `directional_derivatives` is its product with a vector; `gradient` goes backwards
@@ -203,7 +203,7 @@ def gradient(tape: Tape, output: Any, by: Sequence[Any]) -> list[Any]:
 
 
 DIVISOR_MIN = 1e-300
-"""Format: in place of a divisor that is 0 where what it divides is: the speed of a body at rest."""
+"""Format: in place of a divisor that is 0 together with its dividend: the speed of a body at rest."""
 
 RULES: dict[str, Callable[..., Any]] = {
     "+": lambda f, a, b, da, db: da + db,

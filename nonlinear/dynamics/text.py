@@ -1,6 +1,6 @@
 """Code generation from a tape: functions of (y, u, v) in Python and for compilers, with shared constants.
 
-What depends on the numbers p of a scene alone is written apart and done once (`Module.constants`): for one scene in
+Operations on the numbers p of a scene alone are written separately and done once (`Module.constants`): for one scene in
 floats, for many at once in arrays.  The rest is straight-line code without arrays, matrices or loops; for few links
 Python's floats are several times faster in it than NumPy, which would spend most of its time on calls.  The same text
 serves floats, arrays of many states, complex numbers and heyoka's expressions; numba gets loops over lanes, the live
@@ -119,7 +119,7 @@ FUNCTIONS["columns"] = {
 
 
 class Module:
-    """Named functions, each from what its components are."""
+    """Named functions, each from its components."""
 
     def __init__(self, tape: Tape, functions: Mapping[str, Sequence[Any]]) -> None:
         self.sizes, self.functions = dict(tape.sizes), {name: list(outputs) for name, outputs in functions.items()}
@@ -150,14 +150,14 @@ class Module:
 
     @property
     def names(self) -> list[str]:
-        """What the constants are called."""
+        """The names of the constants."""
         return [f"c{k}" for k in range(len(self.kept))]
 
     def components(self, name: str) -> list[str]:
         """Return the results of a function as words."""
         return [self._lines[name].word(output) for output in self.functions[name]]
 
-    @cache  # noqa: B019 - a module is kept with what is written of it
+    @cache  # noqa: B019 - a module is cached with its text
     def python(self, name: str, columns: bool = False) -> str:
         """The source of `made`, which takes the constants and gives the function.
 
@@ -251,7 +251,7 @@ class Module:
 
 
 class _Lines:
-    """Assignments of what is wanted more than once or nested too deeply, each to a name of this letter."""
+    """Assignments of expressions that are used more than once or nested too deeply, each to a name of this letter."""
 
     def __init__(self, letter: str, names: Mapping[int, str] | None = None) -> None:
         self.letter, self.names, self.lines = letter, dict(names or {}), list[str]()
@@ -296,14 +296,14 @@ def with_branches(text: str) -> str:
 
 
 def operation_text(operator: str, parts: Sequence[str]) -> str:
-    """The text of an operation on what these words name."""
+    """The text of an operation on these operands."""
     if operator in FUNCTIONS["floats"]:
         return f"{operator}({', '.join(parts)})"
     return f"(-{parts[0]})" if operator == "neg" else f"({parts[0]} {operator} {parts[1]})"
 
 
 def _javascript_method(head: str, lines: _Lines, constants: Sequence[str], *ends: str) -> str:
-    """A method of an object in JavaScript: what it reads from arrays, its lines, its ends."""
+    """A method of an object in JavaScript: its reads from arrays, its lines, its results."""
     reads = [(constant[0], int(constant[1:])) for constant in constants] + [
         symbol.operation[1:] for symbol in lines.given
     ]
@@ -337,7 +337,7 @@ def _invert_divisors(line: str, inverses: set[str]) -> list[str]:
 
 
 def _fixed_symbols(symbols: Sequence[Symbol]) -> set[int]:
-    """What depends on the numbers of a scene alone."""
+    """The nodes that depend on the numbers of a scene alone."""
     fixed_symbols: set[int] = set()
     for symbol in symbols:
         operator, *operands = symbol.operation
@@ -351,7 +351,7 @@ def _fixed_symbols(symbols: Sequence[Symbol]) -> set[int]:
 
 
 def _ends(symbols: Sequence[Symbol], functions: Any, fixed_symbols: set[int]) -> set[int]:
-    """What is still and wanted by what is not, or returned."""
+    """The constant nodes that others use, or that are returned."""
     values = [operand for symbol in symbols if id(symbol) not in fixed_symbols for operand in symbol.operation[1:]]
     values += [output for outputs in functions for output in outputs]
     return {id(operand) for operand in values if isinstance(operand, Symbol) and id(operand) in fixed_symbols}

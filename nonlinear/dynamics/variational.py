@@ -49,7 +49,7 @@ class Variational(Generated):
 
     @cached_property
     def form(self) -> Form:
-        """What the text depends on."""
+        """The key of the text."""
         return with_contacts(form_of(self.system, has_load=self.force is not None, works=False))
 
     @cached_property
@@ -71,7 +71,7 @@ class Variational(Generated):
         return self.layout.size
 
     def linearize(self, y: Any, u: Any = ()) -> tuple[Floats, Floats]:
-        """The derivative y' (d, ...) and its Jacobian by y, (..., d, d), of one y (d,) or many side by side, (d, S).
+        """The derivative y' (d, ...) and its Jacobian by y, (..., d, d), of one y (d,) or many at once, (d, S).
 
         `u` are the inputs (`nonlinear.dynamics.inputs`), (K,) or (K, S). Raise ComputationError if the mass matrix of
         one y is singular.
@@ -122,7 +122,7 @@ class Variational(Generated):
         return self.form.numbers(entries_of(self.system), constants_of(self.system))
 
     def moved_by(self, change: Floats, y: Floats, u: Any = (), input_change: Any = ()) -> Floats:
-        """The derivative (d, S) of y' at many y side by side (d, S) along a change δp (P,) of the numbers.
+        """The derivative (d, S) of y' at many y at once (d, S) along a change δp (P,) of the numbers.
 
         The inputs u (K, S) change by `input_change` (K, S), by default not at all.
         """
@@ -163,7 +163,7 @@ class Variational(Generated):
         return module.function("momenta", constants, "arrays")
 
     def momentum_slope(self, y: Floats) -> Floats:
-        """The derivative by y, (d,), of what a cart without a spring conserves: p_x and the impulse of what resists.
+        """The derivative by y, (d,), of the invariant of a cart without a spring: p_x and the impulse of dampers.
 
         That is p_x + c x + Σ c_k x_k + D_x·q with the dampings c of the cart and c_k of the centres of links, at x_k,
         and the row D_x of damping ratios.

@@ -7,7 +7,7 @@ of every member, with its energy drift and horizon, in chunks that may be files 
 
 Start with `running`; `measures` says how measures are computed, `lanes` and `compiled` are the engines, and `plain`
 takes one by one what these do not; `basins` and `sections` are what ensembles are run for most, of scenes that are
-driven in time `strobes`, `attractors` and `bifurcations`; `rhythms` maps what scenes with drives end in along a number,
+driven in time `strobes`, `attractors` and `bifurcations`; `rhythms` maps outcomes of scenes with drives along a number,
 `rhythm_borders` where that of no orbit ends; `executors` and `cluster` share the work among processes, also that of
 other subpackages. `preparing` compiles ahead of time what a scene can use.
 """

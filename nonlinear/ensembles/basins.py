@@ -54,7 +54,7 @@ BASIN_TIMES = 30.0
 class Basins(EnsembleResult):
     """A measure over the grid of two numbers: `column` is its name with its unit, `names` those of configurations.
 
-    Of attractors there is `attractor`, the number of each start's, (S,), besides.
+    For attractors `attractor` (S,) is also the number of the one that each start reaches.
     """
 
     ensemble: Ensemble
@@ -113,7 +113,7 @@ class Basins(EnsembleResult):
         yield self.ensemble.words()
 
     def _left(self) -> str:
-        """What those do that have not reached a configuration."""
+        """The motions of those that have not reached a configuration."""
         if not self.names or not self.shares()[NONE]:
             return ""
         if self.attractor is not None:
@@ -154,7 +154,7 @@ def find_basins(
     """Compute a measure over two parameters of a scene, by default the first angles of its first two pendula or links.
 
     Where no start is given or varied, all begin in the usual one of the scene. `measure` is one that `basins` takes in
-    `nonlinear.measures`, NAME or NAME:N for so many seconds in place of a `duration`; `options` are those of
+    `nonlinear.measures`, NAME or NAME:N for this many seconds in place of a `duration`; `options` are those of
     `ensemble`. Raise SceneError for anything else.
     """
     axes = grid_of(scene, vary)
@@ -193,7 +193,7 @@ def _measure_of(scene: Scene, text: str | None, duration: float | None) -> tuple
 
 
 def _names(scene: Scene) -> tuple[str, ...]:
-    """What a configuration is called, by its number; several of one name with their largest angles."""
+    """The name of a configuration, by its number; several of one name with their largest angles."""
     states = configurations(scene)
     names = [f"{agreement(state)}, mode {state.number}" for state in states]
     angles = [f", {degrees(state.averaged.largest(state.z)):.5g}°" for state in states]

@@ -65,7 +65,7 @@ class BifurcationDiagram(Drawable, Result):
 
     @property
     def unit(self) -> str:
-        """That of the values; of the amplitude of a force N, of a torque N m."""
+        """The unit of the values; of the amplitude of a force N, of a torque N m."""
         _, k, *_ = (*find_places(self.scene, self.variation.path)[0], 0)
         if self.variation.unit or not self.variation.path.startswith("force"):
             return self.variation.unit
@@ -139,7 +139,7 @@ def find_bifurcations(
     """Compute the last 50 stroboscopic samples of a plane scene driven by sines at every value of a parameter.
 
     Every value has its own run, from the start of the scene: a transient of `settle` (s), by default ten times the
-    slowest decay of its modes and at least 200 periods, then 50 periods, looked at once in each at `phase_deg`. `of`
+    slowest decay of its modes and at least 200 periods, then 50 periods, sampled once in each at `phase_deg`. `of`
     names the links to draw, "theta_1_1". `options` are those of `ensemble`; values of a share that others compute are
     NaN. Raise SceneError if no value gives a motion.
 
@@ -185,7 +185,7 @@ def _tails(system: System) -> list[tuple[int, ...]]:
 
 
 def _variation(scene: Scene, vary: str | Variation) -> Variation:
-    """What is varied; raise SceneError for no place, and for a number on which it depends how many links there are."""
+    """The varied number; raise SceneError for no place, and for one that changes the number of links."""
     variation = parse_variations([vary])[0] if isinstance(vary, str) else vary
     validate_variations(scene, (variation,))
     if variation.path.endswith(".count"):

@@ -43,7 +43,7 @@ def cluster(address: str, patience: float = 10.0) -> Iterator[WorkerPool]:
 
 @contextmanager
 def workers_at(scheduler: str | None, workers: int | None = None) -> Iterator[Workers]:
-    """Those of a Dask cluster at the address of its scheduler, or without one processes of this machine.
+    """The workers of a Dask cluster at the address of its scheduler, or without one processes of this machine.
 
     The processes are started once.  Raises what `cluster` does.
     """

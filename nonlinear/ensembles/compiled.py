@@ -1,4 +1,4 @@
-"""The engine compiled by numba (extra `fast`): `nonlinear.integration.kernels`, and what is measured next to it."""
+"""The engine compiled by numba (extra `fast`): `nonlinear.integration.kernels`, and the measures next to it."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from nonlinear.integration.within import Step, Watch
 from nonlinear.system import Numbers
 
 BUFFER_STEPS = 2048
-"""Cost: steps that are looked at in NumPy together; benchmarks/ensembles.py."""
+"""Cost: steps that are examined in NumPy together; benchmarks/ensembles.py."""
 REASONS = {SHORT: TOO_SHORT, INFINITE: NOT_FINITE, JAMMED: STUCK}
 
 
@@ -38,7 +38,7 @@ REASONS = {SHORT: TOO_SHORT, INFINITE: NOT_FINITE, JAMMED: STUCK}
 class Ran:
     """Of S members: y (size, S) at the end, errors, horizons, ln |v| and largest angles at ends of steps, (S,).
 
-    With switches also their state (m, S); `reasons` tell why some failed.
+    With switches also their state (m, S); `reasons` say why some failed.
     """
 
     y: Floats
@@ -128,7 +128,7 @@ def integrate(
 
 
 def _lanes(size: int, constants: int, links: int, inputs: int) -> tuple[Floats | Ints, ...]:
-    """What of a module's arguments has a column for each lane, none of which has a member yet."""
+    """The arguments of a module with a column for each lane, none of which has a member yet."""
     front, K = np.zeros((TURNED + links, WIDTH)), np.zeros((STAGES + 1, size, WIDTH))
     y, z, v, w, g = (np.zeros((size, WIDTH)) for _ in range(5))
     absolute, scale = (np.ones((size, WIDTH)) for _ in range(2))
@@ -139,7 +139,7 @@ def _lanes(size: int, constants: int, links: int, inputs: int) -> tuple[Floats |
 
 
 def _switching(switches: Switches | None, final: Floats) -> tuple[Any, ...]:
-    """What of a module's arguments belongs to switches, whose states at the end go into `final`."""
+    """The arguments of a module for switches, whose states at the end go into `final`."""
     count = final.shape[1]
     entries = (switches.constants, switches.numbers) if switches else ((), ())
     constants, numbers = (_given(each, count) for each in entries)

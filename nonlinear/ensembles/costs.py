@@ -37,18 +37,18 @@ SOONER = {LANES: 1.0, COMPILED: 5.0}
 """How many times as fast as lanes in NumPy an engine is once it runs."""
 FOLDERS = "by which this folder was begun"
 TANGENT = "lyapunov"
-"""The measure that needs tangent equations beside the others."""
+"""The measure that needs tangent equations in addition."""
 NUMBA_SECONDS = 0.02
 """Cost: that numba's loop takes for a few members as well; benchmarks/ensembles.py."""
 CALLING = 1.5e-4, 6e-5
 """Cost: seconds that a step of lanes in NumPy takes for a few members as well: for each link, and for its square;
 benchmarks/ensembles.py."""
 RECORDED = CAPABILITIES["engine numba"].unless["moved_support"]
-"""What of the functions of time numba takes."""
+"""The functions of time that numba supports."""
 
 
 class Decision(NamedTuple):
-    """An engine, the reason for it, and what engines that are not ready would save."""
+    """An engine, the reason for it, and the saving by engines that are not ready."""
 
     engine: str
     reason: str
@@ -102,7 +102,7 @@ def choose_engine(
 def engine_of_many(
     scene: Scene, start: State, count: int, duration: float, tolerance: float, measures: Sequence[str]
 ) -> str:
-    """The engine for so many starts like this one, whatever is ready: all who take some of them choose alike."""
+    """The engine for this many starts like this one, whatever is ready: all who take some of them choose alike."""
     parts = vars(motion_of([start])).values()
     members = Members(scene, states=Motion(*(np.broadcast_to(part, (count, *part.shape[1:])) for part in parts)))
     why_not = refused(members, duration, tolerance)
@@ -110,12 +110,12 @@ def engine_of_many(
 
 
 def _recorded(name: str, scene: Scene) -> bool:
-    """Whether what time brings is a function of it that an engine can compile."""
+    """Whether the inputs are functions of time that an engine can compile."""
     return name != COMPILED or Inputs(system_of(scene)).polynomials is not None
 
 
 def _offers(members: Members, duration: float, tolerance: float, measures: Sequence[str]) -> dict[str, Offer]:
-    """What every engine that takes these members would take for them."""
+    """The costs of these members by every engine that supports them."""
     scene, whole = members.scene, members.size * seconds_each(members.scene, duration, tolerance)
     links, steps = scene.n_links, steps_of(scene, duration, tolerance)
     beside = {COMPILED: NUMBA_SECONDS, LANES: steps * (CALLING[0] * links + CALLING[1] * links**2)}
@@ -144,7 +144,7 @@ def first_numbers(members: Members) -> Numbers:
 
 
 def code_of(name: str, numbers: Numbers, measures: Sequence[str] = ()) -> Code | None:
-    """What an engine compiles for members with such numbers, and how far it is; None if it compiles nothing.
+    """The code that an engine compiles for members with such numbers, and its state; None if it compiles nothing.
 
     Where exponents are measured it is the tangent equations, which come after the others.
     """
@@ -155,7 +155,7 @@ def code_of(name: str, numbers: Numbers, measures: Sequence[str] = ()) -> Code |
 
 
 def seconds_of(question: EnsembleRequest, chunks: int) -> float:
-    """Seconds of work in so many chunks, on one core."""
+    """Seconds of work in this many chunks, on one core."""
     count = min(chunks * question.chunk, question.members.size)
     if question.engine == PLAIN:
         return count * max(RUN_SECONDS_MIN, least_seconds(question.scene, question.duration, question.tolerance))

@@ -1,9 +1,9 @@
 """Outcomes of many starts: each is run until its returns are conclusive, up to a limit, then they are grouped.
 
 Runs go in rounds, each as long as all before it together: after a round the last of it is judged by
-`nonlinear.synchronization.attractors`, and what has not settled runs on, as does what repeats beside no orbit or beside
-an unstable one, which it has yet to leave.  What is left at the limit is chaotic where its exponent is above that of
-regular motion, a chimera where some of equal pendula move as one besides, else undecided.
+`nonlinear.synchronization.attractors`, and unsettled starts run on, as do those that repeat near no orbit or near
+an unstable one.  A motion that has not settled by the limit is chaotic where its exponent is above that of
+regular motion, a chimera where some of equal pendula also move as one, else undecided.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def drive_angle(scene: Scene) -> float:
 
 
 def slowest_period(scene: Scene) -> float:
-    """Of the pendula on a fixed support (s)."""
+    """The slowest period of the pendula on a fixed support (s)."""
     system = system_of(scene)
     return 2 * pi / min(float(own_shapes(group, system.gravity, 1).omega.min()) for group in system.groups)
 
@@ -95,7 +95,7 @@ def groups_of(
     may_be_chaotic: bool = True,
     **options: Any,
 ) -> tuple[EndingGroup, ...]:
-    """What these starts end in, the most frequent first, within `limit` (s).
+    """The outcomes of these starts, the most frequent first, within `limit` (s).
 
     `orbit_of` finds the orbit of a periodic ending; without `may_be_chaotic` no exponent is computed of what has not
     settled.  `options` are those of `ensemble`.
@@ -130,7 +130,7 @@ def _runs_on(ending: Ending) -> bool:
 
 
 def _round(scene: Scene, motion: Motion, length: float, options: dict[str, Any]) -> tuple[Motion, list[Ending]]:
-    """The last states of these members, and what their returns in so many seconds (s) tell."""
+    """The last states of these members, and what follows from their returns in this many seconds (s)."""
     system = system_of(scene)
     label, rest = system.labels[system.first], degrees(float(system.rest[0]))
     found = ensemble(
@@ -170,7 +170,7 @@ def _periodic_groups(
             if beginning and is_orbit_of(first, beginning.orbit):
                 copies = -(-distinct_states([endings[k].state for k in members]) // first.returns)
                 yield EndingGroup(PERIODIC, members, first, copies, None, beginning)
-        left = [left[k] for k in np.flatnonzero(labels == 0)]  # of more motions than are told apart at once
+        left = [left[k] for k in np.flatnonzero(labels == 0)]  # of more motions than one round distinguishes
 
 
 def is_orbit_of(ending: Ending, orbit: Orbit) -> bool:
@@ -212,7 +212,7 @@ def distinct_states(states: Iterable[State]) -> int:
 def _chaotic_groups(
     scene: Scene, endings: dict[int, Ending], duration: float, options: dict[str, Any]
 ) -> Iterator[EndingGroup]:
-    """Of what has not settled, chimeras and other motions whose exponents over a duration (s) tell chaos."""
+    """Among unsettled motions, chimeras and other motions whose exponents over a duration (s) show chaos."""
     measured = [k for k, ending in endings.items() if ending.kind == OPEN and _is_finite(ending)]
     if not measured:
         return

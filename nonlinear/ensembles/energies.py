@@ -29,7 +29,7 @@ class Accounts:
         return every._replace(cart_kinetic=every.cart_kinetic + none, cart_potential=every.cart_potential + none)
 
     def coasting(self, y: Floats) -> Floats | float:
-        """The speed (m/s) with which the centre of mass of a free cart and all that hangs there goes on forever."""
+        """The speed (m/s) with which the centre of mass of a free cart and all that hangs there moves forever."""
         system = self.numbers.arrays
         cart = system.cart
         if cart is None or not system.coasts:
@@ -52,7 +52,7 @@ class Accounts:
     def drift(self, before: Floats, after: Floats, end: float, rubbed: Floats | float = 0.0) -> Floats:
         """(E after − E before − work)/range of the energies, (S,), from t = 0 to the `end` (s).
 
-        `rubbed` is the work of dry friction.  The range is the largest of what is known of it.
+        `rubbed` is the work of dry friction.  The range is the largest of its known bounds.
 
         That is the energy above that of links that hang still, kinetic energy at either end, what potential energy has
         changed by, and the work.

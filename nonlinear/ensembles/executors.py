@@ -1,6 +1,6 @@
 """Workers: processes on this machine, any other `concurrent.futures.Executor`, or a factory of one.
 
-`Workers` have the `map` of an executor, for what is shared one by one: branches of orbits, fits, cases of a study.
+`Workers` have the `map` of an executor, for single tasks: branches of orbits, fits, cases of a study.
 
 >>> from concurrent.futures import ThreadPoolExecutor
 >>> from modal import load
@@ -35,8 +35,8 @@ DEAD = "the workers have died: give a function that makes an executor in place o
 SIZES = ("_max_workers", "max_workers", "num_workers")
 """Where executors of the standard library and loky, of executorlib and of mpi4py say how many workers they have."""
 PROCESS_SECONDS = 2.0
-"""Cost: what other processes take to start, and the least remaining work that justifies it; a quarter of that this
-process works alone, as what is small is done by then; benchmarks/ensembles.py."""
+"""Cost: the time to start other processes, and the least remaining work that justifies it; a quarter of that this
+process works alone, as small tasks are done by then; benchmarks/ensembles.py."""
 P = TypeVar("P")
 R = TypeVar("R")
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
@@ -50,7 +50,7 @@ class WorkerPool(NamedTuple):
 
 
 Crew = WorkerPool | Executor | Callable[[], AbstractContextManager[WorkerPool | Executor]]
-"""An executor, or what makes one: its class, a function.  That is asked again where an executor has broken."""
+"""An executor, or a factory of one: its class, a function.  That is asked again where an executor has broken."""
 
 
 def cores() -> int:
@@ -132,8 +132,8 @@ def computed(
     """Yield a function's results for portions as they come, from a crew or `count` processes of this machine.
 
     Portions whose processes died are computed one by one by a new crew, and `divided`, if they can be, where they die
-    again; `lost` is what a part gives at which its process dies. Raise ComputationError if an executor has died that
-    nobody makes anew, or the function fails.
+    again; `lost` is the result of a part whose process dies. Raise ComputationError if an executor has died that
+    nobody replaces, or the function fails.
     """
     if crew is not None and not callable(crew):
         if (yield from _shared(function, portions, crew)):
@@ -156,7 +156,7 @@ def computed(
 
 
 def pool_of(crew: Crew) -> WorkerPool:
-    """An executor with the number of portions it takes at a time, which most say; of what makes one, the number."""
+    """An executor with the number of portions it takes at a time, which most say; of a factory, the number."""
     if isinstance(crew, WorkerPool):
         return crew
     sizes = (getattr(crew, name, None) for name in SIZES)
@@ -176,7 +176,7 @@ class WorkerCall(Generic[P, R]):
     function: Callable[[P], R]
 
     def __call__(self, portion: P) -> R | Failure:
-        """What the function gives, or its error."""
+        """The function's result, or its error."""
         try:
             return self.function(portion)
         except Exception as error:
@@ -186,9 +186,9 @@ class WorkerCall(Generic[P, R]):
 def _shared(
     function: Callable[[P], R], portions: Iterator[P], crew: WorkerPool | Executor
 ) -> Generator[R, None, list[P]]:
-    """What the function makes of portions, a few in flight at a time; those of an executor that broke are handed back.
+    """The function's results for portions, a few in flight at a time; those of an executor that broke are handed back.
 
-    What an executor that still works has lost or cancelled it is given again, three times in all, in whatever words it
+    Portions that a working executor has lost or cancelled are submitted again, three times in all, in whatever words it
     tells of it.
     """
     executor, size = pool_of(crew)
@@ -226,7 +226,7 @@ def _shared(
 
 
 def _error_of(future: Future[R | Failure]) -> BaseException | None:
-    """What has become of a task that is done, cancelled ones included."""
+    """The outcome of a task that is done, cancelled ones included."""
     try:
         return future.exception()
     except CancelledError as error:
@@ -242,7 +242,7 @@ def _submitted(function: Callable[[P], R], portion: P, executor: Executor) -> Fu
         return failed
 
 
-# --------------------------------------------------------------------------- what is shared one by one
+# ---------------------------------------------------------------------------------------- single tasks
 
 
 class NumberedTask(NamedTuple):
@@ -253,7 +253,7 @@ class NumberedTask(NamedTuple):
 
 
 class NumberedResult(NamedTuple, Generic[R]):
-    """What a call gave, or its error."""
+    """The result of a call, or its error."""
 
     number: int
     value: R | None
@@ -286,7 +286,7 @@ class KeptPool:
 class Workers(Displayed):
     """Workers for independent tasks: `workers` processes, by default one per core, or the executor `crew`.
 
-    Results are the same to the bit whoever computes them.  This process begins, and starts others once enough is left
+    Results are the same to the bit on any worker.  This process begins, and starts others once enough is left
     to do; as many workers as things are started at once.
 
     >>> from nonlinear.ensembles import Workers
@@ -305,7 +305,7 @@ class Workers(Displayed):
         validate_whole(1, optional=True, workers=self.workers)
 
     def map(self, function: Callable[..., R], /, *things: Iterable[Any]) -> Iterator[R]:
-        """What the function makes of each, in their order; the error of the first that fails is raised in its place.
+        """The function's results, in order; the error of the first that fails is raised in its place.
 
         Where this process works alone, things are requested one by one. Raise ComputationError for one at which process
         after process dies.
@@ -343,12 +343,12 @@ class Workers(Displayed):
 
 @dataclass(frozen=True)
 class NumberedCall(Generic[R]):
-    """A function whose errors come back in the order of what it is asked."""
+    """A function whose errors come back in the order of its calls."""
 
     function: Callable[..., R]
 
     def __call__(self, task: NumberedTask) -> NumberedResult[R]:
-        """What the function gives, or its error."""
+        """The function's result, or its error."""
         try:
             return NumberedResult(task.number, self.function(*task.arguments))
         except Exception as error:

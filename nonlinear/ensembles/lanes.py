@@ -41,7 +41,7 @@ def task_of(lanes: Lanes, numbers: Numbers, y: Floats, wanted: Wanted) -> tuple[
 
 @dataclass(eq=False)
 class Watches:
-    """What is measured within steps."""
+    """The measures within steps."""
 
     samples: Samples | None = None
     turns: FirstTurns | None = None
@@ -54,7 +54,7 @@ class Watches:
         return [watch for watch in (self.samples, self.turns, self.largest, self.section) if watch is not None]
 
     def added_to(self, results: MemberResults) -> MemberResults:
-        """With what these have found."""
+        """With the findings of these."""
         return replace(
             results,
             rows=self.samples.rows if self.samples else None,
@@ -97,7 +97,7 @@ def _run(lanes: Lanes, numbers: Numbers, y: Floats, wanted: Wanted) -> MemberRes
 
 
 def stretching(numbers: Numbers, y: Floats, wanted: Wanted) -> Floats:
-    """What ln |v| gains of a tangent vector in so many seconds after a transient, (S,).
+    """What ln |v| gains of a tangent vector in this many seconds after a transient, (S,).
 
     It begins in a direction drawn at random, the same for all.
     """

@@ -241,5 +241,5 @@ def why_one_by_one(names: Sequence[str]) -> str:
 
 
 def validate_measures(names: Sequence[str], scene: Scene, seconds: float | None = None) -> None:
-    """Raise SceneError if a measure is none of such a scene, or not from so many seconds."""
+    """Raise SceneError if a measure is none of such a scene, or not from this many seconds."""
     validate(*(partial(measure_for("ensemble", name).require, scene, seconds) for name in names))

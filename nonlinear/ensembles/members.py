@@ -109,7 +109,7 @@ class MemberPart:
         return numbers_of(self.scene, self._others(slice(None))).arrays
 
     def _others(self, members: Any) -> dict[Place, Floats]:
-        """What differs in more than the start."""
+        """The differences beyond the start."""
         return {place: values[members] for place, values in self._at.items() if "start" not in place}
 
     def numbers(self, good: Ints) -> Numbers:
@@ -123,7 +123,7 @@ class MemberPart:
         return numbers
 
     def _dampers(self, others: Mapping[Place, Floats], good: Ints) -> Floats | None:
-        """D_modal (S, n, n) where it belongs to what differs between these members, else None."""
+        """D_modal (S, n, n) where it differs between these members, else None."""
         if not others or not (self.scene.has_modal_damping or any(place[0] == RATIO for place in others)):
             return None
         dampers = [system_of(self.scene_of(int(place))).modal_damping for place in good]
@@ -209,7 +209,7 @@ class Members(Displayed):
 
     @property
     def values(self) -> dict[str, Floats]:
-        """What each member has at every place that is varied, (S,) by path."""
+        """The values of each member at every varied place, (S,) by path."""
         grid = self._grid(np.arange(self.size))
         return {**dict(zip([axis.path for axis in self.axes], grid, strict=True)), **(self.lists or {})}
 
@@ -228,7 +228,7 @@ class Members(Displayed):
         return [np.array(axis.values)[k] for axis, k in zip(self.axes, at, strict=True)]
 
     def header(self) -> dict[str, Any]:
-        """What they are, for a file."""
+        """Their description, for a file."""
         axes = [{"path": axis.path, "values": axis.values, "log": axis.log} for axis in self.axes]
         header: dict[str, Any] = {"scene": describe(self.scene), "axes": axes, "size": self.size}
         arrays = [*(self.lists or {}).values(), *(vars(self.states).values() if self.states is not None else ())]

@@ -55,10 +55,10 @@ def state_columns(is_structured: bool) -> dict[str, str]:
 
 @reproducible()
 def columns(question: EnsembleRequest, scene: Scene, start: State) -> Columns:
-    """What is requested of one member, each of shape (...); raise SimulationError if it cannot reach its end."""
+    """The requested results of one member, each of shape (...); raise SimulationError if it cannot reach its end."""
     wanted, spatial = replace(question.wanted, times=()), scene.space == "space"
     needed = sorted({0.0, *question.wanted.times, question.duration})
-    if why_one_by_one(question.measures.names):  # a whole motion, as a sweep has it
+    if why_one_by_one(question.measures.names):  # a whole motion, as in a sweep
         usual = sample_times(scene, question.duration, 0.0, None)
         needed = sorted({*needed, *usual.tolist(), *ending_times(scene, question.duration)})
     output: Any = None if spatial and wanted.largest else needed

@@ -1,4 +1,4 @@
-"""Compile, ahead of time, what a scene can use, and keep it for later processes."""
+"""Compile ahead of time the code that a scene can use, and cache it for later processes."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ ONE, MANY, ANY = "one motion", "many motions", "Any scene in the plane"
 
 @dataclass(frozen=True, repr=False)
 class CompiledCode(Displayed):
-    """What an engine needs for "one motion" or "many motions" of a scene.
+    """The code that an engine needs for "one motion" or "many motions" of a scene.
 
     The `action` was "compiled", "loaded from disk", or none as it "was ready" in this process; `seconds` is how long it
     took, `kept_in` the folder from which later processes load it, "" where there is none.  Where an engine cannot run
@@ -51,7 +51,7 @@ class CompiledCode(Displayed):
 
 @dataclass(frozen=True, repr=False)
 class Compilation(Result):
-    """What was compiled for a scene, engine by engine; for any plane scene where it is None.
+    """The code compiled for a scene, engine by engine; for any plane scene where it is None.
 
     >>> from modal import load
     >>> from nonlinear.ensembles import Compilation
@@ -65,11 +65,11 @@ class Compilation(Result):
     key = "codes"
 
     def titles(self) -> tuple[str, str]:
-        """What it was compiled for."""
+        """The scene that it was compiled for."""
         return title_of(self.scene) if self.scene else ANY, "compiled code"
 
     def parts(self, form: Form = "text") -> Iterator[ReportTable | str]:
-        """What is compiled, what is not and why, and where it is kept."""
+        """The compiled engines, the others with reasons, and where the code is cached."""
         ready = [code for code in self.codes if code.action]
         rows = [(code.runs, code.engine, code.action, f"{code.seconds:.2g}") for code in ready]
         yield ReportTable(("runs", "engine", "action", "seconds"), rows)
@@ -82,7 +82,7 @@ class Compilation(Result):
             yield "many motions, and Taylor series, are compiled for each form of scene: give one"
 
     def records(self) -> list[dict[str, Any]]:
-        """What each engine has for each use."""
+        """The state of each engine for each use."""
         return [vars(code) for code in self.codes]
 
     def whole(self) -> dict[str, Any]:
@@ -93,9 +93,9 @@ class Compilation(Result):
 def compile_engines(
     scene: Scene | None = None, tolerance: float = ENSEMBLE_TOLERANCE, measures: Sequence[str] = ()
 ) -> Compilation:
-    """Compile what this scene can use, by running it for a moment, and keep it for later processes.
+    """Compile the code that this scene can use, by running it briefly, and cache it for later processes.
 
-    Without a scene it is what serves every scene: single motions in the plane by numba.
+    Without a scene it is code that serves every scene: single motions in the plane by numba.
 
     `simulate` and `ensemble` would do the same where it pays, at the price of seconds while someone waits.
 
@@ -111,7 +111,7 @@ def compile_engines(
     Returns
     -------
     Compilation
-        What was compiled for each engine, and why not where it was not.
+        The code compiled for each engine, or the reason why there is none.
 
     Raises
     ------
@@ -183,7 +183,7 @@ def _codes(scene: Scene, tolerance: float, measures: Sequence[str]) -> Iterator[
 def _ready(
     runs: str, engine: str, problems: Sequence[str], code: Callable[[], Code | None], run: Callable[[], object]
 ) -> CompiledCode:
-    """What an engine has once it has run, and how it was before; why it cannot run where there are problems."""
+    """The state of an engine after it has run, and before; why it cannot run where there are problems."""
     try:
         refuse_any(problems)
         before, begun = code(), perf_counter()

@@ -1,6 +1,6 @@
 """The request to an ensemble, and the division of its members into chunks.
 
-A chunk depends on the question alone, so that it is the same whoever computes it and when.
+A chunk depends on the question alone, so that it is the same regardless of who computes it and when.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ CHUNK_MEMBERS_MAX = 16_384
 CHUNK_BYTES_MAX = 64_000_000
 """Cost: samples of a chunk in memory; benchmarks/ensembles.py."""
 RUN_SECONDS_MIN = 0.15
-"""Cost: what a run by itself takes; benchmarks/ensembles.py."""
+"""Cost: the overhead of a single run; benchmarks/ensembles.py."""
 CHECKED_SEED = 19
 """Format: of the draw of members that are run by themselves, which a folder's files depend on."""
 
@@ -54,7 +54,7 @@ CHECKED_SEED = 19
 class EnsembleRequest(Displayed):
     """Members, duration (s), tolerance, quantities to store and to measure, and the engine.
 
-    `times` (s) are samples that are kept, `keeps_end` says whether the last state is; `checked` are the numbers of the
+    `times` (s) are stored samples, `keeps_end` says whether the last state is; `checked` are the numbers of the
     members that are run by themselves, too.
     """
 
@@ -216,6 +216,6 @@ def _of_hoist(scene: Scene, place: Place) -> bool:
 
 
 def sample_of(size: int, count: int) -> tuple[int, ...]:
-    """So many members drawn at random."""
+    """Members, a given number, drawn at random."""
     drawn = np.random.default_rng(CHECKED_SEED).choice(size, size=min(count, size), replace=False)
     return tuple(sorted(drawn.tolist()))

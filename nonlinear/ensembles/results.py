@@ -38,7 +38,7 @@ class MemberResults:
     """Of S members: y (size, S) at the end, estimated errors (rad) and horizons (s), (S,), why some failed, by member.
 
     `rows` (S, K, size) at the times requested, `first_turns` (L, S) in s, `largest` (S,) in rad, `stretching` (S,) of
-    ln |v|, and the crossings, where they are wanted; `rubbed` is the work (J) of dry friction on each.
+    ln |v|, and the crossings, where they are requested; `rubbed` is the work (J) of dry friction on each.
     """
 
     y: Floats

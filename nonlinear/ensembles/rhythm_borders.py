@@ -22,7 +22,7 @@ from nonlinear.system import motion_of
 
 
 def name_of(group: EndingGroup) -> str:
-    """Of what starts end in; of a periodic motion the pattern of its orbit."""
+    """The name of an outcome; of a periodic motion the pattern of its orbit."""
     if group.name != PERIODIC:
         return group.name
     if group.beginning:
@@ -43,8 +43,8 @@ def continued(
 ) -> tuple[list[ValueRhythms], list[RhythmEvent]]:
     """The same values with the rhythms that last as far as there, and where those without orbits are born or die.
 
-    `groups` tells of starts what they end in at a value (`MapTask.groups`); `ends` are kinds and values of births and
-    deaths of orbits: a beat that ends beside a Neimark–Sacker point is that point's.
+    `groups` gives the outcomes of starts at a value (`MapTask.groups`); `ends` are kinds and values of births and
+    deaths of orbits: a beat that ends next to a Neimark–Sacker point is that point's.
     """
     complete, events = list(values), list[RhythmEvent]()
     count = len(complete)

@@ -43,7 +43,7 @@ SHAPE = ("kind", "returns", "slow_period", "drifting", "chimera")
 
 @dataclass(frozen=True, eq=False)
 class MapTask:
-    """What a worker runs: the starts of a scene, the longest run (s), and the options of its ensembles."""
+    """The task of a worker: the starts of a scene, the longest run (s), and the options of its ensembles."""
 
     scene: Scene
     variation: Variation
@@ -52,21 +52,21 @@ class MapTask:
     engine: str
 
     def __call__(self, value: float) -> tuple[EndingGroup, ...]:
-        """What the starts end in at a value."""
+        """The outcomes of the starts at a value."""
         return self.groups(value, self.starts)
 
     def groups(self, value: float, starts: Motion, **options: Any) -> tuple[EndingGroup, ...]:
-        """What these starts end in at a value; `options` are those of `groups_of`."""
+        """The outcomes of these starts at a value; `options` are those of `groups_of`."""
         here, orbit_of = vary(self.scene, {self.variation.path: value}), partial(self.orbit_of, value)
         return groups_of(here, starts, self.limit, orbit_of, engine=self.engine, workers=1, **options)
 
     def orbit_of(self, value: float, ending: Ending) -> Beginning | None:
-        """The orbit beside a periodic ending at a value, None if there is none."""
+        """The orbit near a periodic ending at a value, None if there is none."""
         start = ending.state, ending.period
         return next(beginnings(self.scene, self.variation, value, start, ORBIT_TOLERANCE), None)
 
     def averaged_orbits(self, value: float) -> tuple[Beginning, ...]:
-        """The orbits beside the averaged configurations at a value, whose basins may be small; of few pendula."""
+        """The orbits near the averaged configurations at a value, whose basins may be small; of few pendula."""
         if sum(pendulum.count for pendulum in self.scene.pendulum) > 4:
             return ()
         try:
@@ -93,7 +93,7 @@ def find_rhythms(
 
     At each value the same `members` starts, drawn by `seed` with angles up to `largest_deg`, by default twice the
     drives' angle, run until they have settled, at most for `limit` (s), by default 4,096 periods of the slowest
-    pendulum. Values that are done are kept in a `folder`, where a call that was killed goes on; a `crew` computes them
+    pendulum. Finished values are stored in a `folder`, from which an interrupted call resumes; a `crew` computes them
     together. `report` is called with the number of values done. Raise SceneError for a scene without limit cycles.
     """
     variation = parse_variations([vary])[0] if isinstance(vary, str) else vary
@@ -134,7 +134,7 @@ def find_rhythms(
 
 
 def _at_value(task: MapTask, store: ChunkFolder | None, number: int) -> tuple[EndingGroup, ...]:
-    """The groups at a value from the folder where it is kept there, else computed and kept."""
+    """The groups at a value from the folder if they are stored there, else computed and stored."""
     value = task.variation.values[number]
     if store is None:
         return task(value)
@@ -187,7 +187,7 @@ def _header_and_arrays(groups: Sequence[EndingGroup]) -> tuple[dict[str, Any], d
 
 
 def _groups_from(header: Mapping[str, Any], columns: Mapping[str, Any]) -> tuple[EndingGroup, ...]:
-    """The same groups again; their records are not kept."""
+    """The same groups again; their records are not stored."""
     groups = []
     for number, entry in enumerate(header["groups"]):
         links, rates, supports, support_rates = (
@@ -267,7 +267,7 @@ def _value_of(
 
 
 def _branch_names(branches: Sequence[StableOrbits]) -> list[str]:
-    """What most orbits of each branch are called, with its number where others of this name exist at the same value."""
+    """The most frequent name of each branch's orbits, with its number where others of this name exist at a value."""
     names = [Counter(map(rhythm_of, branch.orbits)).most_common(1)[0][0] for branch in branches]
     spans = [(float(branch.orbits[0].value or 0.0), float(branch.orbits[-1].value or 0.0)) for branch in branches]
     numbered = list(names)

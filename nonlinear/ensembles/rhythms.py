@@ -1,6 +1,6 @@
 """Map of rhythms along a parameter: outcomes of a driven scene, their shares, and where each is born and dies.
 
-At every value the same starts are run until they tell what they end in (`endings`).  The orbit of a periodic motion is
+At every value the same starts are run until they have settled (`endings`).  The orbit of a periodic motion is
 followed along the number, to both sides of the value where it was found, while it is stable.  Where that ends, at a
 fold, a branch point, a Neimark–Sacker point, a doubling or where a clock starts (`nonlinear.orbits.stable`), it is born
 or dies.  Any other motion, a beat above all, is itself continued from value to value (`rhythm_borders`), and its end
@@ -71,7 +71,7 @@ class RhythmEvent(Displayed):
 class Rhythm(Displayed):
     """The outcome of `count` of the `total` starts at a value; `branch` is the number of its orbit's branch, from 0.
 
-    With a count of 0 it was found by continuation.  What has no orbit has a `state` on it.
+    With a count of 0 it was found by continuation.  Motions without an orbit have a `state` on it.
     """
 
     what, shows = "Rhythm", "name: name; share: share of starts"
@@ -97,7 +97,7 @@ class Rhythm(Displayed):
 
     @property
     def share(self) -> float:
-        """Of the starts."""
+        """Its share of the starts."""
         return self.count / self.total
 
     @property
@@ -141,7 +141,7 @@ class ValueRhythms(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RhythmMap(Drawable, Result):
-    """What starts end in along a number; `values` in its order, `births` the events, births and deaths, in order.
+    """The outcomes of starts along a number; `values` in its order, `births` the events, births and deaths, in order.
 
     `members` starts have angles up to `largest_deg`; none ran longer than `limit` (s).
     """
@@ -180,7 +180,7 @@ class RhythmMap(Drawable, Result):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of all rhythms, in the order of their births along the number."""
+        """The names of all rhythms, in the order of their births along the number."""
         return tuple(dict.fromkeys(rhythm.name for value in self.values for rhythm in value.rhythms))
 
     def shares(self, name: str) -> list[float]:
@@ -192,7 +192,7 @@ class RhythmMap(Drawable, Result):
         return [wilson(round(share * self.members), self.members) for share in self.shares(name)]
 
     def records(self) -> Iterator[dict[str, Any]]:
-        """A row for each rhythm at each value, and for what is undecided."""
+        """A row for each rhythm at each value, and for undecided starts."""
         for value in self.values:
             at = {self.variation.column: value.value}
             for rhythm in value.rhythms:
@@ -288,7 +288,7 @@ class RhythmMap(Drawable, Result):
             yield from self._shapes(name)
 
     def _shapes(self, name: str) -> Iterator[str]:
-        """Of a rhythm whose name tells neither phases nor amplitudes, what these are at both ends."""
+        """The phases and amplitudes at both ends of a rhythm whose name implies neither."""
         if not name.startswith(("unequal", "out of phase")):
             return
         ends = [(value.value, r) for value in self.values for r in value.rhythms if r.name == name and r.orbit]
@@ -325,7 +325,7 @@ class RhythmGrid(Drawable, Result):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of all rhythms."""
+        """The names of all rhythms."""
         return tuple(dict.fromkeys(name for row in self.maps for name in row.names))
 
     def borders(self) -> dict[tuple[str, str, bool], list[list[tuple[float, float]]]]:
@@ -351,7 +351,7 @@ class RhythmGrid(Drawable, Result):
         return lines
 
     def records(self) -> Iterator[dict[str, Any]]:
-        """Those of all rows, with the second number."""
+        """The records of all rows, with the second number."""
         for value, row in zip(self.axes[1].values, self.maps, strict=True):
             for record in row.records():
                 yield {self.axes[1].column: value} | record
@@ -387,7 +387,7 @@ class RhythmGrid(Drawable, Result):
 
 
 def _most_words(at: ValueRhythms, members: int) -> str:
-    """What most starts end in at a value, with its share (%), and how many are undecided."""
+    """The most frequent outcome at a value, with its share (%), and how many are undecided."""
     shares = [(rhythm.count, rhythm.name) for rhythm in at.rhythms[:1] if rhythm.count] + [(at.undecided, UNDECIDED)]
     most, *others = sorted((share for share in shares if share[0]), key=lambda share: -share[0])
     words = [f"{name} {100 * count / members:.3g}" for count, name in (most, *others)]

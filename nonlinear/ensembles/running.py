@@ -86,7 +86,7 @@ class Ensemble(Displayed):
 
     @cached_property
     def columns(self) -> tuple[str, ...]:
-        """The names of all that was kept."""
+        """The names of all stored output."""
         return tuple(dict.fromkeys(name for chunk in self.chunks for name in chunk.columns))
 
     def column(self, name: str) -> Floats:
@@ -105,7 +105,7 @@ class Ensemble(Displayed):
         return whole
 
     def grid(self, name: str) -> Floats:
-        """One quantity over the grid of what was varied."""
+        """One quantity over the grid of varied numbers."""
         values = self.column(name)
         return values.reshape(*self.members.shape, *values.shape[1:])
 
@@ -136,7 +136,7 @@ class Ensemble(Displayed):
 
     @property
     def final(self) -> Motion:
-        """The last states of all members; raise SceneError if they were not kept."""
+        """The last states of all members; raise SceneError if they were not stored."""
         links, rates, cart, speed, *carried = self.states()
         return Motion(links, rates, cart, speed, np.full(self.size, np.nan), *carried)
 
@@ -181,7 +181,7 @@ class Ensemble(Displayed):
         return {**varied, **measured}
 
     def to_xarray(self) -> Any:
-        """What was kept as an `xarray.Dataset` over `member`, beside what was varied; chunks are read as they are used.
+        """The output as an `xarray.Dataset` over `member`, with the varied numbers; chunks are read as they are used.
 
         Crossings, which are not one of each member, are omitted.  Raise MissingExtraError without xarray.
         """
@@ -270,7 +270,7 @@ def ensemble(
 ) -> Ensemble:
     """Members of a scene that differ in their starts, or in any of its numbers, integrated together.
 
-    Each member has its own steps.  Results do not depend on `workers` or `crew`.  On Ctrl-C what is known is returned.
+    Each member has its own steps.  Results do not depend on `workers` or `crew`.  Ctrl-C returns the results so far.
 
     Parameters
     ----------
@@ -284,16 +284,16 @@ def ensemble(
         A grid such as `["pendulum[0].start.angles_deg[0]=-180:180:512"]`, or one value a member at each place,
         `{"gravity": [9.8, 9.9]}`.
     output
-        What is kept of the motion: "end", a number of evenly spaced samples, or their times (s).  With neither `output`
-        nor `measures` the end is kept.
+        The stored samples: "end", a number of evenly spaced samples, or their times (s).  With neither `output`
+        nor `measures` the end is stored.
     tolerance
         That of `simulate`, for every member.
     measures
-        Names of what is computed on the way (`nonlinear.measures`).
+        Names of measures computed during the run (`nonlinear.measures`).
     engine
         "auto", "numpy", "numba" (extra `fast`), or "simulate": one by one, which takes every scene.
     folder
-        Where each chunk of members is kept as a file.  A call that was killed goes on there.
+        Where each chunk of members is stored as a file.  An interrupted call resumes there.
     check
         How many members, drawn at random, are run by `simulate` too.
     chunk
@@ -303,7 +303,7 @@ def ensemble(
     workers
         A number of processes, 1 to stay in this one.
     crew
-        Any `concurrent.futures.Executor` in place of processes, or what makes one, such as its class: another is made
+        Any `concurrent.futures.Executor` in place of processes, or a factory of one, such as its class: another is made
         where one has broken.  A `WorkerPool` says on how many chunks an executor works at a time.
     report
         Is called with the number of members done; before, its method `expect`, if it has one, with the seconds that the
@@ -312,7 +312,7 @@ def ensemble(
     Returns
     -------
     Ensemble
-        What was kept and measured of every member, with its `energy_drift`, an estimate of its error, and its horizon.
+        Output and measures of every member, with its `energy_drift`, an estimate of its error, and its horizon.
 
     Raises
     ------
@@ -361,7 +361,7 @@ def _question(
     check: int,
     chunk: int | None,
 ) -> tuple[EnsembleRequest, Decision]:
-    """What is asked and why by this engine; raise SceneError with every mistake."""
+    """The question, and why this engine answers it; raise SceneError with every mistake."""
     require(scene, "an ensemble")
     system = system_of(scene)
     members, wanted, times, *_ = validate(
@@ -426,7 +426,7 @@ def _run(
 
 
 def _seconds_left(question: EnsembleRequest, left: int, workers: int | None, crew: Crew | None) -> float:
-    """Roughly how long so many chunks take together (s)."""
+    """Roughly how long this many chunks take together (s)."""
     count = pool_of(crew).size if crew is not None else workers or cores()
     return seconds_of(question, left) / max(min(count, left), 1)
 
@@ -442,7 +442,7 @@ def _chunks(
     workers: int | None,
     crew: Crew | None,
 ) -> Generator[Numbered, None, None]:
-    """The chunks that are left, by their numbers, as they come, without what an engine that is not ready would save."""
+    """The remaining chunks, by their numbers, as they come, without the saving of an engine that is not ready."""
     count = min(workers or cores(), max(len(left), 1))
     few = workers is None and seconds_of(question, len(left)) < PROCESS_SECONDS
     if crew is None and (count == 1 or few):
@@ -471,7 +471,7 @@ class ChunkTask:
 
 
 def work(task: ChunkTask) -> Numbered:
-    """What a worker does."""
+    """The task of a worker."""
     return task.number, compute(task.question, task.part)
 
 

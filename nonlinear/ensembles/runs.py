@@ -55,7 +55,7 @@ def form_of(scene: Scene) -> Hashable:
 
 
 def _carried(scene: Scene) -> Hashable:
-    """What differs between structures: where pendula hang, what springs join, which have no length, modal supports."""
+    """Differences between structures: where pendula hang, what springs join, which have no length, modal supports."""
     if not scene.is_structured:
         return None
     modal = tuple((part.M, part.K, part.D, part.points) for part in scene.supports if isinstance(part, ModalSupport))
@@ -64,7 +64,7 @@ def _carried(scene: Scene) -> Hashable:
 
 
 def _moved(scene: Scene) -> Hashable:
-    """What differs between motions of a support and forces, the numbers of sines and of constant forces omitted."""
+    """The differences between motions of a support and forces, the numbers of sines and of constant forces omitted."""
     moved = tuple((part.direction, "sine") if part.kind == "sine" else part for part in scene.motions)
     acting = tuple((part.on, part.direction, part.kind) if part.kind in TIMED else part for part in scene.force)
     return moved, acting, scene.feedback
@@ -90,7 +90,7 @@ def _by_form(scenes: Iterable[Scene]) -> dict[Hashable, list[Scene]]:
 
 
 def together(scene: Scene) -> bool:
-    """Whether a scene goes side by side with others of its form."""
+    """Whether a scene runs together with others of its form."""
     return form_of(scene) is not None and not _switches(scene)
 
 
@@ -101,7 +101,7 @@ def _switches(scene: Scene) -> bool:
 
 
 def measured_together(scenes: Sequence[Scene], seconds: float, name: str) -> dict[Scene, dict[str, float]]:
-    """A measure of an ensemble, "first_turn" or "lyapunov", of every scene from its usual start, side by side.
+    """A measure of an ensemble, "first_turn" or "lyapunov", of every scene from its usual start, all at once.
 
     Scenes that fail are omitted; of one scene alone its error is raised.
     """

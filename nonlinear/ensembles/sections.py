@@ -1,7 +1,7 @@
 """Poincaré sections at an energy: crossings of many motions of a conservative scene through one value of a coordinate.
 
 Starts lie on the section and have the energy.  They are drawn at random: angles are even over all that it allows; the
-rates have the direction of a normal distribution, and are scaled so that kinetic energy makes up what potential energy
+rates have normally distributed directions and are scaled so that kinetic energy is the part that potential energy
 leaves.  A cart begins in the middle of its rail.  As no spring stores less than nothing, each link alone bounds its
 angle,
 
@@ -39,7 +39,7 @@ from nonlinear.system import Numbers, State, numbers_of, system_of
 MEMBERS_MAX = 100_000
 """Limit: "members …: must be at most 100000"."""
 ROUND_DRAWS = 1_000
-"""Format: starts drawn at once for every ten that are wanted, on which the random ones depend."""
+"""Format: starts drawn at once for every ten requested, on which the random ones depend."""
 DRAW_ROUNDS_MAX = 20
 """Limit: rounds in which "no start drawn at random has this energy"."""
 LINK_RATE_MAX = 1e4
@@ -88,7 +88,7 @@ class PoincareSection(EnsembleResult):
         yield "\n".join(lines)
 
     def points(self) -> tuple[Floats, Floats]:
-        """What is drawn: an angle in (−180°, 180°] and its rate in °/s, or the cart's m and m/s, (C,) each."""
+        """Plotted coordinates: an angle in (−180°, 180°] and its rate in °/s, or the cart's m and m/s, (C,) each."""
         links, rates, cart, speed, *carried = self.ensemble.states("crossing_")
         place = self.system.labels.index(self.shown)
         if carried and place < self.system.first:
@@ -113,7 +113,7 @@ def find_section(
 ) -> PoincareSection:
     """Compute the section of a conservative plane scene at an energy (J), by default that of its usual start.
 
-    `crossing` is a coordinate with what it passes, such as "theta[1,1]>0" (deg, or m of the cart), by default the first
+    `crossing` is a coordinate with its level, such as "theta[1,1]>0" (deg, or m of the cart), by default the first
     angle upwards through 0. Raise SceneError for a scene that does not keep its energy, and where no start has it.
     """
     require(scene, "a Poincaré section")
@@ -148,7 +148,7 @@ def section_table(section: PoincareSection, form: Form) -> str:
 
 
 def energy_of(scene: Scene, state: State) -> float:
-    """Of a state (J), above equilibrium."""
+    """The energy of a state (J), above equilibrium."""
     numbers = numbers_of(scene)
     layout = Lanes(numbers).layout
     return float(Accounts(numbers, layout).energies(layout.begin(state)[:, None]).total[0])
@@ -157,7 +157,7 @@ def energy_of(scene: Scene, state: State) -> float:
 def starts_at(
     scene: Scene, energy: float, count: int, *, section: Passing | None = None, seed: int | tuple[int, ...] = 7
 ) -> list[State]:
-    """So many states with this energy (J) above rest, on a section if there is one; SceneError where none is found."""
+    """States of this energy (J) above rest, on a section if there is one; SceneError where none is found."""
     numbers = numbers_of(scene)
     layout = Lanes(numbers).layout
     accounts, pace = Accounts(numbers, layout), estimate_timescales(scene).swing

@@ -1,7 +1,7 @@
 """Storage of chunks on disk: a folder with a file for each, or one file locked by a process.
 
 In a folder each chunk is an NPZ file, written completely or not at all, next to a header that says of what question.
-What is there is not computed again, so that an ensemble or a sweep goes on where it was killed.
+Stored chunks are not computed again, so that an ensemble or a sweep resumes where it was interrupted.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ from nonlinear.integration import validate_whole
 
 T = TypeVar("T")
 HEADER = "ensemble.json"
-"""What says of what ensemble a folder is."""
+"""The record of the ensemble to which a folder belongs."""
 AGAIN = "remove it, and it is computed again"
 TAKEN = {errno.EAGAIN, errno.EACCES, errno.EDEADLK}
 """Errors by which a system says that another process has locked a file."""
 JUDGED = "energy_drift"
 """A column that every engine gives."""
 CROSSING = "crossing_"
-"""What columns begin with that have a row for every crossing, not for every member."""
+"""The prefix of columns that have a row for every crossing, not for every member."""
 
 
 def engine_of_folder(folder: str | os.PathLike[str] | None) -> str:
@@ -68,7 +68,7 @@ def _refuse_unlike(
 
 
 def validate_store(folder: object, share: object) -> None:
-    """Raise SceneError for what names no folder, and for a share that cannot be."""
+    """Raise SceneError for an invalid folder, and for an impossible share."""
     problems = []
     if folder is not None and not (isinstance(folder, str | os.PathLike) and os.fspath(folder)):
         problems.append(f"folder {folder!r}: must be the path of a folder")
@@ -138,7 +138,7 @@ class Parts(ChunkFolder):
         self.question = question
 
     def done(self, number: int) -> bool:
-        """Whether a chunk is there; raise SceneError if what is there is not that chunk."""
+        """Whether a chunk is there; raise SceneError if the file there is not that chunk."""
         return self.path(number).exists() and self.read(number).size > 0
 
     def keep(self, number: int, chunk: Chunk) -> None:

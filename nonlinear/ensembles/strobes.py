@@ -48,7 +48,7 @@ def strobe_times(period: float, phase_deg: float = 0.0, *, settle: float = 0.0, 
 
 
 def settling_time(scene: Scene, period: float) -> float:
-    """Ten times the slowest decay of the modes (s), where they tell one, and at least 200 periods."""
+    """Ten times the slowest decay of the modes (s), where there is one, and at least 200 periods."""
     try:
         decay = [-float(value.real) for value in natural_modes(scene).eigenvalue if value.real < 0]
     except MultipendulaError:
@@ -79,7 +79,7 @@ def repetition_words(period: Ints) -> str:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class StroboscopicSection(EnsembleResult):
-    """The strobes of an ensemble at `times` (K,) in s, once a `period` (s) at `phase_deg` of it, from `settle` (s) on.
+    """Stroboscopic samples at `times` (K,) in s, once a `period` (s) at `phase_deg` of it, from `settle` (s) on.
 
     Starts lie within `spread_deg` of the scene's; `shown` are the links that are drawn, from 0.
     """
@@ -172,7 +172,7 @@ def find_strobes(
     """Compute the stroboscopic section of a plane scene driven by sines, from many starts.
 
     Each of `members` motions begins as the scene does, all but the first with angles up to `spread_deg` aside, drawn by
-    `seed`, and is looked at once a period, at `phase_deg` of it, from `settle` (s) to the `duration` (s), by default
+    `seed`, and is sampled once a period, at `phase_deg` of it, from `settle` (s) to the `duration` (s), by default
     200 periods later. `of` names the links to draw, "theta_1_1". `options` are those of `ensemble`. Raise SceneError
     for a scene without a common period of its drives, and where nothing would be seen.
 
@@ -231,7 +231,7 @@ def strobes_table(section: StroboscopicSection, form: Form) -> str:
 
 
 def state_records(system: System, states: Sequence[Floats], carted: bool | None = None) -> Iterator[dict[str, float]]:
-    """Of states (links, their rates, cart, its rate), (N, ...), a record each, `carted` or not as they are."""
+    """The records of states (links, their rates, cart, its rate), (N, ...), one each, `carted` or not."""
     named, carted = places(system), system.cart is not None if carted is None else carted
     for links, rates, x, speed, *carried in zip(*(part.tolist() for part in states), strict=True):
         yield (

@@ -1,7 +1,7 @@
-"""Fits of a scene's numbers to measured motions, with error bars, and what the residuals say.
+"""Fits of a scene's numbers to measured motions, with error bars, and an analysis of the residuals.
 
 In: a scene and a `Recording`, read from files or arrays.  Out: a `Fit`: the scene with the fitted numbers, their
-covariance, what the record does not determine, residuals.  Start with `fitting`; `flow` has the motions and their
+covariance, undetermined numbers, residuals.  Start with `fitting`; `flow` has the motions and their
 derivatives.
 """
 

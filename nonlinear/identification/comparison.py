@@ -26,7 +26,7 @@ from nonlinear.identification.result import Fit
 LAWS = {"viscous": "damping", "coulomb": "friction", "drag": "quadratic_drag"}
 """Names of laws, and the number of a joint or link that each one frees."""
 LAW_START = 1e-3
-"""Cost: of the natural unit, where the number of a law begins: the fit goes on from there."""
+"""Cost: of the natural unit, initial guess of the number of a law in the fit."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -81,7 +81,7 @@ def compare(
 def _fit_with(
     scene: Scene, recording: Recording, free: Sequence[str], options: Mapping[str, Any], name: str
 ) -> tuple[str, Fit, float]:
-    """The fit with one of the laws, and what it leaves of the part that is held back."""
+    """The fit with one of the laws, and its residuals on the held-out part."""
     candidate_scene, places = with_laws(scene, name.split("+"))
     places_free = [*dict.fromkeys([*free, *places])]
     result = fit(candidate_scene, recording, places_free, **options)
@@ -90,7 +90,7 @@ def _fit_with(
 
 
 def _candidate(name: str, result: Fit, held_out: float, count: float) -> ComparedLaw:
-    """The criteria, for a record worth so many independent values: −2 ln L of Gaussian residuals, and a penalty."""
+    """The criteria, for this many independent values: −2 ln L of Gaussian residuals, and a penalty."""
     counts = np.sum([np.isfinite(segment.values).sum(axis=0) for segment in result.recording.segments], axis=0)
     mean = float(np.mean(np.square(result.residuals))), float(np.log(result.problem.noise) @ counts / counts.sum())
     spread, unknowns = count * (log(mean[0]) + 2 * mean[1]), int(np.count_nonzero(np.diag(result.cov)))
@@ -98,7 +98,7 @@ def _candidate(name: str, result: Fit, held_out: float, count: float) -> Compare
 
 
 def _held_out(part_fit: Fit, recording: Recording) -> float:
-    """The rms (rad) of what was not fitted: of other segments with their states fitted, of one by going on from its."""
+    """The rms (rad) of held-out data: of other segments with fitted states, or of the continuation of a single one."""
     if len(recording.segments) > 1:
         return fit(
             part_fit.scene, recording.take(range(len(part_fit.recording.segments), len(recording.segments)))
@@ -150,7 +150,7 @@ def with_laws(scene: Scene, laws: Sequence[str]) -> tuple[Scene, list[str]]:
 
 
 def _used(recording: Recording) -> Recording:
-    """What is fitted when the rest is held back: the first segments, or the first part of a single one."""
+    """The data fitted when the rest is held out: the first segments, or the first part of a single one."""
     count = len(recording.segments)
     if count > 1:
         return recording.take(range(max(1, 3 * count // 4)))

@@ -23,7 +23,7 @@ from nonlinear.identification.starting import PERIOD_PART
 OUTLIER_STDS = 7.0
 """Tolerance: robust standard deviations of an outlier: of a million readings of noise none is."""
 OUTLIER_NEIGHBOURS = 5
-"""Tolerance: residuals by whose median each is judged: two outliers side by side leave it as it is."""
+"""Tolerance: residuals by whose median each is judged: two adjacent outliers hardly change it."""
 WINDOWS_MIN = 8
 """Tolerance: windows whose residuals are ranked by their amplitude: fewer are in order by chance."""
 
@@ -114,7 +114,7 @@ def _scales(result: Fit) -> Iterator[str]:
         inflation = 1 + 2 * max(0.0, float(autocorrelation([remainder[rows] for rows in values])[1:].sum()))
         std = float(np.linalg.norm(back[-1])) * np.sqrt(inflation) * root_mean_square(remainder)
         white = all(len(rho) == 1 for rho in result.rho)
-        # a scale that leaves much of what goes on from residual to residual makes up for something else
+        # a scale that leaves strongly correlated residuals compensates for some other error
         is_explained = white or lasting(remainder) < lasting(residuals) / 4
         if std and is_explained and abs(step[-1]) / std > best[0]:
             words = f"{name}: a scale of {1 + step[-1]:.4g} ± {std:.1g} fits better: `scale=True`"
@@ -238,7 +238,7 @@ def _growth(result: Fit) -> Iterator[str]:
 
 
 def _white_growth(rates: Floats, misses: Floats) -> str:
-    """What makes white residuals grow with the amplitude: a clock that jitters, whose residuals follow the rate."""
+    """Why white residuals grow with the amplitude: a clock that jitters, whose residuals follow the rate."""
     rank = scipy.stats.spearmanr(np.abs(rates), np.abs(misses))
     if rank.statistic > 0 and rank.pvalue < CHANCE_MAX:
         jitter = np.sqrt(np.mean(misses**2) / np.mean(rates**2))

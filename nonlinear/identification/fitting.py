@@ -264,7 +264,7 @@ class Search:
         return u
 
     def finish(self, u: Floats) -> Fit:
-        """Fit the whole record with the estimated noise, undetermined parameters being held."""
+        """Fit the whole record with the estimated noise, with undetermined parameters fixed."""
         problem = self.problem
         u = self.solve(replace(problem, tolerance=ROUGH_TOLERANCE), u, rough=False)
         for turn in range(2):
@@ -420,7 +420,7 @@ def _decrement(J: Floats, residuals: Floats) -> float:
 
 
 def _project_out(J: Floats, nuisances: Booleans, numbers: int) -> Floats:
-    """The columns of the numbers without what the nuisances can make up for."""
+    """The columns of the numbers without the part that nuisances can compensate."""
     columns, nuisance_columns = J[:, :numbers], J[:, nuisances]
     if not nuisance_columns.shape[1]:
         return columns
@@ -433,7 +433,7 @@ def _project_out(J: Floats, nuisances: Booleans, numbers: int) -> Floats:
 
 
 def _covariance(problem: FitProblem, J: Floats, residuals: Floats, free: Booleans) -> tuple[Floats, tuple[Floats, ...]]:
-    """Of all unknowns (size, size), with the autocorrelation of every sensor's residuals."""
+    """The covariance of all unknowns (size, size), with the autocorrelation of every sensor's residuals."""
     columns = np.flatnonzero(free)
     J, residuals = problem.sort_by_sensor(J)[:, columns], problem.sort_by_sensor(residuals)
     size = np.linalg.norm(J, axis=0)

@@ -1,4 +1,4 @@
-"""Motions of several segments and their derivatives with respect to numbers and initial states, side by side.
+"""Motions of several segments and their derivatives with respect to numbers and initial states, all at once.
 
 Every derivative has a column of its own, in which that number or component of the start has an imaginary part
 (`nonlinear.integration.analytic`); all columns of a segment take the steps that its motion needs.
@@ -33,9 +33,9 @@ fastest changes, so that the third derivative adds less than 1e-7 of them."""
 
 @dataclass(frozen=True, eq=False)
 class SensorChannel:
-    """What a sensor reads: the sum of signed components of y, or that of a `point`, at times (S, K) (s).
+    """The reading of a sensor: the sum of signed components of y, or that of a `point`, at times (S, K) (s).
 
-    Times beyond the segment's end are infinite.  Without `has_rate` nobody asks how fast it changes.
+    Times beyond the segment's end are infinite.  Without `has_rate` its rate is not needed.
     """
 
     parts: Parts
@@ -53,7 +53,7 @@ class SensorChannel:
 class Readings:
     """A watch: `values` that every channel reads, (C, S, K, P), and their `rates` of the motion alone, (C, S, K).
 
-    NaN stands where a segment has no sample.  ComputationError after so many steps.
+    NaN stands where a segment has no sample.  ComputationError after this many steps.
     """
 
     channels: Sequence[SensorChannel]
@@ -141,7 +141,7 @@ class _Within:
     numbers: Numbers
 
     def read(self, point: PointReading, parts: Floats) -> Any:
-        """What a point reads (A, m, P) at these parts (A, m) of the step."""
+        """The readings of a point (A, m, P) at these parts (A, m) of the step."""
         length = self.step.length[self.lanes, None]
         times = self.step.start[self.lanes, None] + parts * length
         shares = length[..., None] * within_shares(parts)
@@ -201,7 +201,7 @@ class Segments:
 def integrate_segments(
     segments: Segments, channels: Sequence[SensorChannel], tolerance: float, max_steps: int = MOTION_STEPS_MAX
 ) -> Readings:
-    """What channels read of all segments until their ends; raise ComputationError if one cannot be followed."""
+    """The readings of channels over all segments until their ends; raise ComputationError if one cannot be followed."""
     lanes, y = Lanes(segments.real, counts_work=False, target="columns"), segments.y
     size, count = y.shape[:2]
     absolute = np.repeat(tolerance * segments.scale[:, None], count, axis=1)

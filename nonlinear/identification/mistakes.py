@@ -89,7 +89,7 @@ def possible(scene: Scene, recording: Recording) -> Iterator[Mistake]:
 
 
 def _multiply(recording: Recording, chosen: list[int], factor: float) -> Recording:
-    """The recording with a factor to what these sensors read."""
+    """The recording with a factor on the readings of these sensors."""
     scales = np.ones(len(recording.sensors))
     scales[chosen] = factor
     return replace(recording, segments=tuple(replace(s, values=s.values * scales) for s in recording.segments))

@@ -28,7 +28,7 @@ from nonlinear.integration.switches import numbers_of as switching_of
 from nonlinear.system import Numbers, System, numbers_of, system_of, translations
 
 MOTION_TOLERANCE = 1e-8
-"""Tolerance: of the motion: well below what sensors resolve."""
+"""Tolerance: of the motion: well below the resolution of sensors."""
 GAP_STD = 0.1
 """Tolerance: of the sensors' noise, a gap between a motion and its continuation: less than is seen."""
 DELAY_MAX = 0.1
@@ -48,17 +48,17 @@ class Unknowns:
 
     @property
     def offsets(self) -> slice:
-        """Of the sensors, in units of theirs."""
+        """The offsets of the sensors, in their units."""
         return slice(self.numbers, self.numbers + self.sensors)
 
     @property
     def scales(self) -> slice:
-        """Of the sensors, less 1."""
+        """The scale factors of the sensors, less 1."""
         return slice(self.offsets.stop, self.offsets.stop + self.sensors)
 
     @property
     def delays(self) -> slice:
-        """Of the sensors behind the first (s)."""
+        """The delays of the sensors relative to the first (s)."""
         return slice(self.scales.stop, self.scales.stop + self.sensors)
 
     def state(self, segment: int) -> slice:
@@ -97,10 +97,10 @@ class EvaluatedMotions(NamedTuple):
 class FitProblem(Displayed):
     """A recording, and a scene of which these numbers are free; `scaled` frees the sensors' scales.
 
-    Where it is `shifted`, the first sensor has a delay too, behind what time prescribes to the scene.
+    Where it is `shifted`, the first sensor has a delay too, relative to the prescribed motions of the scene.
 
     `noise` (C,) is the standard deviation of every sensor, `tightness` times that the one of a gap between a motion and
-    its continuation.  Motions of more than so many `steps` are not followed.  `evaluations` are the last two, of this
+    its continuation.  Motions of more than this many `steps` are not followed.  `evaluations` are the last two, of this
     problem or of one that it replaces: a search asks for them again where it ends, or once a trial has failed.
     """
 
@@ -170,7 +170,7 @@ class FitProblem(Displayed):
 
     @cached_property
     def _points(self) -> list[PointReading | None]:
-        """What every sensor reads that is of a point."""
+        """The readings of every sensor at a point."""
         return [
             PointReading(self.system, sensor.quantity, self._links(sensor), sensor.radius)
             if sensor.is_of_point
@@ -180,7 +180,7 @@ class FitProblem(Displayed):
 
     @cached_property
     def picks(self) -> Floats:
-        """What the sensors read of the coordinates, (C, coordinates)."""
+        """The matrix from coordinates to the readings of sensors, (C, coordinates)."""
         picks = np.zeros((len(self.recording.sensors), self.coordinates))
         for c, sensor in enumerate(self.recording.sensors):
             for row, sign in self.parts(sensor):
@@ -195,7 +195,7 @@ class FitProblem(Displayed):
 
     @property
     def is_read_by_motion(self) -> bool:
-        """Whether other sensors determine, through the motion, what the angles do not."""
+        """Whether other sensors determine, through the motion, numbers that the angles do not."""
         return not self.is_seen and any(
             sensor.is_of_point or sensor.quantity == "rate" for sensor in self.recording.sensors
         )
@@ -219,7 +219,7 @@ class FitProblem(Displayed):
 
     @cached_property
     def bounds(self) -> tuple[Floats, Floats]:
-        """Of all unknowns, (size,) each."""
+        """The bounds of all unknowns, (size,) each."""
         layout = self.layout
         low, high = np.full(layout.size, -np.inf), np.full(layout.size, np.inf)
         low[: layout.numbers] = [parameter.z_min for parameter in self.parameters]
@@ -232,7 +232,7 @@ class FitProblem(Displayed):
         return scene_with(self.scene, numbers_at(self.parameters, u[: self.layout.numbers]))
 
     def readings(self, u: Floats, with_derivatives: bool = False) -> list[Floats]:
-        """What the sensors would read, (K, C) for each segment; raise ComputationError if a motion cannot be followed.
+        """The predicted readings, (K, C) for each segment; raise ComputationError if a motion cannot be followed.
 
         With `with_derivatives` these are computed along, as for `residuals`.
         """
@@ -384,7 +384,7 @@ class FitProblem(Displayed):
         return flow
 
     def _flow(self, u: Floats, columns: int) -> Readings:
-        """The motions of all segments; with `columns` the derivatives by numbers and states in so many of them."""
+        """The motions of all segments; with `columns` the derivatives by numbers and states in this many of them."""
         layout, segments = self.layout, self.recording.segments
         P, S, kind = max(columns, 1), len(segments), complex if columns else float
         real, steps = dict[Place, float](), dict[Place, Any]()

@@ -51,7 +51,7 @@ QUANTITIES = {
     "x": ("x_{}", "m"),
     "y": ("y_{}", "m"),
 }
-"""What sensors of links read: the names of their columns, and the units after these."""
+"""The quantities of sensors of links: the names of their columns, and the units after these."""
 SENSORS = {
     quantity: re.compile(f"{name.format(LINK)}_{unit}", re.ASCII) for quantity, (name, unit) in QUANTITIES.items()
 }
@@ -73,7 +73,7 @@ SEGMENT_STEPS_MAX = 10_000_000
 TURN_SHARE = 0.75
 """Tolerance: of a turn, a jump between samples that is no motion, if all readings lie within one turn."""
 GAP_STEPS = 1.5
-"""Format: a step that is longer than so many usual ones is told as a gap."""
+"""Format: a step longer than this many usual ones is reported as a gap."""
 ANGLES = ("absolute", "relative")
 
 
@@ -104,12 +104,12 @@ class Sensor:
 
     @property
     def words(self) -> str:
-        """What reports call it."""
+        """Its name in reports."""
         return signal_words(self.name)
 
     @property
     def unit(self) -> str:
-        """Of its readings: of coordinates of modal supports 1."""
+        """The unit of its readings; 1 for coordinates of modal supports."""
         if self.carrier:
             last = self.carrier.rpartition("_")[2]
             return last if last in {"m", "rad"} else "1"
@@ -251,7 +251,7 @@ def is_wrapped(values: Floats) -> bool:
 
 
 def unwrap(values: Floats) -> Floats:
-    """Angles (K,) that go on by less than half a turn from each sample to the next that is there."""
+    """Angles (K,) that change by less than half a turn from each sample to the next that is there."""
     angles, is_present = values.copy(), np.isfinite(values)
     angles[is_present] = np.unwrap(values[is_present])
     return angles
@@ -320,7 +320,7 @@ def read_recording(
 
 
 def _reading(table: DataTable) -> str:
-    """What was understood of a file: how its cells are divided, its columns, its rate and its gaps."""
+    """The interpretation of a file: its delimiter, its columns, its rate and its gaps."""
     clock, factor = table.seconds() or (TIME, 1.0)
     steps = np.diff(factor * table.numbers(clock))
     step = float(np.median(steps)) if len(steps) else 0.0
@@ -376,7 +376,7 @@ def _derived_rates(table: DataTable, meanings: Mapping[str, str], carriers: Carr
 
 
 def _unscaled(table: DataTable, carriers: Carriers) -> Iterator[str]:
-    """What is said of marks in pixels without their scale."""
+    """The message on marks in pixels without their scale."""
     for column in table.columns:
         if column.endswith(f"_{PIXELS}") and _is_sensor(column, carriers):
             yield f"{table.name}: column {column}: needs `pixel`, the metres of one"
@@ -387,7 +387,7 @@ def _is_sensor(column: str, carriers: Carriers) -> bool:
 
 
 def _sensor(column: str, carriers: Carriers) -> Sensor | None:
-    """What a column reads, None if it is of no sensor.
+    """The sensor of a column, None if there is none.
 
     >>> _sensor("acceleration_along_1_2_m_per_s2@0.25", {})
     Sensor(pendulum=1, link=2, carrier='', quantity='along', radius=0.25)
@@ -406,7 +406,7 @@ def _sensor(column: str, carriers: Carriers) -> Sensor | None:
 
 
 def _si_name(column: str, pixel: float = 1.0) -> tuple[str, float]:
-    """A column's name in SI units, and the factor of its numbers, of which pixels are so many metres."""
+    """A column's name in SI units, and the factor of its numbers, of which pixels are this many metres."""
     name, sign, distance = column.removeprefix("-").partition("@")
     if name.endswith(f"_{PIXELS}"):
         name, factor = f"{name.removesuffix(PIXELS)}m", pixel
@@ -420,7 +420,7 @@ def _is_known(column: str, carriers: Carriers) -> bool:
 
 
 def _absent(scene: Scene, sensor: Sensor) -> Iterator[str]:
-    """What the sensor reads and the scene has not."""
+    """The part that the sensor needs and the scene lacks."""
     if not sensor.pendulum:
         if not sensor.carrier and _has_no_cart(scene):
             yield "column cart_m: the scene has no cart"
@@ -507,7 +507,7 @@ def _header_problems(table: DataTable, where: Mapping[str, str], carriers: Carri
 
 
 def _likely_causes(table: DataTable, example: str) -> str:
-    """The heading as read, and why it may not say what is needed."""
+    """The heading as read, and why it may not suffice."""
     if not table.headings:
         return ""
     heading = " | ".join(table.headings)

@@ -28,11 +28,11 @@ from nonlinear.identification.records import Recording
 BOOTSTRAP_BLOCKS = 10
 """Tolerance: blocks of residuals in a series, at least: of fewer the spread is not seen."""
 MISFIT_MAX = 0.05
-"""Tolerance: of a reading's standard deviation: larger residuals that go on from sample to sample do not fit."""
+"""Tolerance: of a reading's standard deviation: larger correlated residuals do not fit."""
 NOISE_MISFIT_MAX = 0.9
 """Tolerance: of it: larger residuals of any kind leave nothing explained."""
 SIGNIFICANCE = 5.0
-"""Tolerance: standard deviations of what is said of a record; twice as many of a gap, as windows have many."""
+"""Tolerance: standard deviations for a remark on a record; twice as many of a gap, as windows have many."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -61,7 +61,7 @@ class Fit(FittedNumbers):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """The numbers that were free, held ones included."""
+        """The numbers that were free, fixed ones included."""
         return self.problem.parameters
 
     @property
@@ -85,7 +85,7 @@ class Fit(FittedNumbers):
     def misfit(self) -> Floats:
         """The unexplained part of every sensor's readings (C,), relative to their standard deviation.
 
-        Only what goes on from sample to sample counts, √(Σ e_k e_(k+1) / Σ e_k²) times the residuals' rms: noise and
+        Only the correlated part counts, √(Σ e_k e_(k+1) / Σ e_k²) times the residuals' rms: noise and
         outliers do not.  Where residuals are nearly as large as the readings, all of them count.
         """
         misfits = []
@@ -114,7 +114,7 @@ class Fit(FittedNumbers):
 
     @cached_property
     def covariance(self) -> Floats:
-        """Of the numbers (p, p), zero for those held, NaN if the motion does not fit the record."""
+        """The covariance of the numbers (p, p), zero for fixed ones, NaN if the motion does not fit the record."""
         count = len(self.parameters)
         cov = np.asarray(self.slopes[:, None] * self.cov[:count, :count] * self.slopes)
         if not self.fits:
@@ -123,7 +123,7 @@ class Fit(FittedNumbers):
 
     @cached_property
     def stds(self) -> Floats:
-        """Standard deviations of the numbers (p,), zero for those held, NaN if the motion does not fit."""
+        """Standard deviations of the numbers (p,), zero for fixed ones, NaN if the motion does not fit."""
         return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
 
     what = "fit to measured motions"
@@ -145,7 +145,7 @@ class Fit(FittedNumbers):
     def whole(self, *, candidates: Sequence[Any] = (), draws: int = 0) -> dict[str, Any]:
         """Everything for JSON; `covariance` is that of `parameters` in their order.
 
-        With `draws` every parameter has its `bootstrap_std` of so many resampled records.
+        With `draws` every parameter has its `bootstrap_std` of this many resampled records.
         """
         numbers, sensors = self.fitted, self.recording.sensors
         record: dict[str, Any] = {
@@ -179,7 +179,7 @@ class Fit(FittedNumbers):
 
     @cached_property
     def fitted(self) -> list[int]:
-        """The indices of the numbers that were not held."""
+        """The indices of the numbers that were not fixed."""
         return [k for k in range(len(self.parameters)) if k not in set(self.held.tolist())]
 
     @cached_property
@@ -190,7 +190,7 @@ class Fit(FittedNumbers):
         return find_combinations(determination, self.parameters, self.unknowns[:count], self.stds)
 
     def bootstrap(self, draws: int, seed: int = 1) -> Floats:
-        """Standard deviations (p,) of the numbers by resampled blocks of residuals, zero for those held.
+        """Standard deviations (p,) of the numbers by resampled blocks of residuals, zero for fixed ones.
 
         Each of the `draws` is one Gauss-Newton step from the fit, to the record with other residuals.
         """
@@ -218,7 +218,7 @@ class Fit(FittedNumbers):
 
     @cached_property
     def misses(self) -> list[Floats]:
-        """These less what they have read."""
+        """These less their readings."""
         return self.problem.misses(self.unknowns)
 
     @cached_property
@@ -228,7 +228,7 @@ class Fit(FittedNumbers):
 
     @property
     def rms_all(self) -> float:
-        """Of all segments together."""
+        """The RMS of all segments together."""
         return root_mean_square(self._misses(range(len(self.recording.segments))))
 
     @property
@@ -242,13 +242,13 @@ class Fit(FittedNumbers):
 
 
 def unit_of_residuals(recording: Recording) -> str:
-    """The unit in which what is left of a recording is told: rad where an angle is read, else the first sensor's."""
+    """The unit in which residuals of a recording are reported: rad where an angle is read, else the first sensor's."""
     units = [sensor.unit for sensor in recording.sensors if sensor.is_angle or not sensor.pendulum]
     return "rad" if "rad" in units else recording.sensors[0].unit
 
 
 def root_mean_square(values: Floats) -> float:
-    """Of the values that are there."""
+    """The root mean square of the available values."""
     numbers = values[np.isfinite(values)]
     return float(np.sqrt(np.mean(numbers**2))) if len(numbers) else 0.0
 

@@ -62,8 +62,8 @@ def initial_states(problem: FitProblem) -> Floats:
 def _states_by_response(problem: FitProblem, states: Floats) -> Floats:
     """The states (S, width) from which the scene moves most like the first readings, of those that are tried.
 
-    Tried are the given ones, what a linear response makes of these and of rest, and swings in single modes, by which
-    sensors are read that tell nothing of the first order at rest.
+    Candidates are the given ones, the linear responses from these and from rest, and swings in single modes, by which
+    sensors are read that do not respond to first order at rest.
     """
     part = problem.recording.until(PERIOD_PART * 2 * np.pi / problem.system.rate)
     rest = np.zeros(2 * problem.coordinates)
@@ -92,7 +92,7 @@ def _nearest(problem: FitProblem, attempts: Sequence[Floats]) -> Floats:
 
 
 def _responses(problem: FitProblem, state: Floats) -> list[Floats]:
-    """The state of a single segment from which the readings go on as measured, linear about the motion from `state`."""
+    """The state of a single segment from which the readings continue, linear about the motion from `state`."""
     layout, u = problem.layout, _unknowns(problem)
     u[layout.state(0)] = state
     is_free = problem.free.copy()

@@ -2,7 +2,7 @@
 
 The equations are analytic, so that the imaginary part ε of a number makes ε times the derivative by it in the imaginary
 part of the motion, to the last digit [Squire1998].  The real part takes the steps and
-meets the switches; where a column would meet one earlier or later by δt = −Im(value)/value', it goes on in the flow
+meets the switches; where a column would meet one earlier or later by δt = −Im(value)/value', it continues in the flow
 before until then and in the flow after from then on: y₊ = G(y₋ + i f₋ δt) − i f₊ δt, which is the saltation matrix.
 """
 
@@ -62,7 +62,7 @@ class _MemberColumns(Some):
 
 
 def impulses_since(switches: Switches, count: int) -> dict[int, float]:
-    """The impulses of every joint that was kicked after so many happenings."""
+    """The impulses of every joint that was kicked after this many happenings."""
     return {int(kick[1]): kick[2] for kick in switches.events[count:] if kick[1] < switches.places.K}
 
 

@@ -25,9 +25,9 @@ COARSEST = 0.3
 FINEST = 1e-14
 """Limit: the smallest accuracy (rad)."""
 DRIVE_LOOKS = 2000
-"""Tolerance: times at which the push of a support is looked at for the size of a motion."""
+"""Tolerance: times at which the force of a support is sampled for the size of a motion."""
 NUMBERS_MAX = 50_000_000
-"""Limit: numbers kept of a run in all, 400 MB."""
+"""Limit: numbers stored of a run in all, 400 MB."""
 
 
 def validate(*actions: Callable[[], Any]) -> list[Any]:
@@ -130,7 +130,7 @@ def validate_load(load: object) -> None:
 
 
 def validate_events(events: object) -> None:
-    """Raise SceneError for what is no list of events."""
+    """Raise SceneError for anything but a list of events."""
     if (
         isinstance(events, str)
         or not isinstance(events, Sequence)
@@ -140,7 +140,7 @@ def validate_events(events: object) -> None:
 
 
 def validate_observable(load: Load | None, accuracy: float | None, *hints: object) -> None:
-    """Raise SceneError for an accuracy under a load where none of `hints` tells how soon the load changes."""
+    """Raise SceneError for an accuracy under a load where none of `hints` says how soon the load changes."""
     if load is not None and accuracy is not None and all(hint is None for hint in hints):
         what = "a short one can fall between the steps of every run, so that all agree and are wrong"
         times = "the times at which it jumps as breaks, [] where it never does"

@@ -8,7 +8,7 @@ until then.
 A contact that stops loses the remainder of its velocity by an impulse of friction, so that those already sticking stay
 at rest; which of all begin to slide then is the complementarity problem of `nonlinear.dynamics.complementarity`.
 
-Columns V of derivatives by what the motion starts from become at a switch n·y = 0 that maps y to G(y)
+Columns V of derivatives by the initial state become at a switch n·y = 0 that maps y to G(y)
 
     V₊ = DG V₋ + (f₊ − DG f₋) (n·V₋)/(n·f₋)
 
@@ -43,7 +43,7 @@ TEXTS = "sticking", "friction", "responses", "kick", "kicked"
 class Places:
     """Where numbers stand: the size of y and its half, pairs of coordinates of K kicks and J contacts, and the rest.
 
-    `e`, `firm`, `brief`, `since`, `turned` and `work` are places in the state, `told` of its numbers enter texts;
+    `e`, `firm`, `brief`, `since`, `turned` and `work` are places in the state, `told` numbers of it for messages;
     `limit` is a place among the numbers of a member, which end with √(g/l) (rad/s) after those.
     """
 
@@ -88,8 +88,8 @@ def changing(at: Places, texts: dict[str, Callable[..., Any]]) -> tuple[Callable
     begin(t, y, last, state, numbers, c, u, events) fills the state of a segment that begins at y after the impulses
     `last` (K,); due(y, f, state, numbers) is the kick that is due there at once, at its angle on the way out, else −1;
     change(t, j, y, f, state, numbers, c, u, V, events) is y after switch j, in lists, the state and the columns V (k,
-    size) being changed in place; a j beyond all switches decides anew which contacts stick, as inputs have jumped to u.
-    c are the constants of the texts. What happens is appended as (time, switch, a, b): impulse and energy of a kick; 1
+    size) being changed in place; a j beyond all switches reselects the sticking contacts, as inputs have jumped to u.
+    c are the constants of the texts. Events are appended as (time, switch, a, b): impulse and energy of a kick; 1
     where a contact begins to stick, 0 if it ends.
     """
     size, half, K, J, presses, input_count = at.size, at.half, at.K, at.J, at.presses, at.input_count
@@ -108,7 +108,7 @@ def changing(at: Places, texts: dict[str, Callable[..., Any]]) -> tuple[Callable
         return u + [1.0 - state[K + i] * state[K + i] for i in range(J)]
 
     def answers(y: Any, c: Any, u: Any) -> Any:
-        """What a unit of friction does, G (J J,), and accelerations a (J,) at contacts; columns, and N with its own."""
+        """Effects of unit friction, G (J J,), and accelerations a (J,) at contacts; columns, and N with its own."""
         answer = responses(c, y, u + [0.0] * (2 * J), NOTHING)
         columns = answer[size : size + half * J]
         a = [relative(answer, half, pair) for pair in contacts]
@@ -290,7 +290,7 @@ def _none(c: Any, y: Any, u: Any, v: Any) -> Any:
 
 
 def names_in(at: Places) -> dict[str, Any]:
-    """What the functions of `changing` have from outside: constants, and where numbers stand."""
+    """The globals of the functions of `changing`: constants, and where numbers stand."""
     J, K, B = at.J, at.K, at.state_count
     numbers: dict[str, Any] = {
         "SWITCH_EARLINESS": SWITCH_EARLINESS,

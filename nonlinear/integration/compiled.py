@@ -220,7 +220,7 @@ class CompiledStepper(DOP853Stepper[Compiled]):
         return rows[:row_count], list(zip(ends[selection].tolist(), states[selection], strict=True)), good
 
     def steps_of_sweep(self) -> Step:
-        """The steps of the last sweep side by side."""
+        """The steps of the last sweep, joined."""
         return Step.of_run(*self._last_steps, self._rates_beside, bool(self.pace.breaks))
 
     def _rates_beside(self, y: Floats, times: Any = 0.0) -> Floats:
@@ -236,5 +236,5 @@ class CompiledStepper(DOP853Stepper[Compiled]):
 
     @cached_property
     def _room(self) -> Floats:
-        """Of the stages of the steps of one sweep."""
+        """Storage for the stages of the steps of one sweep."""
         return np.empty((STEPS_AT_ONCE, STAGES + 1, self.y.size))

@@ -26,7 +26,7 @@ from nonlinear.system import Numbers, System
 class Crowd:
     """The flow of members with these numbers, whose `switching` entries are those of `Switches`.
 
-    What `tangent` lanes have after y is a column of derivatives, which kicks change by saltation.
+    After y `tangent` lanes have a column of derivatives, which kicks change by saltation.
     """
 
     lanes: Lanes
@@ -38,12 +38,12 @@ class Crowd:
 
     @property
     def inputs(self) -> Inputs:
-        """What time brings."""
+        """The inputs that depend on time."""
         return self.lanes.inputs
 
     @cached_property
     def switches(self) -> Switches:
-        """Those of all members."""
+        """The switches of all members."""
         form, numbers = with_contacts(self.lanes.form), self.lanes.numbers
         pairs, _ = kicks_of(self.system)
         constants = switching_of(form, pairs).constants(form.numbers(numbers.entries, numbers.constants))
@@ -51,11 +51,11 @@ class Crowd:
 
     @cached_property
     def members(self) -> dict[int, Switches]:
-        """Those of every member, by its number, with what happened to it."""
+        """Those of every member, by its number, with its outcome."""
         return {}
 
     def of(self, member: int) -> Switches:
-        """Those of one member."""
+        """The switches of one member."""
         if member not in self.members:
             self.members[member] = self.switches.member(member)
         return self.members[member]
@@ -79,7 +79,7 @@ class Crowd:
         return replace(task, lanes=self, initial=y, switches=self, state=state)
 
     def rates(self, numbers: Numbers) -> Callable[[Any], Rates]:
-        """The rates of so many members as these numbers are of, from the inputs of contacts."""
+        """The rates of this many members as these numbers are of, from the inputs of contacts."""
         module, name = self.equations
         constants = module.constants(self.switches.form.numbers(numbers.entries, numbers.constants))
         sticking, sliding = (module.function(text, constants, self.lanes.target) for text in (name, "rates"))
@@ -97,14 +97,14 @@ class Crowd:
 
     @cached_property
     def equations(self) -> tuple[Module, str]:
-        """The texts in which the rates stand, and what they are called there."""
+        """The texts in which the rates stand, and their names there."""
         form = self.switches.form
         if self.lanes.tangent:
             return module_of(form, tangent=True), "rates"
         return self.switches.module, "sticking" if form.contacts else "rates"
 
     def constants(self) -> list[Any]:
-        """What stands in the text of the rates for these members: numbers and arrays (S,)."""
+        """The values in the text of the rates for these members: numbers and arrays (S,)."""
         numbers = self.lanes.numbers
         return self.equations[0].constants(self.switches.form.numbers(numbers.entries, numbers.constants))
 
@@ -119,7 +119,7 @@ class Crowd:
         return self.switches.count
 
     def at(self, members: Any) -> Some:
-        """Those of some members."""
+        """The switches of some members."""
         return Some(self, members)
 
     def work(self, y: Floats, state: Floats) -> Floats:

@@ -78,8 +78,8 @@ class Drive:
         ends, has_switches = any(event.stop for event in self.events), isinstance(self.equations, Switched)
         if isinstance(self.stepper, DOP853Stepper):
             self.stepper.keeps_steps = self._has_watches
-        # Few steps where progress is told once a sweep; where an event may end the run, more and more, so that what is
-        # computed beyond it is at most what came before.
+        # Few steps where progress is reported once a sweep; where an event may end the run, more and more, so that work
+        # beyond it is at most what came before.
         self._longest = 4 if has_switches and self.report is not silent else STEPS_AT_ONCE
         self._most = 4 if ends else self._longest
 
@@ -104,7 +104,7 @@ class Drive:
         return record
 
     def _refuse_singular(self, record: RunRecord) -> None:
-        """Raise ComputationError if the cart feels next to nothing of all masses."""
+        """Raise ComputationError if the cart's effective mass is negligible."""
         system, state = self.equations.system, self.equations.read(self.stepper.y[None])[0]
         pushes = np.eye(1, system.first + system.n_links)[0]
         with np.errstate(all="ignore"):
@@ -120,14 +120,14 @@ class Drive:
         return bool(self.events or self.watches)
 
     def _friction(self, record: RunRecord) -> Friction:
-        """What friction did as far as the run came."""
+        """The phases of friction as far as the run came."""
         time, row = record.last or (float(self.times[0]), self.stepper.y)
         if isinstance(self.equations, Switched):
             return self.equations.record(time, np.asarray(row).tolist())
         return NO_FRICTION
 
     def _sweep(self, record: RunRecord) -> None:
-        """Many steps, and what happens within them, up to an event that ends the run."""
+        """Many steps, with events within them, up to an event that ends the run."""
         guard = self.equations.undo_on_interrupt() if isinstance(self.equations, Switched) else nullcontext()
         stepper, all_ends = cast("Sweeper", self.stepper), self.report is not silent or self._has_watches
         with np.errstate(all="ignore"), guard:
@@ -213,7 +213,7 @@ class Drive:
         return happenings[-1] if record.stopped else None
 
     def _switch(self, record: RunRecord) -> None:
-        """What happens where the last step ended at a switch of its own."""
+        """The change at the switch at which the last step ended."""
         stepper = cast("FloatStepper", self.stepper)
         start, now, y = stepper.before, stepper.time, stepper.y
         y_after = stepper.switch()
@@ -224,7 +224,7 @@ class Drive:
             record.last = now, y_after
 
     def _ends(self, record: RunRecord) -> bool:
-        """Whether the run ends here: what is due belongs to a run that goes on."""
+        """Whether the run ends here: what is due belongs to a run that continues."""
         return bool(record.stopped) or record.last_time >= self.times[-1] - BREAK_ULPS * ulp(self.times[-1])
 
     def _sample(self, record: RunRecord, now: float) -> None:

@@ -161,7 +161,7 @@ class FloatDOP853(DOP853Solver):
         return steps, due_steps, at
 
     def carried_on(self, y: Numbers) -> Numbers | None:
-        """The derivative after a break, from which steps go on as long as before; None at the end of the run."""
+        """The derivative after a break, from which steps continue as long as before; None at the end of the run."""
         if (stretch := self.next_stretch(self.t, y)) is None:
             return None
         (self.t_bound, self.max_step), self.status = stretch, "running"
@@ -170,7 +170,7 @@ class FloatDOP853(DOP853Solver):
         return self._slope(y)
 
     def switch(self, V: list[list[float]] | None = None) -> None:
-        """Go on as things are after the switch at which the last step ended, if it did; so do columns V (k, size)."""
+        """Continue in the phase after the switch at which the last step ended, if it did; so do columns V (k, size)."""
         if self.switching and self.switching.met_switch is not None:
             self.y, self.f = map(np.array, self._change(self.y.tolist(), self.f.tolist(), V))
 
@@ -220,7 +220,7 @@ class FloatDOP853(DOP853Solver):
     def _judge(
         self, length: float, y: Numbers, after: Numbers, stages: Sequence[Numbers], looks: Any, following: float
     ) -> int:
-        """What becomes of this good step, as `meet` says."""
+        """The outcome of this accepted step, as `meet` says."""
         t, switching = self.t, cast("Switched", self.switching)
         values, inputs = switching.values, self.inputs
         readings = [switching.look or values(t, y, stages[0], inputs, length)]
@@ -279,7 +279,7 @@ class FloatStepper(DOP853Stepper[Written]):
         return FloatDOP853(self.equations.rate, inputs, is_time_only, f, time, y, end, **options)
 
     def _next_stretch(self, time: float, y: Numbers) -> tuple[float, float] | None:
-        """Go on after a break: to the next one or the end of the run (s), in steps that are no longer than so (s)."""
+        """Continue after a break, to the next one or the end of the run (s), in steps no longer than this (s)."""
         if time >= self.end:
             return None
         self.pace.landing(time, y)
@@ -319,7 +319,7 @@ class FloatStepper(DOP853Stepper[Written]):
         return isinstance(self.equations, Switched) and self.equations.rests
 
     def switch(self) -> Floats | None:
-        """The y after the switch at which the last step ended, from which it goes on; None if it did not."""
+        """The y after the switch at which the last step ended, from which it continues; None if it did not."""
         solver = cast("FloatDOP853", self._solver)
         if solver.switching is None or solver.switching.met_switch is None:
             return None
@@ -327,7 +327,7 @@ class FloatStepper(DOP853Stepper[Written]):
         return np.asarray(solver.y)
 
     def take_back(self, time: float, y: Floats) -> None:
-        """Undo what friction and kicks did after a time (s) and y within the last sweep."""
+        """Undo the changes by friction and kicks after a time (s) and y within the last sweep."""
         late = [step for step in self._sweep_steps if step.end > time]
         self._work(late, [(step.end, max(step.start, time)) for step in late])
         if isinstance(self.equations, Switched):
@@ -381,11 +381,11 @@ class FloatStepper(DOP853Stepper[Written]):
         return [(step.start, step.end, np.array(step.after), np.array(later.before)) for step, later in discontinuities]
 
     def steps_of_sweep(self) -> Step:
-        """The steps of the last sweep side by side."""
+        """The steps of the last sweep, joined."""
         return self._lanes(self._sweep_steps)
 
     def _lanes(self, steps: Sequence[FloatStep]) -> Step:
-        """Some or all steps of the last sweep side by side."""
+        """Some or all steps of the last sweep, joined."""
         if (lanes := self._last_steps) is None or len(lanes.start) != len(steps):
             self._last_steps = lanes = self._abreast(steps)
         return lanes
@@ -395,7 +395,7 @@ class FloatStepper(DOP853Stepper[Written]):
         return side_by_side(steps, rates_of, breaks=bool(self.pace.breaks))
 
     def _derivative_in(self, steps: Sequence[FloatStep]) -> Derivative:
-        """The derivative in these steps side by side, counted."""
+        """The derivative in these steps at once, counted."""
         switching = self.equations if isinstance(self.equations, Switched) else None
         derivative = (
             switching.rates_in([step.contact_inputs for step in steps]) if switching else self.equations.derivative
@@ -417,7 +417,7 @@ class FloatStepper(DOP853Stepper[Written]):
 
 
 def lively(V: Sequence[Numbers], R: Sequence[Numbers], aim: int) -> list[int]:
-    """Which values may pass within a step, from what they and their rates are at its looks, and the one aimed at."""
+    """Which values may pass within a step, from them and their rates at its samples, and the one aimed at."""
     candidates = {j for j, a in enumerate(V[0]) if a > 0 and R[0][j] > 0} | {aim} - {-1}
     for b, rates, later in zip(V[1:], R, R[1:], strict=False):
         candidates.update([j for j, v in enumerate(b) if not v < 0])
@@ -461,8 +461,8 @@ def samples(step: Step, times: Floats) -> Floats:
 def attempt_of(size: int, input_text: str = "") -> Callable[..., Any]:
     """One attempted step for y of this size.
 
-    It is a function of rate, length, y, y', relative and absolute tolerances, and of time and inputs for what stands
-    `input_text` y at a part {} of the step.  It returns the sums of squares of the fifth- and third-order errors over
+    It is a function of rate, length, y, y', relative and absolute tolerances, and where y at a part {} of the step is
+    `input_text`, of time and inputs.  It returns the sums of squares of the fifth- and third-order errors over
     their tolerances, y at the end, all stages, and y at those of `SEEN`.
     """
     lines = ["def attempt(rate, h, y, k0, relative, absolute, t, inputs):", f"  {_all('y{i}', size)}, = y"]

@@ -105,7 +105,7 @@ class Events:
         return self.past[:last]
 
     def _passages(self, event: Event, level: Level, sign: float, step: Step) -> Iterator[Happening]:
-        """Where a component passes its level; what is seen of a start on it is no crossing."""
+        """Where a component passes its level; a start on it is no crossing."""
         if (crossings := passages(step, level)) is None:
             return
         counts = crossings.way * sign * event.direction >= 0
@@ -119,7 +119,7 @@ class Events:
             yield Happening(time, event, crossings.rows[k], motion[k])
 
     def _looked_for(self, event: Event, step: Step) -> list[Happening]:
-        """Where a function of the state that is looked at passes zero."""
+        """Where a function of the state that is monitored passes zero."""
         inside, parts, lanes = step.within_all(), np.linspace(0.0, 1.0, event.looks + 1), np.arange(len(step.start))
         values = self._values(event, inside, np.tile(lanes, len(parts)), np.repeat(parts, len(lanes)))
         values = values.reshape(len(parts), -1)
@@ -181,7 +181,7 @@ class Events:
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """An event that is looked at in one lane of a step, by its parts."""
+    """An event that is monitored in one lane of a step, by its parts."""
 
     event: Event
     equations: Equations
@@ -207,7 +207,7 @@ class Look:
         raise ComputationError(f"event {self.event.name} is {value} at {self.time(part):.9g} s")
 
     def passing(self, parts: Sequence[float], values: Sequence[float]) -> Iterator[tuple[float, float]]:
-        """Between which parts the value passes zero, as far as looks tell, also there and back between two."""
+        """Between which parts the value passes zero, as far as samples show, also there and back between two."""
         widest = max(abs(high - low) for low, high in pairwise(values))
         for (start, low), (end, high) in pairwise(zip(parts, values, strict=True)):
             between = []
@@ -245,7 +245,7 @@ def root(value: Callable[[float], float], start: float, end: float) -> float:
 def lowest(value: Callable[[float], float], start: float, end: float) -> tuple[float, float]:
     """Where a value between two times is lowest, and that value.
 
-    It is sought in parts of the interval: SciPy's own tolerance is 1.5e-8 of what varies, of a late time whole steps.
+    It is sought in parts of the interval: SciPy's own tolerance is 1.5e-8 relative, at late times whole steps.
     """
 
     def inside(part: float) -> float:

@@ -2,7 +2,7 @@
 
 The equations and switches are the texts of `nonlinear.dynamics`, the method is `nonlinear.integration.method`, and what
 is done with them stands in `nonlinear.integration` as Python: `loops`, `meeting`, `changes`. The module depends on the
-form alone, not on its numbers: it is kept on disk, where numba keeps what it compiles next to it.
+form alone, not on its numbers: it is cached on disk, with numba's compiled code next to it.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ COMPILING_SECONDS = 6.0
 LINK_COMPILING_SECONDS = 0.55
 """Cost: seconds more for the text of each link, as expected before one was measured (benchmarks/engines.py)."""
 LANE_LINKS_MAX = 32
-"""Limit: links of a scene up to which members side by side are compiled, beyond which that takes minutes."""
+"""Limit: links of a scene up to which ensembles are compiled, beyond which that takes minutes."""
 MAKING = Lock()
 HEAD = '"""Written by multipendula, which runs what it has written and no other file of this name."""'
 IMPORTED = """from math import floor, inf, log, pi, sqrt, tau
@@ -165,7 +165,7 @@ def _module_of(text: str) -> ModuleType:
     path = path_of(text)
     module = sys.modules[path.stem] = ModuleType(path.stem)
     module.__file__ = _write_module(path.name, text)
-    code = compile(text, module.__file__, "exec")  # here, so that no bytecode is run that lies beside the file
+    code = compile(text, module.__file__, "exec")  # here, so that no bytecode next to the file is run
     with without_interrupts():
         exec(code, module.__dict__)
     return module

@@ -4,13 +4,13 @@ A segment is a member's y (size, S), or y and k columns next to it, (size, S, 1 
 V of y, or with complex numbers the same motion with imaginary parts. Column 0 is the motion: its real part alone tells
 the error, unless the `whole` does. A lane takes the steps that it would take alone.
 
-A flow (`nonlinear.dynamics.Lanes` is one) gives, with `rates(numbers)` of the segments at hand, a function of y and of
+A flow (`nonlinear.dynamics.Lanes` is one) gives, with `rates(numbers)` of the present segments, a function of y and of
 the times (s), an array like y without its first axis or one that broadcasts with it, for the rates (size, S, 1 + k);
 a third argument are the inputs of these times, where they are known.  Where there are switches, `rates(numbers)` is a
-function of what their state adds to the inputs, which gives that function.  Numbers of columns have a last axis
+function of their states' contribution to the inputs, which gives that function.  Numbers of columns have a last axis
 of 1 or 1 + k.
 
-Whoever wants to know what happens within steps is a `Watch`, and gets every step of all lanes, with the method's own
+An observer of the motion within steps is a `Watch`, and gets every step of all lanes, with the method's own
 interpolation in those that it asks for.  A step in which a switch passes is not one of them: it is tried again, until
 it ends there (`meeting`).
 """
@@ -48,21 +48,21 @@ from nonlinear.integration.within import Step, Watch, align_lanes, fill, spread,
 NUMBERS_AT_ONCE = 20_480
 """Cost: numbers of y in work at once, which fit the cache with their stages (benchmarks/ensembles.py)."""
 LANES_MIN = 128
-"""Cost: lanes beside which NumPy's calls are dear, up to which long y are taken too (benchmarks/ensembles.py)."""
+"""Cost: lanes below which NumPy's overhead dominates, so that long y are taken too (benchmarks/ensembles.py)."""
 SWITCHES_AT_ONCE = 20
-"""Limit: switches one after the other at one time; what is due beyond waits for the next step."""
+"""Limit: switches one after the other at one time; further ones wait for the next step."""
 TOO_SHORT = "the step needed is smaller than the spacing between numbers"
 NOT_FINITE = "the motion leaves the finite numbers"
 ALL = slice(None)
 
 
 class LaneSwitches(Protocol):
-    """What `LaneTask.switches.at(members)` gives: steps end where a value passes 0 upwards, which changes y."""
+    """The result of `LaneTask.switches.at(members)`: steps end where a value passes 0 upwards, which changes y."""
 
     count: int
 
     def inputs(self, state: Any) -> Any:
-        """What a state adds to the inputs of the rates, arrays (S,)."""
+        """The contribution of a state to the inputs of the rates, arrays (S,)."""
         ...
 
     def values(self, u: Any, w: Any, y: Any, f: Any, state: Any) -> tuple[Any, Any]:
@@ -115,7 +115,7 @@ class LaneTask:
 
     @cached_property
     def breaks(self) -> Floats:
-        """Where a support or a length may change suddenly, as far as the tolerances tell, before the end."""
+        """Where a support or a length may change suddenly, as far as the tolerances show, before the end."""
         times = np.array(self.lanes.inputs.breaks(float(self.relative.min())))
         return np.asarray(times[(times > self.starts.min()) & (times < self.ends.max())])
 
@@ -169,7 +169,7 @@ class Front:
         return np.minimum(task.first[members], limit)
 
     def _prepare(self) -> None:
-        """Numbers and room for the lanes that are there now."""
+        """Numbers and storage for the lanes that are there now."""
         task, members = self.task, self.member
         self.numbers, self.until = task.numbers.at(members), task.ends[members]
         if task.switches:
@@ -184,7 +184,7 @@ class Front:
         self.sums = np.empty((3, *self._error_part(self.y).shape))
 
     def rates_of(self, columns: Ints) -> Rates:
-        """The rates of the lanes in some columns, with what the state of switches adds to their inputs."""
+        """The rates of the lanes in some columns, with the contribution of the state of switches to their inputs."""
         rates: Callable[..., Any] = self.rates_without_contacts
         if not self._are_all(columns):
             rates = self.task.lanes.rates(self.numbers.at(columns))
@@ -243,7 +243,7 @@ class Front:
         return y if self.y.ndim < 3 else y[..., 0].real
 
     def _error_part(self, y: Floats) -> Floats:
-        """What tells the error."""
+        """The estimates of the error."""
         return y if self.y.ndim < 3 else (y if self.task.whole else y[..., :1]).real
 
     def attempt(self) -> Step:
@@ -343,9 +343,9 @@ class Front:
         self.h = np.minimum(np.minimum(self.tried, self.task.longest), next_break - self.t)
 
     def switch(self, outcome: Outcome) -> None:
-        """Change y and the state of lanes that met a switch or a break, and of what passed within rounding of it.
+        """Change y and the state of lanes that met a switch or a break, and of others within rounding of it.
 
-        What is due at the end of a lane belongs to whoever goes on from there.
+        What is due at the end of a lane is left to the caller that continues from there.
         """
         changing = self.met.copy()
         changing[self.came] |= (self.value[:, self.came] > 0).any(0)
@@ -385,7 +385,7 @@ class Front:
         self.which[columns], self.low[columns], self.high[columns] = -1, 0.0, inf
 
     def _land(self, previous: Floats) -> None:
-        """Begin anew the lanes that have come to a break."""
+        """Restart the lanes that have come to a break."""
         next_break = self.task.next_breaks(previous)
         self.came = np.flatnonzero(self.t >= next_break - BREAK_ULPS * np.spacing(np.abs(next_break)))
         if len(self.came):
@@ -449,7 +449,7 @@ def integrate(task: LaneTask, watches: Sequence[Watch] = (), width: int | None =
 
 
 def _through(front: Front, step: Step, outcome: Outcome) -> Booleans:
-    """Which lanes are at the end, or can go no further; these are told why."""
+    """Which lanes are at the end, or cannot continue; these get the reason."""
     is_done = front.through
     shortest = np.where(front.which >= 0, 0.0, SHORTEST_STEP * np.spacing(np.abs(front.t)))
     broken = ~step.taken & ~is_done & ~(front.h >= shortest)

@@ -81,7 +81,7 @@ FUNCTIONS["balls"] = {
 
 
 class BallEquations:
-    """The written equations of motion with functions and constants in balls of so many bits."""
+    """The written equations of motion with functions and constants in balls of this many bits."""
 
     def __init__(self, equations: Generated, bits: int) -> None:
         form, system = equations.form, equations.system
@@ -151,7 +151,7 @@ class Disc:
 
 @dataclass(frozen=True)
 class DiscSearch:
-    """How a disc is sought: rings of an expected radius in so many sectors of the upper half-plane.
+    """How a disc is sought: rings of an expected radius in this many sectors of the upper half-plane.
 
     The lower one has the conjugate values.  The polynomial p has so many `terms`.
     """
@@ -217,7 +217,7 @@ class DiscSearch:
     def _sector(
         self, places: Sequence[Ball], changes: Sequence[Ball], time: Ball, width: Ball, inner: Sequence[Ball]
     ) -> list[Ball]:
-        """E at the outer edge of a ring, as far as one sector of it tells."""
+        """E at the outer edge of a ring, by one sector of it."""
         guess = [bound * 1.25 for bound in inner]
         for _ in range(6):
             set_ = [place + _square(bound) for place, bound in zip(places, guess, strict=True)]
@@ -250,7 +250,7 @@ def _value(coefficients: Sequence[Ball], at: Ball) -> Ball:
 
 @dataclass(frozen=True)
 class LohnerStep:
-    """What encloses the motion from the set m + C r at an exact time up to `length` (s) later."""
+    """The enclosure of the motion from the set m + C r at an exact time up to `length` (s) later."""
 
     time: Fraction
     length: Fraction
@@ -261,7 +261,7 @@ class LohnerStep:
     bits: int
 
     def image(self, tau: Ball) -> tuple[list[Ball], Ball]:
-        """Balls around what comes of m, with all remainders of the set, and the matrix of derivatives, after τ (s)."""
+        """Balls around the image of m, with all remainders of the set, and the matrix of derivatives, after τ (s)."""
         arb, disc = flint().arb, self.disc
         q, s = tau.abs_upper() / disc.rho, arb(0)
         for k, sigma in enumerate(disc.sigma):
@@ -285,7 +285,7 @@ class LohnerStep:
 class LohnerSet:
     """The set m + C r at an exact time (s), and the steps that carry it on.
 
-    It begins as a box of balls.  Terms of series are carried to so many `digits`, relative to R, in steps of e^−`decay`
+    It begins as a box of balls.  Terms of series are carried to `digits` digits, relative to R, in steps of e^−`decay`
     of a disc's radius; matrices have `matrix_bits`.
     """
 

@@ -1,9 +1,9 @@
 """The step loop of a module for numba: members in WIDTH lanes, without branches in vectorized code.
 
-What stands here is the same for every form of scene: `nonlinear.integration.kernels` writes it into a module after the
-sizes and the texts of a form, of which these alone are compiled with sums in any order: what decides keeps to the
+The code here is the same for every form of scene: `nonlinear.integration.kernels` writes it into a module after the
+sizes and the texts of a form, of which these alone are compiled with sums in any order: decisions keep to the
 arithmetic that Python has.  A lane takes the steps that it would take alone, and ends them where a switch passes, as
-in `nonlinear.integration.lanes`.  Steps in which something happens that is measured go into a buffer, to be looked at
+in `nonlinear.integration.lanes`.  Steps in which something happens that is measured go into a buffer, to be examined
 in NumPy.
 
 Of a lane `front` holds the TIME and the STEP to try (s), whether the last one was REFUSED, whether it is FRESH, with
@@ -36,7 +36,7 @@ BEGINS, LANDS = range(2, 4)
 SHORT, INFINITE, JAMMED = range(1, 4)
 """Why a member failed."""
 CLOCK, TABLES = range(1, 3)
-"""What drives a scene: the time, or polynomials of it."""
+"""The inputs of a scene: the time, or polynomials of it."""
 SIZES = ["D", "SIZE", "HALF", "FIRST", "CONSTANTS", "N", "M", "TOLD", "HELD", "TIMED", "DRIVEN"]
 SIZES += ["KICKS", "PRESSES"]
 """Numbers of a form: lengths of y in all, of a motion, of its half and before its links; of c; switches, their state,
@@ -56,7 +56,7 @@ def looping(
     meet: Any,
     **of: int,
 ) -> Any:
-    """The function `run` with the texts of a form, and its SIZES; called by nobody, but written into modules."""
+    """The function `run` with the texts of a form, and its SIZES; not called here, but written into modules."""
     D, SIZE, HALF, FIRST, CONSTANTS, N, M, TOLD, HELD, TIMED, DRIVEN, KICKS, PRESSES = (of[name] for name in SIZES)
 
     def driven(part: Any, h: Any, front: Any, tables: Any, u: Any, s: Any) -> None:
@@ -367,7 +367,7 @@ def looping(
                     front[TIME, k], front[FRESH, k] = ends[next_end], LANDS
                     next_end += 1
                 if front[TIME, k] >= end - BREAK_ULPS * spacing(end):
-                    front[FRESH, k] = 0.0  # what is due at the end belongs to whoever goes on from there
+                    front[FRESH, k] = 0.0  # what is due at the end is left to the caller that continues
                     if N > 0:
                         following[k] = -1
                 front[STEP, k] = min(next_length[k], longest, ends[next_end] - front[TIME, k])

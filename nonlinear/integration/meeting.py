@@ -13,11 +13,11 @@ from sys import float_info
 from typing import Any
 
 STANDS, AGAIN, MET = range(3)
-"""Of a step: it goes on as it is; it is tried with another length; it ends at a switch."""
+"""Outcomes of a step: accepted; to be repeated with another length; ends at a switch."""
 PASSING_SHARE = 1e-9
-"""Tolerance: of a step, what is left until a passing and made up for to first order, with an error of its square."""
+"""Tolerance: of a step, the rest before a passing that is corrected to first order, with an error of its square."""
 BRACKET_SHARE = float_info.epsilon
-"""Of a step: how close the ends of a bracket come; whatever the time is, since lengths are finer than its floats."""
+"""Of a step: how close the ends of a bracket come, whatever the time, since lengths are finer than its floats."""
 CUBIC_END_SHARE = 1e-2
 """Tolerance: of an interval, a cubic that is highest so close to one of its ends says for sure whether it passes."""
 
@@ -99,7 +99,7 @@ def meet(
 ) -> int:
     """Decide on an accepted step of segment i, of length h (s), whose next length would be `next_length`.
 
-    `which` value it seeks to meet, -1 for none, lies between `low` and `high` (s); `usual` is the length to go on with
+    `which` value it seeks to meet, -1 for none, lies between `low` and `high` (s); `usual` is the length to resume with
     afterwards.  All of these are lists or arrays by segment, and changed in place.
     """
     first, j = 2.0, -1
@@ -139,7 +139,7 @@ def meet(
 
 
 def meeting_source() -> str:
-    """The functions of this module, but this one, as a text of Python; what they have from outside is in `MEETING`."""
+    """The functions of this module, but this one, as a text of Python; their globals are in `MEETING`."""
     functions: list[Callable[..., Any]] = [rises, swells, may_pass, cubic_at, highest, cubic, passing, meet]
     return "\n".join(inspect.getsource(function) for function in functions)
 

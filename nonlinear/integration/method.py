@@ -126,9 +126,9 @@ NODES: Sequence[float] = (
 # fmt: on
 """The part of a step at each stage, the end of the step, and the further stages."""
 SEEN = (6, 8, 10)
-"""Stages at which y may be looked at on the way: ascending in time."""
+"""Stages at which y may be sampled within a step: ascending in time."""
 LOOKS = (0.0, *(NODES[stage] for stage in SEEN), 1.0)
-"""The parts of a step at which switches are looked at."""
+"""The parts of a step at which switches are examined."""
 
 
 def weighted_sum(shares: Shares, name: str) -> str:
@@ -160,7 +160,7 @@ def advance(stage: int, start: Floats, length: Floats, stages: Floats, y: Floats
 
 
 def gain_at(part: Any, terms: Sequence[Any]) -> Any:
-    """What y has gained at a part of the step, from the `terms` of the interpolant."""
+    """The increment of y at a part of the step, from the `terms` of the interpolant."""
     gain = 0.0 * terms[0]
     for number in range(len(terms)):
         gain = (gain + terms[-1 - number]) * (1 - part if number % 2 else part)
@@ -177,7 +177,7 @@ def terms_of(length: Any, displacement: Any, stages: Any) -> list[Any]:
 
 
 def cubic_terms(displacement: Any, first: Any, last: Any) -> tuple[Any, Any, Any]:
-    """The first three terms, of a cubic: from what y has moved, and its rates at both ends times the step."""
+    """The first three terms, of a cubic: from the increment of y, and its rates at both ends times the step."""
     return displacement, first - displacement, 2 * displacement - last - first
 
 
@@ -187,7 +187,7 @@ TERMS = np.array(terms_of(1.0, sum(share * _EACH[stage] for stage, share in END)
 
 
 def within_shares(part: Floats) -> Floats:
-    """Of the rates at all stages in what y has gained at parts (...) of a step of length 1, (..., 16)."""
+    """The weights of the rates at all stages in the increment of y at parts (...) of a step of length 1, (..., 16)."""
     factors = np.empty((len(TERMS), part.size))
     factors[0] = row = part.ravel()
     for number in range(1, len(TERMS)):

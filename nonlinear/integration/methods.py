@@ -48,7 +48,7 @@ STIFFNESS_RATIO = 30.0
 """Cost: the fastest decay over the fastest oscillation, from which an implicit method is cheaper
 (benchmarks/simulation.py)."""
 LENGTH_RATIO_MIN = 1e-13
-"""Limit: a link's length over the longest, below which positions in maximal coordinates cannot tell its ends apart."""
+"""Limit: a link's length over the longest, below which positions in maximal coordinates cannot resolve its two ends."""
 MOMENT_MAX = 1e140
 """Limit: the largest moment of inertia, and inverse of the smallest, whose square does not overflow."""
 FLOATS = 100
@@ -56,14 +56,14 @@ FLOATS = 100
 of 50 takes 0.5 s so and 0.84 s by a band, of 100 1.25 s and 1.32 s, of 200 2.3 s and 1.36 s; with 50 pairs on a cart
 0.9 s and, by the recursion, 1.3 s, with 100 2.1 s and 1.4 s."""
 DOP853_TOLERANCE_MIN = 1e-13
-"""Tolerance: below which rounding hides what DOP853 gains, and only Taylor series do."""
+"""Tolerance: below which rounding hides the progress of DOP853, and only Taylor series do."""
 
 
 @dataclass(frozen=True)
 class Choice:
     """The form of the equations, their solver, the integrator and its tolerance, and the reason for the choice.
 
-    `forgone` is what compiled code that is not ready would save.
+    `forgone` is the saving by compiled code that is not ready.
     """
 
     form: str
@@ -84,7 +84,7 @@ def validate_method(
 ) -> str:
     """The form of the equations; SceneError lists every unknown or unsuitable value.
 
-    `driven` says whether a load acts; `system` is what is integrated, where that is less than the whole scene.
+    `driven` says whether a load acts; `system` is the integrated system, where that is less than the whole scene.
     """
     validate_scene(scene)
     system = system or system_of(scene)
@@ -122,7 +122,7 @@ def validate_method(
 
 
 def _additions(system: System, driven: bool) -> list[str]:
-    """What a run has next to its scene."""
+    """The data of a run beyond its scene."""
     return [name for name, has in (("load", driven), ("hoist", system.hoisting)) if has]
 
 
@@ -140,7 +140,7 @@ def choose(
 ) -> Choice:
     """Choose whatever is "auto" for a motion of this size; SceneError lists every unknown or unsuitable value.
 
-    `system` is what is integrated, where that is less than the whole scene; `has_watches` says whether something is
+    `system` is the integrated system, where that is less than the whole scene; `has_watches` says whether something is
     looked for in every step, which many steps of DOP853 together show, those of series one by one.
     """
     validate_scene(scene)
@@ -194,7 +194,7 @@ def _automatic(
 
 
 def step_count(periods: float, tolerance: float) -> float:
-    """The steps of DOP853 in so many periods at large angles."""
+    """The steps of DOP853 in this many periods at large angles."""
     return 14 * periods * float((1e-6 / tolerance) ** (1 / 8))
 
 
@@ -219,7 +219,7 @@ def offers(scene: Scene, system: System, duration: float, tolerance: float, size
 
 
 def least_seconds(scene: Scene, duration: float, tolerance: float = 1e-9, members: int = 1) -> float:
-    """Roughly what so many motions of a scene take by the fastest way once it is ready, on one core (s)."""
+    """Roughly the time of this many motions of a scene by the fastest way once it is ready, on one core (s)."""
     ways = offers(scene, system_of(scene), duration, tolerance)
     return float(members * min(way.running for way in ways.values()))
 

@@ -24,7 +24,7 @@ from nonlinear.system import Layout, Numbers
 class MemberUnits:
     """Natural units of members: `length` (m) of the longest link, `rate` sqrt(g/l) (rad/s), `energy` g Σ b (J).
 
-    Each is (S,), or (1,) where members do not differ in it.  `turning` are the coordinates of carriers that are angles.
+    Each is (S,), or (1,) where members do not differ in it.  `turning` are the coordinates of supports that are angles.
     """
 
     length: Floats
@@ -33,7 +33,7 @@ class MemberUnits:
     turning: tuple[int, ...] = ()
 
     def scale(self, layout: Layout) -> Floats:
-        """Those of y, (size, S or 1), as in `Layout.natural`."""
+        """The natural units of y, (size, S or 1), as in `Layout.natural`."""
         length, rate, energy = np.broadcast_arrays(self.length, self.rate, self.energy)
         half = np.ones((layout.half, len(length)))
         half[: layout.first] = length
@@ -53,7 +53,7 @@ def units_of(numbers: Numbers, of: Callable[..., Any] = np.max) -> MemberUnits:
 
 
 def longest_first(rate: Floats, members: int) -> Floats:
-    """The longest first steps (s) of so many members, (S,)."""
+    """The longest first steps (s) of this many members, (S,)."""
     return np.asarray(np.broadcast_to(FIRST_STEP_MAX / rate, members))
 
 

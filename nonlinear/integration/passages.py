@@ -20,7 +20,7 @@ from nonlinear.integration.within import Step
 from nonlinear.system import Layout
 
 ACCELERATION_NOISE = 1e-13
-"""Tolerance: of the largest acceleration, up to which one is rounding and does not tell where a start goes."""
+"""Tolerance: of the largest acceleration, below which one is rounding and does not show where a start goes."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ def level_of(layout: Layout, row: int, value: float) -> Level:
 class Starts(NamedTuple):
     """Of S members, whether each is `on` a level at its start, its `number`, and the `way` that it goes from there.
 
-    Upwards is 1, downwards −1, 0 if its rate and acceleration do not tell; `passes` where that is by its rate.
+    Upwards is 1, downwards −1, 0 if its rate and acceleration do not decide; `passes` where that is by its rate.
     """
 
     on: Booleans
@@ -103,7 +103,7 @@ def join_passages(parts: list[Passages], size: int) -> Passages:
 def passages_that_count(passages: Passages, starts: Starts, start: Floats, direction: int = 0) -> Passages:
     """Those that count, member by member in the order of time, with those at the starts of y (size, S).
 
-    Two in a row through one level the same way are one: what an engine sees of a start, or at the end of a step.
+    Two in a row through one level the same way are one: seen at a start, or at the end of a step.
     """
     on = np.flatnonzero(starts.on)
     first = Passages(on, np.zeros(len(on)), start[:, on].T, starts.number[on], starts.way[on])
@@ -120,13 +120,13 @@ def passages_that_count(passages: Passages, starts: Starts, start: Floats, direc
 
 
 def leaving(passages: Passages, starts: Starts) -> Booleans:
-    """Which passages are what is seen of a start on a level, (C,)."""
+    """Which passages are those of a start on a level, (C,)."""
     on, number, way, _ = (values[passages.member] for values in starts)
     return np.asarray(on & (passages.number == number) & ((passages.way == way) | (passages.time <= 0)))
 
 
 def passages(step: Step, level: Level, among: Booleans | None = None) -> Passages | None:
-    """What passes a level within a step that was taken, also there and back; None if nothing does."""
+    """The components that pass a level within an accepted step, also there and back; None if none does."""
     low, high = step.reach(level.row)
     possible = (
         (level.number_below(low) != level.number_below(high)) | (level.number_above(low) != level.number_above(high))

@@ -1,9 +1,9 @@
 """Compiled code: whether it is loaded in this process or cached on disk, its remaining cost, and when that pays off.
 
-Compiled code runs many times as fast as what is always there, once it is loaded, which takes fractions of a second, or
-compiled, which takes seconds where nothing is kept.  How much is still to come nobody knows: so a process rents until
-what it would have saved has paid the price, and then buys, which costs at most twice what foresight would have
-[Karlin1988].  What is there already is simply taken where it is faster.
+Compiled code runs many times as fast as interpreted code, once it is loaded, which takes fractions of a second, or
+compiled, which takes seconds where nothing is cached.  Future demand is unknown: so a process rents until
+the lost savings equal the price, and then buys, at a cost of at most twice that with foresight
+[Karlin1988].  Code that is ready is simply used where it is faster.
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ from nonlinear.dynamics.compiling import watching
 LOADING = {"numba": 0.15, "heyoka": 0.4}
 """Seconds to load a package."""
 LINKING = {"numba": 0.2, "heyoka": 0.1}
-"""And code that is kept on disk."""
+"""And code that is cached on disk."""
 PROGRESS_DELAY = 0.5
-"""Cost: seconds until compiling is shown on a terminal, and between two looks at it."""
+"""Cost: seconds until compiling is shown on a terminal, and between two updates."""
 Forgone = tuple[tuple[str, float], ...]
 """Names of codes, and the share of a run's time that each would have saved."""
 _reproducible_share = ContextVar("_same", default=0.0)
@@ -53,7 +53,7 @@ _saved_seconds: defaultdict[str, float] = defaultdict(float)
 def reproducible(runs: int = 0) -> Iterator[None]:
     """Make choices, and so results to the bit, independent of the process within the block.
 
-    Single runs take nothing compiled, or pay one part of so many `runs` of what it costs where nothing is ready.
+    Single runs take nothing compiled, or pay one part of this many `runs` of its cost where nothing is ready.
     """
     token = _reproducible_share.set(max(_reproducible_share.get(), 1 / runs if runs else inf))
     try:
@@ -73,7 +73,7 @@ class Code:
     """Compiled code of a package under its own name; its compile time (s) and state.
 
     `function` gives numba's, once its module is imported; `expected` are the seconds before anything was measured,
-    `words` what it is called.
+    `words` its name.
     """
 
     package: str
@@ -121,7 +121,7 @@ class Offer:
         return self.running + (self.code.owed if self.code else 0.0)
 
     def price(self, *, anew: bool = False) -> float:
-        """What it costs to take it: what is owed and not yet paid by what it would have saved; `anew` as in `Code`."""
+        """The cost of using it: its price less the savings lost so far; `anew` as in `Code`."""
         if self.code is None:
             return self.running
         return self.running + (self.code.anew if anew else max(self.code.owed - self.code.saved_seconds, 0.0))
@@ -133,7 +133,7 @@ def best_of(offers: Mapping[str, Offer], *, anew: bool = False) -> str:
 
 
 def forgone_by(offers: Mapping[str, Offer], way: str) -> Forgone:
-    """What a run by one way forgoes, by the code of each that would have been faster."""
+    """The saving that a run by one way forgoes, by the code of each that would have been faster."""
     shortest = inf if _reproducible_share.get() else offers[way].running
     faster = {offer.code: offer.running for offer in offers.values() if offer.running < shortest and isfinite(shortest)}
     return tuple((code.name, 1 - running / shortest) for code, running in faster.items() if code and not code.is_ready)
@@ -141,7 +141,7 @@ def forgone_by(offers: Mapping[str, Offer], way: str) -> Forgone:
 
 @contextmanager
 def rent(forgone: Forgone) -> Iterator[None]:
-    """A block that runs without these codes: what it takes is added to what they would have saved."""
+    """A block that runs without these codes: its time is added to the savings they would have made."""
     start = thread_time()
     try:
         yield
@@ -150,7 +150,7 @@ def rent(forgone: Forgone) -> Iterator[None]:
 
 
 def lose(forgone: Forgone, seconds: float) -> None:
-    """Add what so long a run without these codes has forgone."""
+    """Add the saving that a run of this length without these codes has forgone."""
     for name, share in forgone:
         _saved_seconds[name] += share * seconds
 
@@ -159,7 +159,7 @@ def lose(forgone: Forgone, seconds: float) -> None:
 
 
 def folder() -> Path:
-    """Where kernels, and notes of what heyoka keeps, are kept: a temporary folder where no home is known.
+    """Where kernels, and notes on heyoka's cache, are stored: a temporary folder where no home is known.
 
     Relative names in the environment are ignored, as the XDG Base Directory Specification has it.
     """
@@ -196,7 +196,7 @@ def temporary() -> Path:
 
 @dataclass(frozen=True)
 class Note:
-    """What is noted of code once it has run: the seconds that it took to compile, over those expected at first.
+    """The note on code once it has run: the seconds that it took to compile, over those expected at first.
 
     `kept` is the file or the folder in which its package keeps it, "" where it does not.
     """
@@ -207,7 +207,7 @@ class Note:
 
     @classmethod
     def of(cls, name: str) -> Note | None:
-        """What is noted under a name, if that can be read."""
+        """The note under a name, if it can be read."""
         try:
             seconds, share, kept = json.loads(_path_of(name).read_bytes())
             return cls(float(seconds), float(share), str(kept))
@@ -227,7 +227,7 @@ def _path_of(name: str) -> Path:
 
 
 def _note_name(package: str, name: str) -> str:
-    """The name of a note on what this version of a package compiles."""
+    """The name of a note on the code compiled by this version of a package."""
     return f"{package} {_version(package)} {name}"
 
 
@@ -261,7 +261,7 @@ def look_up(
 
 @contextmanager
 def make_ready(code: Code) -> Iterator[Callable[[], AbstractContextManager[object]]]:
-    """A block in which code is loaded or compiled, which Ctrl-C ends only afterwards, and what is noted of it.
+    """A block in which code is loaded or compiled, which Ctrl-C ends only afterwards, and the note on it.
 
     It gets a block to compile in, which a terminal sees; numba takes that itself.
     """
@@ -301,7 +301,7 @@ def _compiles(code: Code) -> Iterator[None]:
 
 @contextmanager
 def progress(title: str, seconds: float, seconds_before: float = 0.0) -> Iterator[None]:
-    """A block that takes about so many seconds, as a terminal sees."""
+    """A block that takes about this many seconds, as a terminal sees."""
     if not sys.stderr.isatty():
         yield
         return
@@ -327,7 +327,7 @@ def progress(title: str, seconds: float, seconds_before: float = 0.0) -> Iterato
 
 
 def kept_in(code: Code) -> str:
-    """The folder where a code that has run is kept, "" where there is none."""
+    """The folder where code that has run is cached, "" where there is none."""
     if code.package == "heyoka":
         state: Any = getattr(sys.modules.get("heyoka"), "llvm_state", None)
         return str(state.get_diskcache_path()) if getattr(state, "get_diskcache_enabled", bool)() else ""

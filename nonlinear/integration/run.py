@@ -173,7 +173,7 @@ class Request:
 
     Method and form are chosen where they are "auto".  `before` are the escapements' kicks up to the start.  `pace`
     limits the steps and says where the integrator restarts.  `report` is called with the simulated time after every
-    step.  `watching` makes what sees every step, of minimal coordinates of the whole scene.
+    step.  `watching` makes the watches of every step, of minimal coordinates of the whole scene.
     """
 
     scene: Scene
@@ -244,7 +244,7 @@ class Request:
         breaks = tuple(sorted({*pace.breaks, *inputs.breaks(accuracy)}))
         pace = replace(pace, longest=min(pace.longest, inputs.longest_step(accuracy)), breaks=breaks)
         if (self.load or self.system.prescribed_motions) and self.system.rubs:
-            # A load on what sticks is looked at within a radian of the fastest oscillation.
+            # A load on sticking parts is sampled at least every radian of the fastest oscillation.
             pace = replace(pace, longest=min(pace.longest, 1 / estimate_timescales(self.scene).swing))
         with make_ready(integrator(self.reduced_system)) if choice.compiled else nullcontext():
             equations = equations_of(self.system, choice, self.load, self.smaller)

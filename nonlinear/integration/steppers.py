@@ -31,7 +31,7 @@ SHORTEST_STEP = 10
 STEPS_AT_ONCE = 256
 """Cost: steps of one sweep, between which events are looked for and Ctrl-C is heard (benchmarks/simulation.py)."""
 BREAK_ULPS = 4
-"""Tolerance: units in the last place within which a time is at a break or an end: sums of steps miss it by so many."""
+"""Tolerance: units in the last place within which a time is at a break or an end: sums of steps err by this."""
 
 
 @dataclass(frozen=True)
@@ -287,7 +287,7 @@ class SciPyStepper:
         return np.asarray(self._within(times)).T
 
     def exact(self, time: float) -> Floats:
-        """The y at one time within the last step, integrated anew from the beginning of the step."""
+        """The y at one time within the last step, integrated again from the beginning of the step."""
         if time <= self.before:
             return self.y_before
         solver = self._make_solver(self.before, self.y_before, time, time - self.before)
@@ -339,5 +339,5 @@ class DOP853Stepper(SciPyStepper, Generic[E]):
         super().__init__("DOP853", equations.derivative, start, y, end, tolerance, absolute, pace)
 
     def steps_of_sweep(self) -> Any:
-        """The steps of the last sweep side by side, a `nonlinear.integration.within.Step`."""
+        """The steps of the last sweep, joined, a `nonlinear.integration.within.Step`."""
         raise NotImplementedError

@@ -51,7 +51,7 @@ class Switched(Written):
         self.met_switch = self.switches.due(row, rates, self.state)
 
     def resume(self, state: list[float]) -> None:
-        """Go on in this state, of a motion that has come to no switch."""
+        """Continue in this state of a motion that has come to no switch."""
         self.state = state
         self._hold()
 
@@ -72,7 +72,7 @@ class Switched(Written):
 
     @contextmanager
     def undo_on_interrupt(self) -> Iterator[None]:
-        """Go back to where things are now if what is done within is interrupted."""
+        """Restore the present state if the block is interrupted."""
         state, count = [*self.state], len(self.switches.events)
         try:
             yield
@@ -116,7 +116,7 @@ class Switched(Written):
         """The values of all switches and their rates at y, where y' = f, within a step of this length (s)."""
         u: Any = () if inputs is None else inputs(time, y)
         w: list[float] = []
-        if inputs and self.free.inputs_at is not None and not self.free.is_time_only:  # what texts do not know
+        if inputs and self.free.inputs_at is not None and not self.free.is_time_only:  # not in the texts
             aside, count = max(INPUT_ASIDE * length, ulp(time) / INPUT_ASIDE), self.switches.places.input_count
             times = time - aside, time + aside
             ends = [inputs(at, y)[:count] for at in times]
@@ -156,7 +156,7 @@ class Switched(Written):
 
     @cached_property
     def rate_of_arrays(self) -> Callable[..., Any]:
-        """The same of many y side by side, whether contacts slide or stick."""
+        """The same of many y at once, whether contacts slide or stick."""
         contacts = self.switches.places.J
         return self.switches.function("sticking", "arrays") if contacts else self.free.rate_of_arrays
 
@@ -173,7 +173,7 @@ class Switched(Written):
         )
 
     def rates_in(self, contact_inputs: Sequence[Sequence[float]]) -> Callable[[Any, Any], Any]:
-        """The derivative (size, S) of states side by side in phases with these inputs of contacts, (S, 2 J)."""
+        """The derivative (size, S) of several states in phases with these inputs of contacts, (S, 2 J)."""
         free, columns = self.free, np.array(contact_inputs).T
 
         def derivative(times: Any, y: Any) -> Any:

@@ -30,7 +30,7 @@ class Switches:
     """The switches of motions with a form: `constants` of its texts and `numbers` of a member, or arrays of these.
 
     `numbers` are bent, angle (rad) and impulse (N m s) of each kicked joint, the limit of each contact (of a rail with
-    a coefficient the coefficient), then √(g/l) (rad/s); those of members side by side are arrays (g, S).
+    a coefficient the coefficient), then √(g/l) (rad/s); those of ensembles are arrays (g, S).
     """
 
     form: Form
@@ -196,7 +196,7 @@ class Switches:
         return Friction(links[[phase[2] for phase in phases]], begin, end, links, np.array(self.work(y, state)), rest)
 
     def work(self, y: Any, state: Any) -> list[Any]:
-        """The work (J) of friction at every contact until y: floats, or arrays of members side by side."""
+        """The work (J) of friction at every contact until y: floats, or arrays over members."""
         at, work = self.places, [*state[self.places.work :]]
         for i, pair in enumerate(at.contacts):
             if not (at.presses and i == 0):

@@ -52,7 +52,7 @@ def available() -> bool:
 
 
 def takes(system: System) -> bool:
-    """Whether heyoka is installed and compiles for so many links in less time than other methods take to run."""
+    """Whether heyoka is installed and compiles for this many links in less time than other methods take to run."""
     longest = max(group.n for group in system.groups)
     return available() and longest <= LONGEST_CHAIN and system.n_links <= SERIES_LINKS_MAX
 
@@ -66,7 +66,7 @@ class TaylorStepper:
     """Integration by Taylor series, one series per step.
 
     The first step is no longer than `pace.first` (s), meant to come from `first_step`; `tolerance` sets the order.
-    Raise MissingExtraError without heyoka, ComputationError under a load and where compiling for so many links would
+    Raise MissingExtraError without heyoka, ComputationError under a load and where compiling for this many links would
     take longer than another method takes to run.
     """
 
@@ -178,7 +178,7 @@ def uneven(tolerance: float) -> float:
 
 
 class Originals(dict[Any, Any]):
-    """What has been compiled in this process, by what it was compiled from: a copy for everyone who asks.
+    """The code compiled in this process, by its source: a copy for every caller.
 
     Integrators of heyoka write into memory of their own while they work, and let Python's other threads run: no two
     threads may use the same one.  A copy has its own memory and is not compiled again; as it takes
@@ -190,9 +190,9 @@ class Originals(dict[Any, Any]):
         self._lock = Lock()
 
     def copy_of(self, key: Any, compile_original: Callable[[], Any], user: object = None) -> Any:
-        """A copy of what is kept under this key, which is compiled first where there is nothing.
+        """A copy of the code cached under this key, compiled first if there is none.
 
-        Nobody else gets it while its `user` lives, nor ever if none is told.
+        It is reserved while its `user` lives, and for good without one.
         """
         with self._lock:
             if key not in self:
@@ -215,7 +215,7 @@ def _leave(idle: list[Any], copy: Any) -> None:
 
 
 _COMPILED = Originals()
-"""By the text of their equations and what else they were compiled for."""
+"""By the text of their equations and the options of compilation."""
 
 
 def code_of(form: Form, pieces: Sequence[Polynomials], tolerance: float) -> Code:
@@ -234,7 +234,7 @@ def pieces_of(equations: Arranged) -> Sequence[Polynomials]:
 
 
 def _text(module: Module, pieces: Sequence[Polynomials]) -> str:
-    """What is compiled: the equations, and the degrees of the polynomials that are their inputs."""
+    """The source of the code: the equations, and the degrees of the polynomials that are their inputs."""
     return f"{module.python('rates')}\n{[piece.coefficients.shape[1] for piece in pieces]}"
 
 

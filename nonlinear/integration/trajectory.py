@@ -31,7 +31,7 @@ class SolverInfo(Displayed):
     """How a trajectory was computed: the form of the equations, the method, and the reason; counts; why it ended.
 
     `drift` is the largest constraint violation before projection, relative to the lengths of the scene; `reduced`
-    describes what was integrated where that was less than the whole scene. `error` is the estimated bound on the error
+    describes the integrated system if it was less than the whole scene. `error` is the estimated bound on the error
     of any angle (rad) where an accuracy was requested, inf if it is unknown.
 
     >>> from modal import load
@@ -63,7 +63,7 @@ class SolverInfo(Displayed):
 class Trajectory(TextResult):
     """A scene's motion at `times` (T,) in s, the events on the way, and how it was computed.
 
-    `kicks` are those of escapements, `friction` tells what dry friction did; `driven` says whether anything acted from
+    `kicks` are those of escapements, `friction` the phases of dry friction; `driven` says whether anything acted from
     outside, `equations` holds the equations of a run made in this process, which files and pickles omit.
 
     >>> from modal import load

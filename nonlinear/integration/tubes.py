@@ -30,7 +30,7 @@ PROVED = "proved"  # the method of a trajectory of midpoints
 
 
 def at_most(value: Decimal | float, digits: int = 2) -> str:
-    """A number in so many digits, rounded up.
+    """A number in this many digits, rounded up.
 
     >>> at_most(1.01e-7), at_most(Decimal(3))
     ('1.1e-7', '3.0e+0')
@@ -70,7 +70,7 @@ class Tube(Result):
     """A proved motion: `rows` with a ball around every coordinate and rate of the motion at these times.
 
     It began with the `start` as it is stored, in double precision, and the numbers of the equations are those of the
-    other methods.  `digits` were carried in so many `steps`.
+    other methods.  `digits` were carried in this many `steps`.
     """
 
     what = "proved motion"
@@ -153,7 +153,7 @@ class Tube(Result):
         return {**super().whole(), self.key: rows}
 
     def footnotes(self) -> Iterator[str]:
-        """Notes on what is proved."""
+        """Notes on the proof."""
         yield (
             f"proved: the motion that begins with the stored numbers stays within {at_most(self.radius)} of these "
             "values at these times, in rad, m and their rates; uncertain digits are omitted."
@@ -254,7 +254,7 @@ def enclose_motion(
 
 
 def _kinks(scene: Scene) -> list[str]:
-    """What may have ended a tube."""
+    """The possible causes of the end of a tube."""
     sentences = CAPABILITIES["a proved motion"].unless
     return [sentences[feature] for feature in ("quadratic_drag", "massless_cart") if feature in scene.features]
 

@@ -30,7 +30,7 @@ TWIN_DISTANCE_MIN = 1e-12
 DEPARTURE_DISTANCE = 1e-4
 """Limit: distance (rad) at which a twin has departed and is followed no further."""
 TWIN_STEPS_MAX = 3000
-"""Limit: steps for which a twin is followed, and what it says is of the time until then."""
+"""Limit: steps for which a twin is followed, and for which its statement holds."""
 
 
 class Departure(NamedTuple):
@@ -78,7 +78,7 @@ def perturb_last_digits(request: Request) -> Request | None:
 
 
 def departure(trajectory: Trajectory) -> Departure | None:
-    """How fast a twin departs from a run that integrates fewer pendula than there are, or in a plane what is in space.
+    """How fast a twin departs from a run that integrates fewer pendula than there are, or a spatial scene in a plane.
 
     None for any other run.  The twin is followed until its distance is DEPARTURE_DISTANCE, for at most TWIN_STEPS_MAX.
     """

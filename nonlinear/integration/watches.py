@@ -1,6 +1,6 @@
 """Measurements within the steps of lanes: samples, crossings of a level, largest angles, growth of errors.
 
-Each is a `Watch` of `nonlinear.integration.lanes`, keeps what it found by member, and asks for the motion inside a step
+Each is a `Watch` of `nonlinear.integration.lanes`, stores its findings by member, and asks for the motion inside a step
 only in lanes where something happens there.
 """
 
@@ -28,7 +28,7 @@ from nonlinear.integration.within import Inside, Step, align_lanes, sums_of_squa
 from nonlinear.system import Layout
 
 NEIGHBOUR_DISTANCE = sqrt(float_info.epsilon)
-"""Natural units by which a neighbour is aside, where rounding and what bends the growth of a distance are alike."""
+"""Natural units by which a neighbour is aside, where rounding and the curvature of a distance's growth are alike."""
 EPSILON = float_info.epsilon
 ERROR_KNOWN_MAX = 0.1
 """Limit: error (rad) beyond which nothing is known of a member, which reports call its horizon."""
@@ -178,7 +178,7 @@ class Growth:
     """An estimate of every member's error in natural units, and the time when it is more than ERROR_KNOWN_MAX.
 
     A neighbour's distance v = (δq, δq') is carried along by one more rate a step, δq' += h (q''(y + v) − q''(y)) and
-    then δq += h δq' (symplectic Euler, so that what swings keeps its size); with g = |v after|/|v before| the error e
+    then δq += h δq' (symplectic Euler, so that oscillations keep their size); with g = |v after|/|v before| the error e
     becomes g e and `local`, the tolerance.
     """
 

@@ -107,7 +107,7 @@ class Step:
         return Inside(start, np.array(terms_of(length, change, self.extend_stages(columns))))
 
     def within_all(self) -> Inside:
-        """The motion inside the step of all lanes, kept for whoever asks next."""
+        """The motion inside the step of all lanes, cached for later requests."""
         if self.inside is None:
             self.inside = self.within(np.arange(len(self.member)))
         return self.inside
@@ -130,7 +130,7 @@ class Step:
 
 
 class Watch(Protocol):
-    """Sees every step, of members side by side or of one run."""
+    """Is called with every step, of an ensemble or of one run."""
 
     def see(self, step: Step) -> None:
         """A step of all lanes, of which some may have been refused."""
@@ -235,7 +235,7 @@ class KnownStep(Step):
         return self.interpolant.take(columns)
 
     def ending(self, columns: Ints, part: Floats) -> tuple[Floats, Floats]:
-        """The y (size, A) at parts of the step, integrated anew from its beginning, and y'."""
+        """The y (size, A) at parts of the step, integrated again from its beginning, and y'."""
         y = [self.exact(time) for time in (self.start + part * self.length).tolist()]
         return np.stack(y, axis=1), self.within(columns).slope(part) / self.length
 

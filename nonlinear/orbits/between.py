@@ -4,7 +4,7 @@ Two pairs of multipliers may collide and part again within one step, so that bot
 them are not: a bubble of instability, as narrow as the coupling of the pairs is weak. The margins of `floquet` see it
 as they dip below 0. The map of perturbations itself has no narrow feature: it changes smoothly along the branch, and
 Lagrange's polynomials through the orbits nearby give it between them, with the difference of two orders as its doubt.
-Where the margins of that map less their doubt fall below 0, the orbit there is computed, and the search goes on next to
+Where the margins of that map less their doubt fall below 0, an orbit is computed, and the search continues next to
 it.
 """
 
@@ -22,7 +22,7 @@ from nonlinear.orbits.continuation import OrbitPoint, OrbitProblem, between
 from nonlinear.orbits.floquet import Map
 
 POLYNOMIAL_NODES = 6
-"""Tolerance: orbits through which the finer polynomial passes, the coarser through two fewer: their difference is what
+"""Tolerance: orbits through which the finer polynomial passes, the coarser through two fewer: their difference
 judges both."""
 INTERVAL_PLACES = 24
 """Cost: places between two orbits at which the polynomials are evaluated, and in turn about the lowest of them, and
@@ -107,7 +107,7 @@ def _lowest(nodes: Sequence[Node], start: Node, end: Node) -> float | None:
     counts = POLYNOMIAL_NODES, min(POLYNOMIAL_NODES - 2, max(2, len(chosen) - 1))
 
     def margins(parts: Floats) -> tuple[Floats, Floats]:
-        """Those of the polynomials at parts (P,) of the way, by sign, and their doubts, (P, m)."""
+        """The margins of the polynomials at parts (P,) of the way, by sign, and their doubts, (P, m)."""
         at = start.length + parts * (end.length - start.length)
         fine, coarse = (_margins_between(chosen[:count], at) for count in counts)
         return sign * fine, np.abs(fine - coarse) if start.map.conservative else np.zeros_like(fine)

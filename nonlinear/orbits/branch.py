@@ -30,7 +30,7 @@ class Branch(TextResult):
     """Orbits in the order of their continuation and the special points between them.
 
     `origin` says where it begins, `variation` along which number of the scene it goes, if any; it is `complete` where
-    it reaches what was requested. `linear` is the frequency (rad/s) of the mode in which it begins, if it does.
+    it reaches the requested end. `linear` is the frequency (rad/s) of the mode in which it begins, if it does.
     """
 
     origin: str
@@ -78,7 +78,7 @@ class Branch(TextResult):
         return np.array([np.nan if orbit.value is None else orbit.value for orbit in self.orbits])
 
     def to_dict(self) -> dict[str, Any]:
-        """The columns of CSV, (K,): what it was continued along, frequency, stability, amplitude, energy and more."""
+        """The columns of CSV, (K,): the continuation parameter, frequency, stability, amplitude, energy and more."""
         return by_column(list(deferred("nonlinear.orbits.report:orbit_rows")(self)))
 
     def plot(self, theme: str = "") -> Figure:

@@ -119,7 +119,7 @@ def level(current: OrbitPoint, following: OrbitPoint) -> float:
 
 
 def relative_distance(current: OrbitPoint, following: OrbitPoint) -> float:
-    """How far neighbouring forced motions are apart in amplitude and in phase, over what they may be.
+    """How far neighbouring forced motions are apart in amplitude and in phase, over their tolerances.
 
     The phase is that of the link with the largest angle of the first, if it has one.
     """
@@ -214,7 +214,7 @@ def locate(
 ) -> OrbitPoint:
     """The point between two where a test function is 0; it has different signs at them (Illinois' rule).
 
-    Where branches cross, the equations do not tell how far along the other branch a point is: there it is that of the
+    Where branches cross, the equations do not fix how far along the other branch a point is: there it is that of the
     cubic.  If Newton's method fails all the same, the nearest point found is the answer.
     """
     low, high, f_low, f_high = 0.0, 1.0, test(start), test(end)

@@ -182,7 +182,7 @@ def growth(orbit: Orbit) -> float:
     """The largest growth rate (1/s) of perturbations, −∞ where there are no others.
 
     The drift of a free cart that its damper brings to rest, by which no pendulum moves against another, is omitted, as
-    is that of carriers that nothing holds.
+    is that of free supports.
     """
     rates = np.log(np.abs(orbit.floquet.others)) / orbit.period
     for drift in _drifts(orbit) if len(rates) else ():
@@ -193,13 +193,13 @@ def growth(orbit: Orbit) -> float:
 
 
 def _drifts(orbit: Orbit) -> Iterator[float]:
-    """The rates (1/s) at which dampers of carts and carriers that nothing holds bring these to rest."""
+    """The rates (1/s) at which dampers of free carts and supports bring these to rest."""
     system, equations = orbit.flow.system, orbit.flow.equations
     for translation in translations(system):
         if system.structure is None:
             resisting, mass = float(equations.momentum_slope(orbit.y)[0]), system.total_mass
         else:
-            # the carriers' own dampers, not those between points
+            # the supports' own dampers, not those between points
             dampers = [
                 carrier.damping if carrier.D is None else np.zeros(carrier.size)
                 for carrier in system.structure.carriers
@@ -301,7 +301,7 @@ class Beginning(NamedTuple):
 
 @dataclass(frozen=True)
 class BranchWalk:
-    """Follows branches in steps up to the `longest`, to at most so many orbits; `distance` at most 1 for neighbours."""
+    """Follows branches by steps up to `longest`, to at most `max_orbits` orbits; `distance` is at most 1 nearby."""
 
     longest: float
     max_orbits: int

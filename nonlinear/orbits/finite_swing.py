@@ -21,7 +21,7 @@ from nonlinear.orbits.forced import forced_orbit, linear_response
 from nonlinear.orbits.orbit import Orbit
 
 BAND_FREQUENCIES = 33
-"""Format: `frequencies` over the band; beside the highest they are five times as close."""
+"""Format: `frequencies` over the band; near the highest they are five times as close."""
 SWING_ANGLE_ERROR = 2e-3
 """Limit: relative error of the largest angle, above which "no force was found"."""
 

@@ -179,7 +179,7 @@ def deflate(M: Floats, right: list[Floats], left: list[Floats]) -> Floats:
 
 
 def scaled_translations(translations: Floats, scale: Floats) -> Floats:
-    """What translations (k, first) in m do to coordinates with these units, by at most 1, (k, len(scale))."""
+    """The effect of translations (k, first) in m on coordinates with these units, by at most 1, (k, len(scale))."""
     shifts = np.pad(translations, ((0, 0), (0, len(scale) - translations.shape[1]))) / scale
     return np.asarray(shifts / np.abs(shifts).max(axis=1, keepdims=True)) if len(shifts) else shifts
 

@@ -2,7 +2,7 @@
 
     y' = f(y),   V' = J(y) V
 
-Both take the same steps, whose length the error of y controls: y goes first, in floats, and what every step does to V
+Both take the same steps, whose length the error of y controls: y goes first, in floats, and the effect of a step on V
 follows for many steps at once.  Steps end at kicks of escapements and where dry friction stops, sticks or breaks loose,
 each of which carries V by its saltation matrix (`nonlinear.integration.changes`).
 """
@@ -43,7 +43,7 @@ from nonlinear.system import System
 
 ORBIT_TOLERANCE = 1e-12
 """Limit: default of `tolerance`: orbits close to 1e-11 then, and their multipliers are known to 1e-7; smaller angles,
-energies and periods than it cannot be asked for."""
+energies and periods than it cannot be requested."""
 FLOW_STEPS_MAX = 20_000
 """Limit: steps, beyond which "the motion takes too many steps to be followed over a period"."""
 STILL_STEP_WAY = 1e-3
@@ -114,7 +114,7 @@ class Flow(Displayed):
         object.__setattr__(self, "equations", Variational(self.system, force=self.force))
 
     def __getstate__(self) -> dict[str, Any]:
-        """Without what has been derived: functions that are written cannot be pickled."""
+        """Without derived attributes: generated functions cannot be pickled."""
         return {attribute.name: getattr(self, attribute.name) for attribute in fields(self)}
 
     @cached_property
@@ -136,7 +136,7 @@ class Flow(Displayed):
     def __call__(
         self, y: Floats, V: Floats, duration: float, state: list[float] | None = None, start: float = 0.0
     ) -> Arrival:
-        """The end of a motion from y, with V carried along; `state` is that of its switches, if it goes on there."""
+        """The end of a motion from y, with V carried along; `state` is that of its switches, if it continues there."""
         solver, switched_equations = self._solver(y, duration, state, start), self.switched_equations
         samples, parts = [(0.0, y, solver.f)], list[FloatStep | Floats]()
         while True:
@@ -157,7 +157,7 @@ class Flow(Displayed):
         )
 
     def _through(self, solver: FloatDOP853, switched_equations: Switched) -> Floats:
-        """What the switch that was met does to V, by whose state and numbers it goes on."""
+        """The change of V by the switch that was met, whose state and numbers hold from then on."""
         switches, S, j, u = (
             switched_equations.switches,
             np.eye(len(solver.y)).tolist(),
@@ -188,7 +188,7 @@ class Flow(Displayed):
         return saltation
 
     def _solver(self, y: Floats, duration: float, state: list[float] | None, start: float) -> FloatDOP853:
-        """What takes steps from y."""
+        """The stepper from y."""
         equations = self.switched_equations or self.equations
         if self.switched_equations:
             self.switched_equations.switches.events.clear()
@@ -240,7 +240,7 @@ class Flow(Displayed):
         return V[:size]
 
     def _step_maps(self, steps: Sequence[FloatStep], depth: int = 0) -> Floats:
-        """What each of these steps does to V, (N, d, d).
+        """The effect of each of these steps on V, (N, d, d).
 
         Where y hardly moves, as at an unstable equilibrium, its error says nothing of V: a step that errs in V is
         divided. Raise ComputationError if that is so again and again, as where both ends of a spring meet.
@@ -272,7 +272,7 @@ class Flow(Displayed):
         return pieces
 
     def _maps(self, steps: Sequence[FloatStep]) -> tuple[Floats, dict[int, float]]:
-        """What each of these steps does to V, (N, d, d), and the errors over the tolerance of those where y is still.
+        """The effect of these steps on V, (N, d, d), and the errors over the tolerance of those where y is still.
 
         With y of every stage known, J of all of them is computed at once.
         """

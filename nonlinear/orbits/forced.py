@@ -5,7 +5,7 @@ the linear response, the steady solution of
 
     y' = A (y − y_e) + f(y_e, t),   A = mean of ∂f/∂y at y_e
 
-about the equilibrium y_e under the mean of what acts [Nayfeh1979, section 2.2], or
+about the equilibrium y_e under the mean load [Nayfeh1979, section 2.2], or
 else where the motion from there settles.
 """
 
@@ -134,7 +134,7 @@ def follow_forced_orbits(
 ) -> tuple[Branch, ...]:
     """Follow the forced periodic motions of a scene along a parameter, through folds, within its range.
 
-    They have so many `periods` of the drives and begin at both ends of the range, or at its first value next to a
+    They have this many `periods` of the drives and begin at both ends of the range, or at its first value next to a
     `start` at the time 0. Neighbours differ by at most 2 % in amplitude and 0.1 in phase (`continuation`). `report` is
     called with the number of branches followed so far. Raise SceneError for a variation of fewer than two values or of
     a count and where the drives have no common period, ComputationError if no orbit is found at either end.

@@ -34,7 +34,7 @@ FIRST_ANGLE = radians(0.5)
 SEARCH_ANGLE_MAX = radians(170)
 """Limit: where no frequency is off by that much up to here, none is."""
 ANGLE_MAX = 20.0
-"""Limit: largest angle (rad) that can be asked for, "must be a finite number from 1e-12 to 20"."""
+"""Limit: largest angle (rad) that can be requested, "must be a finite number from 1e-12 to 20"."""
 
 
 @formerly(number="mode", to="largest_angle")
@@ -161,7 +161,7 @@ def oscillating(scene: Scene, number: int) -> tuple[Modes, int]:
         raise SceneError([f"mode {number}: a rigid translation does not oscillate"])
     shape = conservative_modes.shape(row)
     hanging = float(np.finfo(float).eps ** 0.5) * np.abs(shape.supports).max(initial=0.0)
-    if np.abs(shape.angles).max() < hanging:  # a mode of carriers, which leaves every link as it hangs
+    if np.abs(shape.angles).max() < hanging:  # a mode of supports, which leaves every link as it hangs
         raise SceneError([f"mode {number}: moves no link, and orbits are labelled by the largest angle of one"])
     return conservative_modes, row
 

@@ -106,7 +106,7 @@ class Orbit(Displayed):
 
     @property
     def phase(self) -> float:
-        """That of the link with the largest angle (rad)."""
+        """The phase of the link with the largest angle (rad)."""
         return float(self.phases[self.amplitudes.argmax()])
 
     @cached_property

@@ -50,7 +50,7 @@ def orbits_record(branches: Sequence[Branch]) -> dict[str, Any]:
 
 
 def _driven(orbit: Orbit) -> dict[str, Any]:
-    """What only forced motions have."""
+    """Quantities of forced motions alone."""
     if not orbit.cycles:
         return {}
     turns = [*orbit.turns] or [0] * len(orbit.flow.system.rest)
@@ -93,7 +93,7 @@ def orbit_rows(branch: Branch, number: int = 1) -> Iterator[dict[str, Any]]:
                 orbit.omega,
                 stable=orbit.is_stable,
                 angle_deg=degrees(orbit.amplitude),
-                # the drives of a forced motion set its rates, which its multipliers tell
+                # the drives of a forced motion set its rates, as its multipliers show
                 growth=growth(orbit) if branch.variation and not branch.is_forced else None,
             ),
             "branch": number,
@@ -196,7 +196,7 @@ def special_words(branch: Branch, special: Special) -> str:
 
 
 def _number(branch: Branch) -> str:
-    """What is varied along a branch."""
+    """The quantity varied along a branch."""
     return number_words(branch.orbits[0].scene, branch.variation.path) if branch.variation else ""
 
 

@@ -6,7 +6,7 @@ The period T is divided into equal segments that begin at y_0, y_1, …:
 
 with T unknown unless drives of that period set it; then angles may gain full turns in it [Keller1976], [Seydel2010, ch.
 7]. The phase of a free oscillation is chosen so that one link turns back at the start, or with dry friction, which
-stops there, passes its angle at rest to the right; a cart that nothing holds starts at 0, carriers at 0 in the mean. In
+stops there, passes its angle at rest to the right; a free cart starts at 0, supports at 0 in the mean. In
 a conservative scene these equations follow from each other in part, and solutions form families. A number of the scene
 may be a further unknown.
 """
@@ -73,7 +73,7 @@ class FlowAt:
         return {attribute.name: getattr(self, attribute.name) for attribute in fields(self)}
 
     def __call__(self, value: float | None) -> Flow:
-        """The flow, kept for the values that were requested last."""
+        """The flow, cached for the values requested last."""
         return self._cache(value)
 
     @cached_property
@@ -126,14 +126,14 @@ class Shooting:
 
     @cached_property
     def conservative(self) -> bool:
-        """Whether energy is conserved but for what drives in time: multipliers come in pairs μ, 1/μ."""
+        """Whether energy is conserved except for drives in time: multipliers come in pairs μ, 1/μ."""
         system = self.first.system
         works = system.dissipates or system.excites or system.hoisting is not None
         return not (works or self.first.force or self.first.switched_equations)
 
     @cached_property
     def gain(self) -> Floats:
-        """What y gains in a period, in natural units, (d,)."""
+        """The increment of y over a period, in natural units, (d,)."""
         gain, layout = np.zeros(self.size), self.first.equations.layout
         if self.turns:
             gain[layout.first : layout.half] = 2 * np.pi * np.array(self.turns)
@@ -141,7 +141,7 @@ class Shooting:
 
     @cached_property
     def free(self) -> Floats:
-        """Translations (m) of the cart or the carriers that nothing holds, (k, first)."""
+        """Translations (m) of a free cart or of free supports, (k, first)."""
         moves = translations(self.first.system)
         return moves[:0] if self.first.force else moves
 
@@ -232,7 +232,7 @@ class Shooting:
         return np.concatenate(slopes) + shifts * self._stretch(u[-1])
 
     def _time_shift(self, k: int, end: Arrival, u: Floats) -> Floats:
-        """What a change of the number does to the end of segment k, in natural units, by its time alone."""
+        """The effect of a change of the number on the end of segment k, in natural units, by its time alone."""
         slope = self.clock.slope(self.value(u)) / self.segments if self.clock else 0.0
         if not slope:
             return np.zeros(self.size)
@@ -246,7 +246,7 @@ class Shooting:
         return bool(self.first.equations.form.contacts)
 
     def _conditions(self, length: int) -> tuple[Floats, Floats]:
-        """Rows that fix the phase and the place of the cart, and what they give."""
+        """Rows that fix the phase and the place of the cart, and their values."""
         layout, rows, offsets = self.first.equations.layout, [], np.zeros(length)
         place = layout.first + self.leader
         if self.clock is None:
@@ -258,11 +258,11 @@ class Shooting:
 
     @cached_property
     def _scaled_translations(self) -> Floats:
-        """What translations do to y, in natural units, by at most 1, (k, d)."""
+        """The effect of translations on y, in natural units, by at most 1, (k, d)."""
         return scaled_translations(self.free, self.first.scale)
 
     def centred_state(self, y: Floats) -> Floats:
-        """The same y moved along what is free to where it starts, the sum of such displacements being 0."""
+        """The same y moved along free coordinates to its start, the sum of such displacements being 0."""
         centred_y = y.copy()
         for translation in self.free:
             centred_y[: len(translation)] -= translation * (
@@ -303,10 +303,10 @@ class Shooting:
         return of_monodromy(M, right, left, conservative=self.conservative)
 
     def _conserved_slopes(self, flow: Flow, y: Floats, translation: Floats) -> list[Floats]:
-        """The derivative by y of what a translation conserves, none where something takes it."""
+        """The derivative by y of the momentum that a translation conserves, none where it is not conserved."""
         system = flow.system
         if system.structure is None:
-            # quadratic drag takes momentum that no impulse of it tells
+            # quadratic drag takes momentum that its impulse does not account for
             has_drag = any(group.quadratic_drag is not None or group.point_forces for group in system.groups)
             return [] if has_drag else [flow.equations.momentum_slope(y)]
         if system.dissipates:
@@ -335,7 +335,7 @@ def shooting(
     variation: Variation | None = None,
     cycles: int = 0,
 ) -> Shooting:
-    """The equations of a scene in the plane, with the period of so many `cycles` of its drives, if any.
+    """The equations of a scene in the plane, with the period of this many `cycles` of its drives, if any.
 
     SceneError in space, and where the scene has what periodic orbits do not follow.
     """

@@ -27,7 +27,7 @@ from nonlinear.orbits.shooting import Shooting
 from nonlinear.orbits.special import along_cycles, bisect
 
 KINDS = {"torus": "Neimark–Sacker", "period doubling": "doubling"}
-"""What two of these ends are called, by the kinds of special points."""
+"""The names of two of these ends, by the kinds of special points."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -6,9 +6,9 @@ release q and τ,
 
     q(τ; q) = q_rest,
 
-a family of one parameter [Rosenberg1966].  Along a number of the scene, the energy is held.
+a family of one parameter [Rosenberg1966].  Along a number of the scene, the energy is fixed.
 
-On structures left and right differ: springs between points pull along lines that turn, boards lift what hangs next to
+On structures left and right differ: springs between points pull along lines that turn, boards lift the pendula next to
 their axis. There the equations are still the same backwards, so that a motion released from rest that comes to rest
 again a time τ later repeats itself with the period 2τ: q'(τ; q) = 0 (`Half`).
 """
@@ -66,7 +66,7 @@ class Quarter:
         return self._residuals(u, slice(self.half), self.flow.rest)
 
     def _residuals(self, u: Floats, rows: slice, target: Floats | float) -> tuple[Floats, Floats]:
-        """By how much these rows of y miss what is wanted of them at the time τ, and their derivatives by u."""
+        """The residuals of the conditions on these rows of y at the time τ, and their derivatives by u."""
         n, scale = self.half, self.flow.scale
         arrival = self.flow(self.start(u), np.eye(2 * n)[:, :n] * scale[:n], u[n] / self.clock)
         rates = arrival.path.rates[-1]
@@ -93,7 +93,7 @@ class Quarter:
 
     @cached_property
     def translates(self) -> Floats:
-        """What translations of what nothing holds do to the coordinates, (k, n)."""
+        """The effect of translations of free parts on the coordinates, (k, n)."""
         return scaled_translations(translations(self.flow.system), self.flow.scale[: self.half])
 
     def energy_slope(self, u: Floats, tangent: Floats) -> float:
@@ -108,7 +108,7 @@ class Half(Quarter):
     parts: ClassVar[int] = 2
 
     def equations(self, u: Floats) -> tuple[Floats, Floats]:
-        """The velocities half a period later, and where carriers start that nothing holds; and their derivatives."""
+        """The velocities half a period later, and where free supports start; and their derivatives."""
         r, J = self._residuals(u, slice(self.half, None), 0.0)
         translation_rows = np.pad(self.translates, ((0, 0), (0, 1)))
         return np.append(r, translation_rows @ u), np.vstack((J, translation_rows))

@@ -33,10 +33,10 @@ SIZE = (WIDTH, 9 / 16 * WIDTH)
 PANEL = (0.02, 0.16, 0.585, 0.72)
 """Left, bottom, width and height of the pendula's panel, as fractions of the figure."""
 HALVES = ((0.02, 0.16, 0.47, 0.72), (0.51, 0.16, 0.47, 0.72))
-"""The same of the two motions of a film that shows one beside another."""
+"""The same of the two motions of a film that shows one next to the other."""
 FPS = {"gif": 20.0, "mp4": 30.0, "html": 20.0}
 SECONDS = 20.0
-"""Format: most seconds of a film where none are asked for."""
+"""Format: most seconds of a film where none are requested."""
 STROBE_FRAMES = 24
 """Format: frames in which a stroboscopic film shows one swing."""
 

@@ -198,7 +198,7 @@ class Gauges:
 
     @property
     def moving(self) -> list[Artist]:
-        """What a frame draws anew, and the axes' own lines over it."""
+        """The artists that a frame redraws, and the axes' own lines over it."""
         spines = chain.from_iterable(axis.spines.values() for axis in self.axes)
         return [*self.bars[0], *self.bars[1], *self.lines, self.dot, *spines]
 

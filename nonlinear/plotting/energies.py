@@ -44,7 +44,7 @@ def energies_figure(sweep: Sweep) -> Figure:
 
 
 def _limit(axis: Axes, sweep: Sweep) -> None:
-    """Above which an exponent is too large for regular motion in so many seconds."""
+    """Above which an exponent is too large for regular motion in this many seconds."""
     scene = sweep.study.scene
     (seconds,) = (request.number for request in sweep.study.measures if request.name == LYAPUNOV)
     limit = regular_exponent(scene, seconds or usual_duration(scene))

@@ -39,7 +39,7 @@ TITLES = {
 
 
 def basins_figure(basins: Basins) -> Figure:
-    """The measure over both numbers: a colour each for configurations, else shades; what never happens stays blank."""
+    """The measure over both numbers: a colour each for configurations, else shades; others stay blank."""
     figure, (axis,) = stack(1, 2)
     scene = basins.ensemble.question.scene
     (_kinds if basins.names else _shades)(figure, axis, basins)
@@ -96,7 +96,7 @@ def section_figure(section: PoincareSection) -> Figure:
 def closed_curves(crossings: Floats, *, islands: int = 12, longest: int = 200) -> list[Floats]:
     """The closed curves (K + 1, 2) on which successive crossings (C, 2) lie in turn; none of an irregular motion.
 
-    Up to so many `islands` are looked for, and at most the `longest` part of each is drawn.  On one curve crossing n is
+    Up to `islands` islands are looked for, and at most the `longest` part of each is drawn.  On one curve crossing n is
     at the phase nρ, by which they are in order; on two every other one, and so on.
     """
     for count in range(1, islands + 1):
@@ -140,7 +140,7 @@ def _crossing(text: str) -> str:
 
 
 def spread_figure(spread: Spread) -> Figure:
-    """The deviation of every frequency with what explains it, and above it bands of the motion if there is one."""
+    """The deviation of every frequency with its cause, and above it bands of the motion if there is one."""
     motion = spread.ensemble is not None
     figure, panels = stack(1 + motion)
     if motion:
@@ -177,6 +177,6 @@ def _deviations(axis: Axes, spread: Spread) -> None:
 
 
 def _parts(records: list[dict[str, dict[str, float]]], path: str) -> Floats:
-    """Of each frequency's deviation, in proportion to the shares of its variance."""
+    """The parts of each frequency's deviation, in proportion to the shares of its variance."""
     totals = [sum(record["shares"].values()) or 1.0 for record in records]
     return np.array([record["shares"][path] / total for record, total in zip(records, totals, strict=True)])

@@ -18,13 +18,13 @@ if TYPE_CHECKING:
 FACTORS = {"rad": 180 / np.pi, "m": 1e3, "1": 1.0, "rad_per_s": 180 / np.pi, "m_per_s2": 1.0}
 SHOWN = {"rad": "°", "m": "mm", "1": "1", "rad_per_s": "°/s", "m_per_s2": "m/s²"}
 MISSED = {"rad": "mrad", "m": "mm", "1": "10⁻³", "rad_per_s": "mrad/s", "m_per_s2": "mm/s²"}
-"""How readings of these units are shown, and what is left of them."""
+"""How readings of these units are shown, and their residuals."""
 
 
 def fit_figure(fit: Fit) -> Figure:
     """A panel for each sensor with the record (dots) and the fitted motion (line), and below all residuals.
 
-    Of many segments the first ones are drawn, side by side.
+    Of many segments the first ones are drawn, next to each other.
     """
     from nonlinear.identification.result import UNIT_WORDS
 

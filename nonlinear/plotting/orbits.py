@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 MARKS = {"fold": "o", "branch point": "D", "period doubling": "s", "torus": "^", "collision": "v"}
 BACKBONE_DEG = 170.0
-"""Format: largest angle of a backbone beside a resonance: short of the top, where its period has no limit."""
+"""Format: largest angle of a backbone next to a resonance: short of the top, where its period has no limit."""
 
 
 def orbits_figure(scene: Scene, branches: Sequence[Branch], mode: Mode | None = None) -> Figure:
@@ -137,7 +137,7 @@ def _resonance(scene: Scene, branches: Sequence[Branch]) -> Figure:
 
 
 def _linear(scene: Scene, variation: Variation) -> tuple[Floats, Floats]:
-    """The largest angle (deg) of the linear response at so many values of a number; NaN if it has none."""
+    """The largest angle (deg) of the linear response at this many values of a number; NaN if it has none."""
     from nonlinear.orbits import linear_response
 
     space = np.geomspace if variation.log else np.linspace

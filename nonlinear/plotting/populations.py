@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from nonlinear.synchronization import MotionBranch, PopulationDiagram
 
 SECTORS = {"own": "within its symmetry", "other": "towards the other motion"}
-"""What perturbations are called that leave a motion."""
+"""The names of perturbations by which a motion loses stability."""
 
 
 def populations_figure(diagram: PopulationDiagram) -> Figure:

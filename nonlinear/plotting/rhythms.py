@@ -66,7 +66,7 @@ def _mark(axis: Axes, marks: Sequence[tuple[float, str, str]]) -> None:
 def grid_figure(grid: RhythmGrid) -> Figure:
     """The rhythm in which most starts end, a colour each, and the borders along each row, joined from row to row.
 
-    What other starts of a cell end in are dots in it, the larger the more.
+    The outcomes of other starts of a cell are dots in it, the larger the more.
     """
     figure, (axis,) = stack(1, 2)
     names = [*grid.names, "undecided"]

@@ -46,7 +46,7 @@ from nonlinear.system import Layout
 SPECTRUM_SAMPLES = 32
 """Limit: fewest samples of a spectrum: "too few or uneven samples"."""
 PORTRAIT_SWINGS = 100
-"""Format: swings from which on a portrait is drawn as dots: so many lines fill it."""
+"""Format: swings from which on a portrait is drawn as dots: this many lines fill it."""
 STILL_METRES = 1e-9
 """Format: motion of a cart that is at rest but for rounding, which is not magnified."""
 SPECTRUM_DEPTH = 1e-10
@@ -151,7 +151,7 @@ def _angles(axis: Axes, trajectory: Trajectory, chosen_links: _DrawnLinks) -> No
 
 
 def _carrier_panels(trajectory: Trajectory) -> list[_CurvePanel]:
-    """What carries the pendula, a panel for each unit."""
+    """The supports of the pendula, a panel for each unit."""
     system, carriers = trajectory.system, dict[str, dict[str, Floats]]()
     coordinates = Layout.of(system, works=False).carrier_coordinates(trajectory.motion)[0].T
     for name, values in zip(system.labels, coordinates, strict=False):
@@ -165,7 +165,7 @@ def _carrier_panels(trajectory: Trajectory) -> list[_CurvePanel]:
 
 
 def _feedback_panels(trajectory: Trajectory) -> list[_CurvePanel]:
-    """What loops of feedback exert, a panel for each unit; those that act on one place are added."""
+    """The inputs of feedback loops, a panel for each unit; those that act on one place are added."""
     system, times, exerted = trajectory.system, trajectory.times, dict[str, dict[str, Floats]]()
     if not system.loops:
         return []
@@ -184,7 +184,7 @@ def _feedback_panels(trajectory: Trajectory) -> list[_CurvePanel]:
 
 
 def _prescribed_panels(trajectory: Trajectory) -> list[_CurvePanel]:
-    """What moves as prescribed, the support or the ground and hoisted lengths."""
+    """The prescribed motions, of the support or the ground and hoisted lengths."""
     system, times, panels = trajectory.system, trajectory.times, list[_CurvePanel]()
     if system.support:
         right, *_, down = system.support.displacements(times, 2).T
@@ -306,7 +306,7 @@ def _spectrum(axis: Axes, trajectory: Trajectory, chosen_links: _DrawnLinks) -> 
 
 
 def _without(scene: Scene) -> str:
-    """What the marked modes do not know of, where it moves the peaks next to them."""
+    """The effects that the marked modes omit, where they move the peaks."""
     if scene.is_hoisted:
         return " before the hoist"
     return " without dry friction" if scene.has_friction else ""
@@ -338,7 +338,7 @@ def _linear(scene: Scene, highest: float) -> list[float]:
 
 
 def resolving_duration(scene: Scene, shortest: float, *, times_as_long: float = 5.0, most_modes: int = 12) -> float:
-    """How long (s) a run of a scene of few modes is whose spectrum separates those that so many times as long could.
+    """How long (s) a run of a scene of few modes is whose spectrum separates those that this many times as long could.
 
     >>> from modal import load
     >>> resolving_duration(load("tower"), 20.0), resolving_duration(load("paper-cart-2"), 20.0)

@@ -27,7 +27,7 @@ TRAIL_POINTS = 3
 ANGLES_AT_ONCE = 4_000_000
 """Cost: angles whose energies are computed at once, some 500 MB; `benchmarks/simulation_figure.py` has fewer."""
 WIDE_BARS = 6
-"""Format: bars of energy up to which each is wide, with room for a long name."""
+"""Format: bars of energy up to which each is wide, with space for a long name."""
 SHORT = {"structure": "base"}
 
 
@@ -63,11 +63,11 @@ class FilmEnergies:
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """The drawn pendula, what they hang from, the camera, and the length (m) of the longest chain.
+    """The drawn pendula, their supports, the camera, and the length (m) of the longest chain.
 
     `pieces` are (F, K, 2) each, of one frame where they stand still.  `camera` (F,) is the place of the picture's
     origin along the rail (m), 0 but where it follows a cart.  `floor` is the depth of the floor below the rail (m),
-    None in the plane.  A cart alone has a rail with metres along it; `notes` say what is not drawn in its place.
+    None in the plane.  A cart alone has a rail with metres along it; `notes` say which parts are not drawn in place.
     """
 
     actors: tuple[Actor, ...]
@@ -173,7 +173,7 @@ def energies_of(trajectory: Trajectory, at: Floats) -> FilmEnergies:
 
 
 def carrier_name(system: System) -> str:
-    """What has energy next to the pendula, in a word; "" where nothing has.
+    """The part other than the pendula that has energy, in a word; "" if there is none.
 
     A structure has that of all springs between points.
     """

@@ -28,7 +28,7 @@ from modal.scene.parameters import Variation
 from modal.types import EPS, Floats
 
 LINES: dict[bool, Any] = {True: COMPUTED, False: UNSTABLE}
-"""Of what is stable, and of what is not."""
+"""Of stable and of unstable parts."""
 LABELS = ("largest angle (°)", "angular frequency ω (rad/s)", "growth rate (1/s)")
 """Of the panels of branches along a number."""
 

@@ -85,7 +85,7 @@ def label(column: str) -> str:
 
 
 def name_of(column: str) -> str:
-    """Return what a column is called in a figure: ω₁ or words."""
+    """Return the name of a column in a figure: ω₁ or words."""
     return re.sub(r"^omega (\d+[a-z]+)$", r"ω$_{\1}$", column_name(column))
 
 
@@ -190,7 +190,7 @@ def draw_shades(
 ) -> None:
     """A map of values in shades with a bar: logarithmic where they range widely, steps where they are few numbers.
 
-    What is less than the `lowest` has its shade.
+    Values below the `lowest` have its shade.
     """
     numbers = np.unique(values[np.isfinite(values)])
     low, high = (max(lowest, float(numbers[0])), float(numbers[-1])) if len(numbers) else (0.0, 1.0)

@@ -75,7 +75,7 @@ def check_figure(check: Check) -> Figure:
 
 
 def _style_keys(rows: Sequence[ModeCheck]) -> list[Line2D]:
-    """The legend's lines of what marks and lines of a check are, of those there are."""
+    """The legend's explanations of the marks and lines that a check has."""
     grey, steady = secondary_colour(), [m for row in rows for m in row.measurements if not m.irregular]
     keys: list[tuple[bool, str, dict[str, Any]]] = [
         (True, "predicted shift κa²", {"ls": PREDICTED, "lw": 1.3}),

@@ -77,7 +77,7 @@ def dataset_of_rows(
     rows: Callable[[str, Ints, tuple[int, ...]], Floats],
     attributes: Mapping[str, Any],
 ) -> Any:
-    """The `xarray.Dataset` over so many members of columns (size, …), each given by the shape of what one member has.
+    """The `xarray.Dataset` over this many members of columns (size, …), each given by the shape for one member.
 
     `rows` gives some members of a column of such a shape, and is asked when numbers are used.
     """

@@ -2,7 +2,7 @@
 
 Samples miss an extreme by up to the square of their distance, and in space, where an angle from the vertical passes its
 smallest value as |t| does, by their distance itself.  Where cubics between the samples come near an extreme, the motion
-is integrated anew from one sample to the next.
+is integrated again from one sample to the next.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ FORMS = {"minimal", "maximal", "hamiltonian", "spatial"}
 CUBIC_PLACES = 8
 """Tolerance: places on each cubic, between which a parabola passes them by an eighth of their second differences."""
 STRETCH_LOOKS = 64
-"""Cost: looks in a stretch that is integrated anew, and again beside its extreme (benchmarks/engines.py)."""
+"""Cost: samples of a stretch that is integrated again, and again around its extreme (benchmarks/engines.py)."""
 STRETCHES_MAX = 24
-"""Cost: stretches integrated anew for an extreme: a steady motion comes as near to it in every period."""
+"""Cost: stretches integrated again for an extreme: a steady motion comes as near to it in every period."""
 PLACES_MAX = 2_000_000
 """Cost: places on cubics in a run beyond which extremes are those of the samples, as the summary says."""
 EXTENT_TURN_MAX = 1.5
-"""Tolerance: rad from one sample to the next, from which on cubics do not tell where extremes are."""
+"""Tolerance: rad from one sample to the next, above which cubics do not locate extremes."""
 Quantity = Callable[[Motion], Floats]
 WAY = Choice("minimal", "DOP853", compiled=False, reason="")
 

@@ -34,7 +34,7 @@ OTHER_ORDERS = (2, 4)
 LEAST_PERIODS = 4.0
 """Limit: periods of a line in a signal."""
 PEAK_TO_NOISE_MIN = 30.0
-"""Tolerance: of a line over the median of the spectrum, above what noise has anywhere."""
+"""Tolerance: of a line over the median of the spectrum, above any peak of noise."""
 GAUSS_NEWTON_STEPS = 60
 """Limit: steps to a frequency, beyond which it does not converge."""
 
@@ -99,7 +99,7 @@ class _Signal:
 
     @property
     def rounding(self) -> float:
-        """Of a sum of all samples, relative."""
+        """The rounding error of a sum of all samples, relative."""
         return len(self.s) * float_info.epsilon
 
     def waves_at(self, x: Floats) -> _Waves:

@@ -6,7 +6,7 @@ A small deviation z of a motion (q, q') obeys, with the derivatives of its equat
 
 where A is taken from the tape of the equations and B by an infinitesimal step of the inputs, so that no M is inverted.
 The place h(q) of a point with the rows J = ∂h/∂q deviates by J δq, and its acceleration by J δq'' + 2 J' δq' + J'' δq.
-At a state that does not stay the model holds at that instant alone: the motion goes on through it.
+At a state that is no equilibrium the model holds at that instant alone: the motion passes through it.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def model_at(
     scene
         The scene, in the plane.
     state
-        Where it is: angles (rad) and rates (rad/s), and what carries them.
+        Where it is: angles (rad) and rates (rad/s), and those of their supports.
     inputs, outputs
         As in `modal.statespace.state_space`.
     time
@@ -98,7 +98,7 @@ def models_along(run: Trajectory, inputs: tuple[str, ...] = (), outputs: tuple[s
     Raises
     ------
     SceneError
-        As in `model_at`; or forces acted on the run that it does not tell.
+        As in `model_at`; or unrecorded forces acted on the run.
     ComputationError
         The mass matrix is singular, or the table is too large.
 

@@ -39,7 +39,7 @@ def reaction_forces_of(trajectory: Trajectory) -> Reactions:
 
 
 def side_by_side(trajectory: Trajectory) -> bool:
-    """Whether the accelerations at all states are computed at once: in the plane, by equations that the scene tells."""
+    """Whether the accelerations at all states are computed at once: in the plane, by equations of the scene."""
     system = trajectory.system
     load = trajectory.equations.load if trajectory.equations else None
     return not (system.spatial or system.rubs or system.hoisting or load or trajectory.driven)

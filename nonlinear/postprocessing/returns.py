@@ -23,7 +23,7 @@ from nonlinear.postprocessing.reaction_forces import states_and_slopes
 from nonlinear.system import State, System, translations
 
 JUDGED_STROBES = 50
-"""Limit: strobes by which a settled motion is judged: "an attractor takes 50 periods"."""
+"""Limit: stroboscopic samples by which a settled motion is judged: "an attractor takes 50 periods"."""
 REPEAT_PERIODS_MAX = 16
 """Limit: the longest period of a motion in those of the drives, beyond which it does "not repeat within 16"."""
 REPEAT_GAP_MAX = 1e-4
@@ -32,9 +32,9 @@ APPROACH_RATIO_MAX = 0.9
 """Tolerance: of its distance from a shorter period, which a motion keeps: one that still approaches it loses more in
 50 periods."""
 ATTRACTOR_GAP_MIN = 3e-3
-"""Tolerance: in natural units, from which on strobes are those of two attractors: a settled motion is within 1e-4."""
+"""Tolerance: in natural units, from which on samples belong to two attractors: a settled motion is within 1e-4."""
 ATTRACTORS_MAX = 40
-"""Limit: attractors that are told apart; starts that end in further ones count as "none of these"."""
+"""Limit: attractors that are distinguished; starts that end in further ones count as "none of these"."""
 
 
 class Returns(NamedTuple):
@@ -96,7 +96,7 @@ def natural_rate(system: System) -> float:
 def natural_units(system: System, states: Sequence[Floats]) -> Floats:
     """States (links, their rates, cart, its rate), (S, K, ...), in natural units, (S, K, D), angles (rad) first.
 
-    The place of a cart or of carriers that nothing holds is omitted: wherever they are, they move on in the same way.
+    The place of a free cart or of free supports is omitted: wherever they are, they move on in the same way.
     """
     links, rates, cart, speed, *carried = states
     length, rate = float(system.by_link("length").min()), natural_rate(system)
@@ -225,7 +225,7 @@ def locked_rotation(record: Floats, gap: float) -> float | None:
 
 
 def _left_of(x: Floats, times: Ints, nu: float, harmonics: int) -> float:
-    """The norm of what the multiples of a frequency leave of a record (K, D)."""
+    """The norm of the residual of a record (K, D) without the multiples of a frequency."""
     phases = 2 * np.pi * nu * np.outer(times, np.arange(harmonics + 1))
     waves = np.hstack((np.cos(phases), np.sin(phases[:, 1:])))
     gram = waves.T @ waves + np.finfo(float).eps * len(x) * np.eye(waves.shape[1])  # multiples may nearly coincide

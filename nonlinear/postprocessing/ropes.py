@@ -29,13 +29,13 @@ from nonlinear.postprocessing.reaction_forces import reaction_forces_of, side_by
 from nonlinear.postprocessing.resampling import resample
 
 TENSIONS_MAX = 500_000
-"""Limit: tensions at samples, computed side by side."""
+"""Limit: tensions at samples, computed at once."""
 STATES_MAX = 2_000
 """Limit: states whose forces are computed one by one."""
 PUSH_NOISE = 1e-9
 """Tolerance: of the weight below, a push that is rounding of accelerations."""
 LINKS_SHOWN = 6
-"""Format: links that are told one by one."""
+"""Format: links that are listed individually."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -84,7 +84,7 @@ def pushing_links(trajectory: Trajectory) -> tuple[PushingLink, ...]:
     Raises
     ------
     ComputationError
-        That cannot be told from these samples, or takes long.
+        These samples do not determine it, or it takes long.
 
     Examples
     --------
@@ -181,7 +181,7 @@ def _quintic(trajectory: Trajectory) -> Callable[[Floats], Trajectory]:
         h = (times[sample + 1] - times[sample])[:, None]
         s = (moments - times[sample])[:, None] / h
         q0, v0, a0 = q[sample], v[sample], a[sample]
-        d0 = q[sample + 1] - q0 - h * v0 - h**2 * a0 / 2  # what cubic to quintic terms add until the next sample
+        d0 = q[sample + 1] - q0 - h * v0 - h**2 * a0 / 2  # cubic to quintic terms until the next sample
         d1, d2 = h * (v[sample + 1] - v0 - h * a0), h**2 * (a[sample + 1] - a0)
         c3, c4, c5 = 10 * d0 - 4 * d1 + d2 / 2, -15 * d0 + 7 * d1 - d2, 6 * d0 - 3 * d1 + d2 / 2
         states = np.zeros((len(moments), rows.shape[1]))

@@ -35,13 +35,13 @@ FORMS = {
     CORRECTED: "modes in closed form, each with the frequency of its amplitude",
 }
 EVENTS_SHOWN = 10
-"""Format: events that are told one by one."""
+"""Format: events that are listed individually."""
 FLOQUET_LINKS_MAX = 60
-"""Cost: links of which Floquet multipliers are computed beside a run, within a second (benchmarks/modes.py)."""
+"""Cost: links of which Floquet multipliers are computed along with a run, within a second (benchmarks/modes.py)."""
 DRIFT_MAX = 1e-3
 """Limit: energy drift over the range of the energies, beyond which the summary trusts no motion."""
 UNITS = {"rad": (degrees(1.0), "deg"), "m": (1.0, "m")}
-"""In what coordinates of supports are told, by the unit at the end of their names."""
+"""The units in which coordinates of supports are reported, by the unit at the end of their names."""
 IMPLICIT = tuple(method for method in SCIPY if method not in EXPLICIT)
 
 
@@ -89,7 +89,7 @@ def _ropes(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
 
 
 def _friction(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
-    """What dry friction did."""
+    """The phases of dry friction."""
     if not trajectory.system.rubs:
         return
     friction = trajectory.friction

@@ -1,6 +1,6 @@
 """Mode shapes excited by a motion in a few other shapes.
 
-Every shape s outside a motion in the span of some shapes feels the residual ρ of that motion in the full equations
+Every shape s outside a motion in the span of some shapes gets the residual ρ of that motion in the full equations
 (`nonlinear.reduction.residual`), which is cubic in the amplitudes, and to first order obeys, with φᵀMφ = 1,
 
     η_s'' + ω_s² η_s = −φ_sᵀ ρ(t),     η_s(0), η_s'(0) of the start.

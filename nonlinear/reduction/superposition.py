@@ -108,7 +108,7 @@ class Flat:
         return sum_swings(self.swings, times)
 
     def motion(self, times: Floats) -> Motion:
-        """The same as angles (T, L) and a cart or carriers."""
+        """The same as angles (T, L) and a cart or supports."""
         q, v, _ = self.deflections(times)
         none = np.zeros(len(times))
         if self.scene.is_structured:

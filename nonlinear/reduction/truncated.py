@@ -132,7 +132,7 @@ class Truncated:
 
     @cached_property
     def acting(self) -> Minimal:
-        """What acts on the whole scene."""
+        """The loads on the whole scene."""
         return Minimal(self.system, (None,) * len(self.system.groups), self.load)
 
     @cached_property

@@ -7,8 +7,8 @@ more modes by 0.004 % at 60°; shapes are wrong sooner, by a³.  The truncation 
 any angle is estimated as twice the largest distance, so far and within the slowest period to come, to a second
 run at a hundredth of the tolerance (so that it sees the integrator's error too):
 
-- of the whole scene, where that costs at most four times as much as what follows;
-- else in the kept shapes and those that their motion excites (`nonlinear.reduction.excitation`), all but
+- of the whole scene, where that costs at most four times as much as the following;
+- else in the retained shapes and those that their motion excites (`nonlinear.reduction.excitation`), all but
   EXCITATION_LEFT of the sum of the angles that it gives them, and all that it reaches and that are near enough to grow
   by themselves: two neglected shapes take energy of two kept ones where ω_s + ω_t = ω_i + ω_j, so
   ω_s ≤ (1 + 2 RESONANCE_WIDTH) max ω_i.  The motion that the rest make in answer to the second run is added to the
@@ -56,7 +56,7 @@ from nonlinear.reduction.truncated import Truncated
 from nonlinear.system import State, System, initial_state, system_of, validate_state
 
 EXCITATION_LEFT = 0.1
-"""Tolerance: of the sum of the excited angles, what the second run may leave out."""
+"""Tolerance: of the sum of the excited angles, the part that the second run may omit."""
 RESONANCE_WIDTH = 0.1
 """Tolerance: relative width of a resonance."""
 EXCITATION_NOISE = 1e-13
@@ -100,7 +100,7 @@ class Truncation(Displayed):
 
     @property
     def frozen(self) -> float:
-        """The shortest period kept (s): all faster modes are frozen; infinite if nothing oscillates."""
+        """The shortest retained period (s): all faster modes are frozen; infinite if nothing oscillates."""
         fastest = float(self.omega.max())
         return 2 * np.pi / fastest if fastest else np.inf
 
@@ -129,7 +129,7 @@ class Survey(Displayed):
 
     @cached_property
     def amplitude(self) -> Floats:
-        """(η² + (η'/ω)²)^½ of every shape, (C,); 0 of a translation, which is always kept."""
+        """(η² + (η'/ω)²)^½ of every shape, (C,); 0 of a translation, which is always retained."""
         y, omega = self.equations(np.arange(len(self.kept))).begin(self.start), self.swings
         swings = omega > 0
         return np.where(swings, np.hypot(y[: len(omega)], y[len(omega) : 2 * len(omega)] / (omega + ~swings)), 0.0)
@@ -199,7 +199,7 @@ def simulate_truncated(
 ) -> Truncation:
     """The motion of a plane scene over `duration` seconds in the lowest `modes` of the table without dampers.
 
-    All shapes that share a frequency are kept together, and the translation of a free cart always. By default, `modes`
+    All shapes that share a frequency stay together, and the translation of a free cart always. By default, `modes`
     is the number that contain the start, plus a margin. `method` is one of SciPy's; everything else is as in
     `nonlinear.simulate`, except that `report` covers two runs. Where Ctrl-C stops the second one the error is infinite.
     Raise SceneError for a scene in space and for invalid arguments, ComputationError if the modes cannot be computed,
@@ -252,7 +252,7 @@ def in_modes(
 def _judge(
     survey: Survey, first: Trajectory, fewer: int, look_times: Floats, report: Callable[[float], object]
 ) -> tuple[Floats, str]:
-    """The largest error (rad) of a run in the first shapes so far, (T,), and what it was judged by."""
+    """The largest error (rad) of a run in the first shapes so far, (T,), and the basis of the estimate."""
     judging, tolerance = survey.judging(first, fewer, look_times), first.run.tolerance / JUDGE_RATIO
     is_full = survey.cheap(judging)
     times = first.times if is_full else np.union1d(first.times, finer := _look_times(survey, judging, first.times))
@@ -276,7 +276,7 @@ def _judge(
 
 
 def _look_times(survey: Survey, chosen: Ints, times: Floats) -> Floats:
-    """Even times (s) at which the forces of a motion in the chosen shapes are seen, as far as numbers can be kept.
+    """Even times (s) at which the forces of a motion in the chosen shapes are sampled, as far as storage allows.
 
     Forces have the third harmonic of the motion.
     """

@@ -58,7 +58,7 @@ class Portion:
         self._members: dict[tuple[str, float], dict[Scene, dict[str, float]]] = {}
 
     def run(self, scene: Scene, seconds: float) -> Trajectory:
-        """The run of a scene, side by side where they are of one form; KeyboardInterrupt where Ctrl-C cut it short."""
+        """The runs of scenes, together where they are of one form; KeyboardInterrupt where Ctrl-C cut it short."""
         if seconds not in self._runs:
             self._runs[seconds] = run_together(self.scenes, seconds)
         if together := self._runs[seconds].get(scene):
@@ -75,7 +75,7 @@ class Portion:
                 durations.setdefault(seconds or usual_duration(each), []).append(each)
             self._members[name, seconds] = {}
             for duration, alike in durations.items():
-                with suppress(MultipendulaError):  # a scene that is measured alone tells its own reason
+                with suppress(MultipendulaError):  # a scene that is measured alone reports its own reason
                     self._members[name, seconds] |= measured_together(alike, duration, name)
         known = self._members[name, seconds].get(scene)
         return known or measured_together([scene], seconds or usual_duration(scene), name)[scene]
@@ -119,7 +119,7 @@ class Portion:
         return self.numbers(scene)[numbers.index(number)] if number in numbers else number
 
     def slowest(self, scene: Scene, count: int) -> Iterator[tuple[str, np.complex128]]:
-        """So many oscillating modes, |λ| ascending: the label of each, and λ."""
+        """The first oscillating modes, |λ| ascending: the label of each, and λ."""
         return islice(zip(number_labels(self.numbers(scene)), self.swinging(scene)[0], strict=True), count)
 
     def passes(self, scene: Scene, number: int) -> bool:
@@ -153,7 +153,7 @@ class Portion:
 
     @cached_property
     def _stability(self) -> dict[Scene, ParametricStability]:
-        with suppress(SceneError, ComputationError):  # each tells its own reason
+        with suppress(SceneError, ComputationError):  # each reports its own reason
             return dict(zip(self.scenes, stabilities(self.scenes), strict=True))
         return {}
 
@@ -175,7 +175,7 @@ class RequestedMeasure:
 
     @property
     def name(self) -> str:
-        """Of the measure."""
+        """The name of the measure."""
         return self.measure.name
 
     @property
@@ -214,7 +214,7 @@ def _those(numbers: list[int]) -> str:
 
 
 def validate_requests(requests: Sequence[RequestedMeasure], scene: Scene) -> None:
-    """Raise SceneError if a scene has nothing of what is measured, before anything is computed."""
+    """Raise SceneError if a scene lacks the measured quantity, before anything is computed."""
     validate(*(partial(request.measure.require, scene, 0.0) for request in requests))
 
 

@@ -1,8 +1,8 @@
 """Monte Carlo over tolerances: distributions of frequencies and motion for uncertain parameters.
 
 A number is drawn from a normal distribution with a standard deviation, or evenly from an interval, all independent; the
-numbers of a fit are drawn from their joint normal distribution.  What several places share (`modal.scene.unknowns`) is
-drawn once.  How much of the variance of a result one number x
+numbers of a fit are drawn from their joint normal distribution.  Values that several places share
+(`modal.scene.unknowns`) are drawn once.  How much of the variance of a result one number x
 explains by a straight line is the square of their correlation,
 
     share = cov(x, r)²/(var x · var r),
@@ -83,7 +83,7 @@ class Tolerance:
         return f"{unknown.words} from {self.low:g} to {self.high:g} {unit}".rstrip()
 
     def drawn(self, value: float, count: int, rng: np.random.Generator) -> Floats:
-        """So many values."""
+        """Values, `count` of them."""
         if self.sigma:
             return np.asarray(value + self.sigma * rng.standard_normal(count))
         return rng.uniform(self.low, self.high, count)
@@ -193,7 +193,7 @@ class Spread(Drawable, Result):
         return {**self.values, **columns, **{name: numbers for name, (_, numbers) in self.measured.items()}}
 
     def parts(self, form: Form = "text") -> Iterator[ReportTable | str]:
-        """What members were drawn from, what came out and which number matters most, and the motion."""
+        """The distributions of members, the results, the most influential number, and the motion."""
         yield f"{self.size} members with {self.words}"
         yield ReportTable.of(self.columns(), self.quantities if self.measured else self.frequencies)
         yield from self.notes
@@ -202,7 +202,7 @@ class Spread(Drawable, Result):
             yield f"{len(self.failures)} members failed: {next(iter(self.failures.values()))}"
 
     def columns(self) -> tuple[ReportColumn, ...]:
-        """What the table has of a frequency, or of a quantity that was measured."""
+        """The statistics of a frequency or of a measured quantity in the table."""
         unit = "" if self.measured else "_rad_per_s"
         first = ("quantity", "nominal") if self.measured else ("mode", "omega_rad_per_s")
         headings = ("quantity", "of the scene", "σ") if self.measured else ("mode", "ω (rad/s)", "σ (rad/s)")
@@ -217,7 +217,7 @@ class Spread(Drawable, Result):
         )
 
     def records(self) -> Iterator[dict[str, Any]]:
-        """A row for each member: what was drawn, measured, and its angles at every sample of a motion."""
+        """A row for each member: numbers drawn, measures, and its angles at every sample of a motion."""
         modes = [k for k, row in enumerate(self.nominal) if row > 0]
         links = places(system_of(self.scene))
         at = [f"theta_{place}_at_{time:.10g}_s_deg" for time in self.times.tolist() for place in links]
@@ -228,7 +228,7 @@ class Spread(Drawable, Result):
         return (dict(zip(names, row, strict=True)) for row in every.tolist())
 
     def whole(self) -> dict[str, Any]:
-        """What was drawn, the frequencies, the measures and the bands of the motion."""
+        """The numbers drawn, the frequencies, the measures and the bands of the motion."""
         measured = [{key: finite(value) for key, value in record.items()} for record in self.quantities]
         whole: dict[str, Any] = {
             "scene": describe(self.scene),
@@ -268,7 +268,7 @@ class Spread(Drawable, Result):
 
     @cached_property
     def times(self) -> Floats:
-        """Of the samples of the motion (s)."""
+        """The times of the samples of the motion (s)."""
         return np.array(self.ensemble.question.times if self.ensemble else ())
 
     @cached_property

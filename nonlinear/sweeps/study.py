@@ -3,7 +3,7 @@
 Measures against energy: the energy (J, above equilibrium) is varied as `start.energy`, alone or next to numbers of the
 scene. At every energy starts are drawn at random, each is measured, and quantiles are kept. Starts are those of
 `nonlinear.ensembles.starts_at`, which draws them for sections, too; every point has its own random numbers, by the seed
-and its place in the sweep, whoever computes it. How chaos changes with energy is the question with which paper 001
+and its place in the sweep, on any worker. How chaos changes with energy is the question with which paper 001
 begins.
 """
 
@@ -185,19 +185,19 @@ Point = tuple[int, dict[str, float]]
 
 
 class PointChunk(NamedTuple):
-    """Points that are measured together, and the numbers of those whose rows are wanted."""
+    """Points that are measured together, and the numbers of those whose rows are requested."""
 
     points: Sequence[Point]
     wanted: frozenset[int]
 
 
 def measure_chunk(task: SweepTask, chunk: PointChunk) -> list[Row]:
-    """The rows that are wanted of a chunk."""
+    """The requested rows of a chunk."""
     return list(measure_each(task, chunk))
 
 
 def measure_each(task: SweepTask, chunk: PointChunk) -> Iterator[Row]:
-    """The rows that are wanted, one by one; an error at one becomes its reason and does not affect the others."""
+    """The requested rows, one by one; an error at one becomes its reason and does not affect the others."""
     points, wanted = chunk
     variable = Variable(task.scene, [path for path in points[0][1] if path != ENERGY])
     scenes = [_scene(variable, values) for _, values in points]
@@ -211,7 +211,7 @@ def measure_each(task: SweepTask, chunk: PointChunk) -> Iterator[Row]:
 
 
 def _of_members(task: SweepTask, points: Sequence[Point], scenes: Sequence[Scene | Exception]) -> Iterator[Row]:
-    """The rows of points at which starts are drawn, those of one scene side by side."""
+    """The rows of points at which starts are drawn, grouped by scene."""
     alike: dict[Scene, list[tuple[int, float]]] = {}
     measured: dict[int, dict[str, float] | str] = {}
     for (index, values), scene in zip(points, scenes, strict=True):
@@ -256,7 +256,7 @@ def _row(task: SweepTask, index: int, scene: Scene | Exception, portion: Portion
 
 
 def validate_energies(scene: Scene, requests: Sequence[RequestedMeasure], members: int, seed: int) -> None:
-    """Raise SceneError if a scene does not keep its energy, or what is measured does not depend on the start."""
+    """Raise SceneError if a scene does not keep its energy, or if the measures do not depend on the start."""
     names = [request.name for request in requests]
     validate(
         lambda: require(scene, CAPABILITY),
@@ -279,7 +279,7 @@ def _of_starts(request: RequestedMeasure) -> None:
 
 
 def measured_at(scene: Scene, points: Sequence[tuple[int, float]], task: SweepTask) -> dict[int, Measured]:
-    """What is measured of so many starts at each energy (J), all side by side, by the indices of the points."""
+    """The measures of this many starts at each energy (J), all computed at once, by the indices of the points."""
     results: dict[int, Measured] = {}
     starts, known = [], []
     for index, energy in points:

@@ -42,7 +42,7 @@ AT_REST, PERIODIC, TORUS, OPEN = "at rest", "periodic", "torus", "open"
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Ending(Displayed):
-    """What returns say: `kind` "at rest", "periodic", "torus" or "open", which has not settled or is chaos.
+    """The verdict from returns: `kind` "at rest", "periodic", "torus" or "open", which has not settled or is chaos.
 
     `period` (s) is that of a periodic motion, else the mean time of a return; `slow_period` (s) that of a torus, on
     which pendula may be `drifting` apart.  `chimera`: some equal pendula move as one, others of them do not.
@@ -64,7 +64,7 @@ class Ending(Displayed):
 
     @property
     def name(self) -> str:
-        """Of what is not periodic; the name of that comes from its orbit."""
+        """Of motions that are not periodic; the names of others come from their orbits."""
         if self.chimera:
             return "chimera"
         if self.kind == TORUS:

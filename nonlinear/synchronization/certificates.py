@@ -63,7 +63,7 @@ def orbit_at_the_end(trajectory: Trajectory, within: float = 0.05) -> Orbit | No
     """The stable periodic orbit in which a run ends, None if its end is not `within` this part of one.
 
     Newton's method begins at the last state, so that a motion which converges slowly need not be waited for; the
-    multipliers of the orbit tell that it does converge.
+    multipliers of the orbit show that it does converge.
     """
     if certificate_refusal(trajectory.scene):
         return None

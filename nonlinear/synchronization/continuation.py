@@ -59,7 +59,7 @@ Step = tuple[float, RelativeEquilibrium]
 
 @dataclass(frozen=True)
 class Change:
-    """What happens to a branch at a critical value, as the parameter increases.
+    """The event of a branch at a critical value, as the parameter increases.
 
     `kind` is one of appears, disappears, emerges from rest, dies out, becomes stable, loses stability. Where stability
     changes, `beat` is the rate (rad/s) at which growing perturbations oscillate, 0 if they grow monotonically, and
@@ -136,7 +136,7 @@ class EquilibriumBranch(Displayed):
         return float(abs(state.rates[0].imag)), rival if state.leaving[0] > LOCKED else ""
 
     def _end(self, at: int, faint: str, fold: str) -> Change | None:
-        """What happens at the first or last value, None if it is an end of the variation."""
+        """The event at the first or last value, None if it is an end of the variation."""
         if self.values[at] == self.variation.values[at]:
             return None
         return Change(
@@ -238,7 +238,7 @@ def _has_orbits_of(
 
 
 def _locate(branches: Branches, at: int) -> Special | None:
-    """Where the periodic orbits of the full equations do what happens at one of the critical values."""
+    """Where the periodic orbits of the full equations have the event of one of the critical values."""
     change, number = branches.changes[at]
     branch = branches.branches[number]
     return critical_point(branches.scene, branch.variation, branch.states, branch.values, change.value)

@@ -32,12 +32,12 @@ from nonlinear.synchronization.phases import ENDING, from_rest
 
 SHARE_DIFFERENCE_MAX = 0.05
 """Limit: of the energy: a share that changes less lasts, one that is less does not count, and a predicted share that
-differs more "is not" what was predicted."""
+differs more contradicts the run."""
 FREQUENCY_DIFFERENCE_MIN = 0.01
 """Tolerance: relative, from which on frequencies are not one, nor one a multiple of the other: measured ones err by
 1e-3."""
 BEAT_DIFFERENCE_MAX = 0.1
-"""Tolerance: relative, of the slow periods of a beat that goes on, each of them measured by some samples."""
+"""Tolerance: relative, of the slow periods of a lasting beat, each of them measured by some samples."""
 MODAL_COORDINATES_MAX = 2000
 """Limit: "energies by modes: this scene has … coordinates, more than 2000"."""
 
@@ -123,7 +123,7 @@ class Survival(Displayed):
 
     @cached_property
     def beat(self) -> Beat | None:
-        """The beat in which the late part of the run goes on: three slow periods alike; None if there is none."""
+        """The beat of the late part of the run: three slow periods alike; None if there is none."""
         if self.is_at_rest:
             return None
         periods = np.diff(self._rises)
@@ -151,7 +151,7 @@ class Survival(Displayed):
 
     @property
     def is_settled(self) -> bool:
-        """Whether the end of the run goes on: at rest, with a share that is constant, or in a beat."""
+        """Whether the end of the run lasts: rest, a constant share, or a beat."""
         return self.is_at_rest or self.is_steady or self.beat is not None
 
     @cached_property

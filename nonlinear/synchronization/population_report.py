@@ -52,7 +52,7 @@ def population_sections(phases: PopulationPhases, motions: tuple[SymmetricMotion
 
 
 def _rows(phases: PopulationPhases) -> list[tuple[Any, ...]]:
-    """Of every population its number, itself, R, rate, spread and phase (deg), NaN if none is held."""
+    """Of every population its number, itself, R, rate, spread and phase (deg), NaN without a locked phase."""
     angles = np.degrees(phases.phase) if phases.is_held else np.full(len(phases.populations), np.nan)
     columns = (phases.late_order, phases.rate, phases.spread, angles)
     return list(zip(count(1), phases.populations, *(np.asarray(column).tolist() for column in columns), strict=False))
@@ -121,7 +121,7 @@ def _reasons(motions: tuple[SymmetricMotion, ...]) -> Iterator[str]:
 
 
 def leaves(sector: str) -> str:
-    """What happens where perturbations in a sector grow."""
+    """The effect of growing perturbations in a sector."""
     if sector.startswith("within"):
         return f"breaks up {sector}"
     return {"own": "changes into another motion of its symmetry", "other": "gives way to the other motion"}.get(
@@ -203,7 +203,7 @@ def ends_of(values: Floats) -> str:
 
 
 def threshold_words(threshold: Threshold) -> str:
-    """What happens there: loses stability (neighbours beat at 0.2 rad/s)."""
+    """The event there: loses stability (neighbours beat at 0.2 rad/s)."""
     beats = f" (neighbours beat at {threshold.beat:.3g} rad/s)" if threshold.beat else ""
     return (threshold.becomes or f"perturbations begin to {'grow' if threshold.rises else 'decay'}") + beats
 

@@ -107,7 +107,7 @@ class PopulationPhases(Displayed):
 
     @cached_property
     def is_coupled(self) -> bool:
-        """Whether something joins all pendula: inertia, a spring or a damper, or what moves the pivots of both."""
+        """Whether something joins all pendula: inertia, a spring or a damper, or motion of the pivots of both."""
         scene = self.phases.trajectory.scene
         small, pivots = matrices(scene), phi(structure_of(scene))
         links = np.abs(small.M) + np.abs(small.K) + np.abs(small.D)
@@ -152,7 +152,7 @@ class PopulationPhases(Displayed):
 
     @cached_property
     def kind(self) -> str:
-        """What they do: "in phase", "antiphase", "locked" at another phase, "a chimera", "neither" or "dies out"."""
+        """Their motion: "in phase", "antiphase", "locked" at another phase, "a chimera", "neither" or "dies out"."""
         swing = self.phases.amplitude.max(axis=(1, 2))
         if swing[last(self.phases.times, ENDING)].max() <= DEATH_SWING_RATIO * swing.max():
             return STILL

@@ -279,7 +279,7 @@ STEADY = (
     ReportColumn(lambda each: each[1].omega if each[1] else each[0].omega, None, "frequency (rad/s)", ".6g"),
     ReportColumn(lambda each: _fate(*each), None, "stability"),
 )
-"""The quantities of a steady motion and of the orbit beside it."""
+"""The quantities of a steady motion and of the orbit near it."""
 
 
 def _agreement(state: RelativeEquilibrium) -> str:
@@ -593,12 +593,12 @@ def branches_csv(diagram: Branches) -> str:
 
 
 def change_words(change: Change) -> str:
-    """What happens at a critical value: loses stability (neighbours beat at 0.063 rad/s)."""
+    """The event at a critical value: loses stability (neighbours beat at 0.063 rad/s)."""
     return change.kind + (f" (neighbours beat at {change.beat:.3g} rad/s)" if change.beat else "")
 
 
 class AveragedThreshold(NamedTuple):
-    """A critical value of the averaged equations, in words what happens there as the number grows, and why."""
+    """A critical value of the averaged equations, in words the event there as the number grows, and its reason."""
 
     value: float
     words: str

@@ -36,7 +36,7 @@ LOCKING_TIMES = 1.5
 PERIODS_AFTER_LOCKING = 30
 """Limit: periods of the slowest mode that are added to it."""
 USUAL_PERIODS = 200
-"""Limit: default of `duration` in periods where nothing predicts it, and the least transient before strobes."""
+"""Limit: default of `duration` in periods where nothing predicts it, and the least transient before samples."""
 UNCERTIFIED = "no stable periodic orbit of the full equations was found near the final state"
 PERIODS_MAX = 5000
 """Limit: the longest default of `duration` in periods."""
@@ -224,7 +224,7 @@ def study_synchronization(
 ) -> SynchronizationStudy:
     """Predict, simulate for `duration` seconds (by default as long as the prediction needs) and measure.
 
-    Without a duration a run goes on, to at most four times its first length, until it has settled: in a beat, or where
+    A run without a duration is prolonged, at most to four times its length, until it has settled: in a beat, or where
     the prediction alone is not certain within 5 % of a stable periodic orbit, by whose multipliers it stays there.
 
     `start` replaces the initial condition of the scene file, `options` are those of `simulate`; `predicting` is called

@@ -30,7 +30,7 @@ class CoordinateReading:
     level: float = 0.0
 
     def __call__(self, state: State) -> float:
-        """What it is in a state."""
+        """Its value in a state."""
         return float(np.asarray(getattr(state, self.part))[self.index]) - self.level
 
 

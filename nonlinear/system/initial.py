@@ -86,7 +86,7 @@ def _on_supports(scene: Scene, state: State) -> State:
 
 
 def _carrier_start(support: Any, start: Any) -> tuple[Any, Any]:
-    """The coordinates of a carrier and their rates, in m and rad."""
+    """The coordinates of a support and their rates, in m and rad."""
     if isinstance(start, Combined):
         return start.displacements, 0.0 if start.rates is None else start.rates
     keys = [start_keys(coordinate) for coordinate in support.path.coordinates]

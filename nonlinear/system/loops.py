@@ -1,8 +1,8 @@
-"""Loops of feedback: what each measures of a state, and where its input acts.
+"""Loops of feedback: the measurement of each, and where its input acts.
 
     u = −Σ gain (Σ c y − rest − reference),    limited to ±limit,
 
-with y = (q, q').  Its numbers are gains, references and the limit; what it measures belongs to the form of a scene.
+with y = (q, q').  Its numbers are gains, references and the limit; its measurement belongs to the form of a scene.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Reading = tuple[tuple[tuple[int, float], ...], float]
 
 @dataclass(frozen=True)
 class ActingLoop(ActingForce):
-    """A force (N) or torque (N m) whose size depends on what is measured, or (`coordinate`) one on a coordinate.
+    """A force (N) or torque (N m) whose size depends on the measurement, or (`coordinate`) one on a coordinate.
 
     With a `sample_time` (s) it is held between samples, and acts so many samples later; `entry` is that of the scene.
     """
@@ -47,7 +47,7 @@ class ActingLoop(ActingForce):
 
     @property
     def keys(self) -> list[str]:
-        """What a scene calls each of them; "" for those of a matrix."""
+        """Their names in a scene; "" for those of a matrix."""
         gains = [""] * len(self.gains) if not self.references else ["gain"]
         return [*gains, *(["reference"] * len(self.references)), *([] if self.limit is None else ["limit"])]
 
@@ -59,7 +59,7 @@ class ActingLoop(ActingForce):
 
     @property
     def shape(self) -> tuple[Any, ...]:
-        """What of it is not a number."""
+        """Its non-numeric part."""
         acting = self.places, self.direction, self.carrier, self.coordinate
         return (*acting, self.readings, len(self.references), self.limit is None, bool(self.sample_time))
 
@@ -95,7 +95,7 @@ def _acting(scene: Scene, loop: Loop) -> ActingLoop:
 
 
 def _where(scene: Scene, name: str) -> tuple[tuple[Place, ...], Any, Any, int | None]:
-    """The places of an input, its direction, its point of a carrier, or the coordinate that it acts on."""
+    """The places of an input, its direction, its point of a support, or the coordinate that it acts on."""
     if is_point(name):
         point = point_input(scene, name)
         if not point.places and point.carrier is None:

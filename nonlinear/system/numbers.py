@@ -2,9 +2,9 @@
 
 The list is gravity, then of every link in the order of the file its mass, length, centre, inertia, the reflected
 inertia of its rotor, damper, spring and drag, field by field; then those of the supports of the pendula: of every
-carrier its place, mass, inertia, rods, centre, springs and dampers (of a modal one M, K, D and its points), of every
+support its place, mass, inertia, rods, centre, springs and dampers (of a modal one M, K, D and its points), of every
 entry of pendula where it hangs, of every spring its two numbers and its ends; last the parameters of joint laws, term
-by term. Beside it stand the entries of D_modal and the constants of sines that move the support, and of sines and
+by term. Next to it are the entries of D_modal and the constants of sines that move the support, and of sines and
 constants that act as forces. Where members differ an entry is an array (S,), elsewhere one number.
 """
 
@@ -209,7 +209,7 @@ def _motion_constants(
 
 
 def constants_of(system: System) -> list[float]:
-    """The entries of D_modal, the constants of what is prescribed and the numbers of loops, of a system's own."""
+    """The entries of D_modal, the constants of prescribed motions and the numbers of loops, of a system's own."""
     return [*_modal_of(system), *_constants_of(system), *(number for loop in system.loops for number in loop.numbers)]
 
 
@@ -243,7 +243,7 @@ def _terms(system: System) -> Iterator[JointTerm]:
 
 
 def numbers_of_all(scenes: Sequence[Scene]) -> Numbers:
-    """Of scenes that differ in numbers alone."""
+    """The numbers of scenes that differ in numbers alone."""
     validate_scenes(scenes)
     system = system_of(scenes[0])
     members = [numbers_of(scene) for scene in scenes]

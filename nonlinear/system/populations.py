@@ -2,7 +2,7 @@
 
 Where N equal pendula hang from points that move alike and do the same, their pulls on the support add up: two pendula
 of N/2 times the masses, dampers, springs and drives pull as much and swing alike. Of their small perturbations the mean
-moves the support, and the difference does not, which is what any of N − 1 differences within the population does.
+moves the support, and the difference does not, as for each of the N − 1 differences within the population.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class Population(Displayed):
 def burdens(scene: Scene) -> tuple[int, ...]:
     """The number of the first pendulum that bears the same springs and forces as each, from 0, (N,).
 
-    Two bear the same where their exchange leaves all springs and forces between points what they are.
+    Two bear the same where their exchange leaves all springs and forces between points unchanged.
     """
     sizes = [pendulum.n_links for pendulum in scene.pendulum for _ in range(pendulum.count)]
     first = np.concatenate(([0], np.cumsum(sizes)))
@@ -124,7 +124,7 @@ def populations_of(scene: Scene) -> tuple[Population, ...]:
 
 
 def _move_alike(structure: Structure, pivots: Sequence[CarrierEnd]) -> bool:
-    """Whether these points of one carrier move alike: one point, or points of one that moves without turning."""
+    """Whether these points of one support move alike: one point, or points of one that moves without turning."""
     carrier = structure.carriers[pivots[0].carrier]
     shifts = carrier.turning is None and carrier.points is None
     return shifts or all(pivot.where == pivots[0].where for pivot in pivots)

@@ -90,7 +90,7 @@ class MovingSupport:
 
     @property
     def directions(self) -> tuple[Direction, ...]:
-        """Those of all motions."""
+        """The directions of all motions."""
         return tuple(direction for direction, _ in self.motions)
 
     def components(self, sizes: Any) -> tuple[Any, Any]:

@@ -1,7 +1,7 @@
 """Positions and velocities of a scene: at one time, or at several along a leading axis.
 
 The integrator's vector is y = (x, links, x', links', work): x and x' only with a cart, work only where it is
-integrated.  On a structure the coordinates η of its carriers stand in the place of x.
+integrated.  On a structure the coordinates η of its supports stand in the place of x.
 
 In space a link is the unit vector u = (sin θ cos φ, sin θ sin φ, cos θ), along the rail, across it, down: θ is the
 angle from the downward vertical, φ the azimuth from the rail; the last axis of an array holds the components.

@@ -88,7 +88,7 @@ class JointTerm:
     pulls: bool = True
 
     def torques(self, bends: Any, rates: Any) -> tuple[Any, Any]:
-        """What its potential accounts for and what does work (N m), (C, ...), of these joints' bends and rates."""
+        """The conservative part and the part that does work (N m), (C, ...), from these joints' bends and rates."""
         elastic, working = self.law.torques(bends, rates, self._parameters(bends))
         return self._times_scale(elastic) if self.pulls else 0.0, self._times_scale(working)
 
@@ -133,7 +133,7 @@ class JointTerm:
         return replace(self, rows=self.rows[one], columns=self.columns[one], numbers=numbers, scale=scale)
 
     def times(self, factor: Any) -> JointTerm:
-        """The term with so many times the torques, one number or one for every pendulum."""
+        """The term with this many times the torques, one number or one for every pendulum."""
         return replace(self, scale=self.scale * (factor[self.columns] if np.ndim(factor) else factor))
 
 
@@ -258,7 +258,7 @@ class System(Displayed):
     that moves as prescribed, in whose frame the scene is then described; `rail` the dry friction on the rail; `forces`
     act on points of links and on the cart. The `suspension` holds the supports of the pendula: no coordinates for a
     fixed support, one for a cart, and if the scene `is_structured` any `structure`, of whose springs `slack` says which
-    have no length as drawn. `loops` of feedback act like forces, by what they measure.
+    have no length as drawn. `loops` of feedback act like forces, by their measurements.
 
     >>> from modal import load
     >>> from nonlinear import system_of
@@ -346,7 +346,7 @@ class System(Displayed):
 
     @cached_property
     def total_mass(self) -> float:
-        """Total mass of all links and of their supports, modal carriers excepted (kg)."""
+        """Total mass of all links and of their supports, modal supports excepted (kg)."""
         return float(self.mass.sum()) + sum(float(carrier.mass) for carrier in self.suspension.carriers)
 
     @cached_property
@@ -374,7 +374,7 @@ class System(Displayed):
 
     @cached_property
     def may_turn_singular(self) -> bool:
-        """Whether the mass matrix may turn singular on the way: of a massless cart, while what is damped decays."""
+        """Whether the mass matrix may turn singular on the way: of a massless cart, while damped motions decay."""
         loses = self.dissipates or bool(self.loops)
         return bool(self.cart and not np.any(self.cart.mass) and loses and not self.spatial)
 
@@ -444,7 +444,7 @@ class System(Displayed):
         return (*motions, *(force.motion for force in self.forces))
 
     def courses(self, *, drags: bool = False) -> tuple[Course, ...]:
-        """What these bring: the support's accelerations, where links have drag its velocities; sizes of forces."""
+        """The inputs: the support's accelerations, where links have drag its velocities; sizes of forces."""
         if not self.prescribed_motions:
             return ()
         from modal.vibration import Course
@@ -575,7 +575,7 @@ def _drawn_point(structure: Structure, number: int, where: Any) -> tuple[Any, An
 def ends_may_meet(system: System) -> bool:
     """Whether pendula can bring both ends of a spring with a length as drawn together, where its force turns round.
 
-    There it jumps, which series of a motion do not see and error control does; carriers are taken to stay apart.
+    There it jumps, which series of a motion do not see and error control does; supports are taken to stay apart.
     """
     for spring in system.suspension.springs:
         if spring.torsion or not np.any(spring.stiffness) or not any(isinstance(end, LinkEnd) for end in spring.ends):

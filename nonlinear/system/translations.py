@@ -29,7 +29,7 @@ def translations(system: System) -> Floats:
 
 
 def _sets(system: System, structure: Structure) -> list[int]:
-    """The set to which the ground and each carrier belong; those that something holds are in the ground's, −1."""
+    """The set to which the ground and each support belong; those that something holds are in the ground's, −1."""
     sets = [-1, *range(len(structure.carriers))]
 
     def join(member: int, other: int) -> None:
@@ -48,7 +48,7 @@ def _sets(system: System, structure: Structure) -> list[int]:
 
 
 def _carrier(system: System, structure: Structure, end: End) -> int:
-    """The number from 1 of the carrier on which an end is, or below which it hangs; 0 of the ground."""
+    """The number from 1 of the support on which an end is, or below which it hangs; 0 of the ground."""
     if isinstance(end, LinkEnd):
         return structure.pivots[int(system.pendulum[end.link])].carrier + 1
     return end.carrier + 1 if isinstance(end, CarrierEnd) else 0

@@ -3,7 +3,7 @@
 The linear frequency ω is the limit of small angles; `modal.eigen.amplitude` predicts ω(a) = ω (1 + κ a²) for the next
 order.  A full simulation starts in the shape of a mode with a largest angle a; the strongest line of the mode's own
 coordinate η (`nonlinear.reduction.modal_coordinates`) is compared with both.  κ is measured as the limit of
-(ω(a)/ω − 1)/a² for a → 0, extrapolated in a² (Neville), with the mode's periodic orbits to bound what is missed, and
+(ω(a)/ω − 1)/a² for a → 0, extrapolated in a² (Neville), with the mode's periodic orbits to bound the error, and
 the angle at which the table is wrong by 1 % by a secant in a².
 
 A lightly damped mode is measured on η exp(−Re λ t) and compared with Im λ.  Its amplitude decays during the run and its
@@ -123,20 +123,20 @@ AMPLITUDES_DEG = (1.0, 5.0, 10.0, 30.0)
 SHIFT_ERROR_MAX = 0.01
 """Tolerance: relative error of a shift from which κ is extrapolated."""
 DECAY_MAX = 1.5
-"""Tolerance: e-folds of the amplitude in a run, and so many more periods than a line needs, or a mode is skipped."""
+"""Tolerance: e-folds of the amplitude in a run, and this many more periods than a line needs, or a mode is skipped."""
 INTERRUPTED = "interrupted"
 GROWTH_NOISE = 1e-9
 """Tolerance: Re λ/|λ| of a growing mode, above rounding."""
 ORBIT_FREQUENCY_ERROR = 1e-11
 """Tolerance: relative error of the frequency of an orbit."""
 ORBIT_LINKS_MAX = 12
-"""Cost: links of scenes of which periodic orbits are found beside the runs (benchmarks/orbits.py)."""
+"""Cost: links of scenes of which periodic orbits are found in addition to the runs (benchmarks/orbits.py)."""
 ORBIT_ANGLE_MAX = 3.1
 """Limit: angle (rad) of an orbit, short of the top."""
 ONE_PERCENT = 0.01
-"""Format: the relative difference whose angle is told."""
+"""Format: the relative difference whose angle is reported."""
 ANGLE_MAX_DEG = 90.0
-"""Limit: angle (deg) beyond which that is not sought, which tables tell as >90."""
+"""Limit: angle (deg) beyond which that is not sought; tables print >90."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -216,7 +216,7 @@ def check(
     """Check the modes with these indices (from 0; by default all) at these largest angles over this many periods.
 
     For a scene in space, the modes along the rail are used; drives, dry
-    friction, quadratic drag and what acts in time are ignored.  `method` is that of `simulate`;
+    friction, quadratic drag and loads in time are ignored.  `method` is that of `simulate`;
     `report` is called with the number of modes done.  Modes that do not oscillate for long enough are skipped with a
     reason; after Ctrl-C, so are those not done.
     """
@@ -304,7 +304,7 @@ def limit(
     """(ω(a)/ω − 1)/a² at a → 0 and a bound on its error, from the neighbouring amplitudes that minimize that bound.
 
     Where periodic orbits are known, `exact` their shift at the angle of a run and `at_rest` their κ with its
-    uncertainty, the bound is what the same extrapolation of the orbits misses, and of the runs' distances from them.
+    uncertainty, the bound is the error of the same extrapolation of the orbits, and of the runs' distances from them.
     Elsewhere higher orders are taken to be at most three times the shift of a single run, or twice the last difference
     of the extrapolation, to which come the effects of the errors of the frequencies and of companions: other modes in
     the motion shift a frequency by about their share of the energy, which is no longer proportional to a² alone.

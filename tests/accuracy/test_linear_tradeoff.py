@@ -1,4 +1,4 @@
-"""Time against accuracy of natural frequencies: errors against closed forms, and what is told of them."""
+"""Time against accuracy of natural frequencies: errors against closed forms, and the report on them."""
 
 import csv
 import io

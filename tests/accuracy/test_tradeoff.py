@@ -1,4 +1,4 @@
-"""Levels of fidelity: modes in closed form, every candidate beside a reference, and until when it can judge."""
+"""Levels of fidelity: modes in closed form, every candidate against a reference, and until when it can judge."""
 
 from __future__ import annotations
 
@@ -273,7 +273,7 @@ def test_a_reference_that_takes_too_long_is_refused(monkeypatch: pytest.MonkeyPa
 
 
 def test_a_run_that_plainly_takes_too_long_is_given_up_soon(monkeypatch: pytest.MonkeyPatch) -> None:
-    """On a clock that goes on by 1 s at every look, half of the patience is over at the tenth step."""
+    """On a clock that advances by 1 s at every look, half of the patience is over at the tenth step."""
     clock = count()
     monkeypatch.setattr("nonlinear.accuracy.candidates.perf_counter", lambda: float(next(clock)))
     far, near = (Question(PAPER, in_mode(1, 5.0), np.linspace(0.0, end, 11), patience=20.0) for end in (1e4, 0.1))
@@ -413,7 +413,7 @@ def test_the_picture(short: WorkPrecision) -> None:
     ],
 )
 def test_methods_are_compared_on_every_kind_of_scene(kind: str, refused: set[str]) -> None:
-    """By references of two kinds; what does not take the scene is left out with the reason."""
+    """By references of two kinds; what does not take the scene is omitted with the reason."""
     tight = [Candidate("minimal", method, 1e-9) for method in ("DOP853", "RK45")]
     asked = [Candidate(LINEAR), *tight, Candidate("maximal", "DOP853", 1e-9)]
     if find_spec("heyoka") or "minimal taylor" in refused:

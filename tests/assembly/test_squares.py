@@ -1,4 +1,4 @@
-"""Squares of M, K and D in exact fractions: their rows beside the sums known in closed form, and floats beside both."""
+"""Squares of M, K and D in exact fractions: rows against sums known in closed form, and floats against both."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The tolerances of averaged equations are felt: eight times or an eighth as much fails."""
+"""The tolerances of averaged equations have an effect: eight times or an eighth as much fails."""
 
 from types import SimpleNamespace
 from typing import Any

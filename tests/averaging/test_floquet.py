@@ -1,4 +1,4 @@
-"""Averaged equations beside the exact periodic motions of two clocks and their Floquet multipliers."""
+"""Averaged equations against the exact periodic motions of two clocks and their Floquet multipliers."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ TOLD = [(6.0, -0.01932), (8.0, -0.00461), (9.0, 0.00396), (11.0, 0.02321)]
 
 @pytest.mark.parametrize(("angle", "told"), usually(TOLD[1:3], TOLD))
 def test_antiphase_of_metronomes_grows_as_it_does(angle: float, told: float) -> None:
-    """Beside figures of another's shooting; with each mode's own frequency they were off by 0.017, two in sign."""
+    """Against figures of another's shooting; with each mode's own frequency they were off by 0.017, two in sign."""
     pair = floquet.metronomes(angle)
     growth = exact(pair, "antiphase").growth
     assert growth == pytest.approx(told, abs=1e-5)

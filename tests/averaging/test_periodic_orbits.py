@@ -187,7 +187,7 @@ def hung(*links: Bob | Rod) -> Pendulum:
 
 
 def far_from_resonance() -> tuple[Scene, Scene]:
-    """Angles that another mode 31 % beside 1:1 changes by 7 %, and that several change by 4 % in all."""
+    """Angles that another mode 31 % next to 1:1 changes by 7 %, and that several change by 4 % in all."""
     scene = Scene(
         gravity=17.033,
         support=Cart(mass=3.869),

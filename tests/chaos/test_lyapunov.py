@@ -220,7 +220,7 @@ def test_independent_ensembles_agree_within_their_uncertainty(many: Exponent) ->
 
 
 def drawn(rng: np.random.Generator, ensemble: int, sticks: float) -> Exponent:
-    """An exponent of 1/s whose starts differ by 0.2, and in time go on differing for so long."""
+    """An exponent of 1/s whose starts differ by 0.2, and keep differing for so long."""
     times, growth = np.arange(0.0, 61.0), rng.standard_normal((60, ensemble))
     for k in range(1, 60):
         growth[k] = np.exp(-1 / sticks) * growth[k - 1] + np.sqrt(-np.expm1(-2 / sticks)) * growth[k]

@@ -1,4 +1,4 @@
-"""What a scene has and what takes it: every entry of the table is there, every answer is the one declared."""
+"""Supported combinations: every entry of the table is there, every answer is the one declared."""
 
 from __future__ import annotations
 

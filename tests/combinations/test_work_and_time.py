@@ -1,4 +1,4 @@
-"""Pairs that are taken by what a feature is, conservative, dissipative or in time: each beside another route."""
+"""Pairs that are taken by what a feature is, conservative, dissipative or in time: each against another route."""
 
 from __future__ import annotations
 
@@ -224,7 +224,7 @@ def test_shares_of_modes_are_projections(scene: Scene) -> None:
 
 
 def test_modal_coordinates_are_about_the_lean() -> None:
-    """Beside the angles at which both tensions balance a constant force below."""
+    """Against the angles at which both tensions balance a constant force below."""
     scene = double({**PULL, "on": "pendulum[0].links[1]", "amplitude": 0.7})
     lean = np.arctan([0.7 / (1.7 * 9.81), 0.7 / (0.7 * 9.81)])
     start = State(lean + np.array([1e-4, -2e-4]), np.zeros(2))

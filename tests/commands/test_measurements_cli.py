@@ -1,4 +1,4 @@
-"""The commands poles, mac and fit with measured modes, and those that go on with a covariance."""
+"""The commands poles, mac and fit with measured modes, and those that continue from a covariance."""
 
 from __future__ import annotations
 

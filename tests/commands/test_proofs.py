@@ -213,7 +213,7 @@ def test_a_proof_elsewhere_than_at_the_frequency_is_none() -> None:
 
 
 def called(*arguments: Path | str) -> subprocess.CompletedProcess[str]:
-    """The checker by itself: isolated, from a copy that has nothing beside it."""
+    """The checker by itself: isolated, from a copy that has nothing next to it."""
     return subprocess.run(
         [sys.executable, "-I", "-S", *map(str, arguments)], capture_output=True, text=True, check=False
     )

@@ -128,7 +128,7 @@ def unstarted(folder: Path) -> str:
 def test_points_without_a_start_begin_in_their_first_mode_that_swings(
     count: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """One by one and side by side, as `simulate` does with the scene of each point; and a note says so."""
+    """Individually and together, as `simulate` does with the scene of each point; and a note says so."""
     scene, kept = unstarted(tmp_path), tmp_path / "m.npz"
     sweep(options(f"support.mass=1:9:{count}", scene=scene, measure=["cart_travel:2"], output=str(kept)))
     assert "begins in the shape of its first mode that swings, its largest angle 5°" in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""How the cart couples: every number beside dense matrices, other scenes or closed forms; the page and the picture."""
+"""How the cart couples: every number against dense matrices, other scenes or closed forms; the page and the picture."""
 
 from __future__ import annotations
 
@@ -412,7 +412,7 @@ def test_huygens_clocks_lose_more_than_a_beat_gives_back() -> None:
 
 
 def test_near_families_make_beats_a_guide() -> None:
-    """Halfway the others hold 89 % of a family that is alone, and 80 % beside one that is near."""
+    """Halfway the others hold 89 % of a family that is alone, and 80 % next to one that is near."""
     told = []
     for apart in (0.003, 0.03):
         example = scene(Cart(mass=2080.0), bob(1, 3.03, 3), bob(2, 3.03 * (1 - 2 * apart), 3))

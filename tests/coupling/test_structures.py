@@ -1,4 +1,4 @@
-"""How structures and springs couple pendula: every number beside dense matrices, one cart, or closed forms."""
+"""How structures and springs couple pendula: every number against dense matrices, one cart, or closed forms."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def every_omega(coupling: Coupling) -> list[float]:
     return sorted([*still, *moving, *(omega for omega, _ in coupling.structure_modes)])
 
 
-# ------------------------------------------------------------------------------------------ beside dense matrices
+# ------------------------------------------------------------------------------------------ against dense matrices
 
 
 @pytest.mark.parametrize("scene", [CARTS, MIXED], ids=["carts", "mixed"])
@@ -143,7 +143,7 @@ def test_first_order_rates_are_those_of_weak_dampers() -> None:
         assert mode.decay == pytest.approx(mode.rate, rel=0.1)
 
 
-# --------------------------------------------------------------------------------------------- beside one cart
+# --------------------------------------------------------------------------------------------- against one cart
 
 
 @pytest.mark.parametrize("stiffness", [0.0, 60.0])

@@ -1,4 +1,4 @@
-"""Drag where the air's velocity has further parts: beside hoists, and on supports that move."""
+"""Drag where the air's velocity has further parts: with hoists, and on supports that move."""
 
 from __future__ import annotations
 

@@ -338,7 +338,7 @@ def test_methods_that_do_not_end_their_steps_at_kicks_say_so(method: str) -> Non
 
 @pytest.mark.parametrize("angle", [22.35, 22.38, 22.41, 22.44])
 def test_the_first_of_two_kicks_within_one_step_is_the_first(angle: float) -> None:
-    """One swing is about to turn, the other passes fast: a straight line between two looks tells the wrong order."""
+    """One swing is about to turn, the other passes fast: a straight line between two samples gives the wrong order."""
     both = ((0.03, 19.8, 20.0, 1.0, 0.001), (0.03, angle, 25.0, 1.25, 0.001))
     scene = Scene(gravity=G, pendulum=tuple(clock(p, a, s, length=l, damping=d) for p, a, s, l, d in both))
     for tolerance, bound in ((1e-5, 1e-4), (1e-6, 1e-5), (1e-8, 1e-7)):

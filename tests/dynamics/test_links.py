@@ -1,4 +1,4 @@
-"""The recorded steps of one link, looped along chains, beside the equations of whole scenes, energies and matrices."""
+"""The recorded steps of one link, looped along chains, against the equations of whole scenes, energies and matrices."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def test_steps_along_chains_are_the_equations_of_a_scene(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_linear_steps_are_their_derivative_at_rest(seed: int) -> None:
-    """By complex steps; quadratic drag has none at rest and is left out."""
+    """By complex steps; quadratic drag has none at rest and is omitted."""
     equations = Generated(system_of(aired(motion_scene(seed), quadratic_drag=0.0)))
     layout, system = equations.layout, equations.system
     rest = np.concatenate((np.zeros(system.first), system.rest, np.zeros(layout.size)))[: layout.size]

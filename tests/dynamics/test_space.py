@@ -1,4 +1,4 @@
-"""Motion in space beside the plane, Lagrange's equations with multipliers, finite differences and exact solutions."""
+"""Motion in space against the plane, Lagrange's equations with multipliers, finite differences and exact solutions."""
 
 from __future__ import annotations
 
@@ -227,7 +227,7 @@ def test_accelerations_are_those_of_lagrange_with_multipliers(seed: int) -> None
 
 
 def test_a_load_reaches_the_links() -> None:
-    """The comparison with Lagrange would fail on a moment left out."""
+    """The comparison with Lagrange would fail if a moment were omitted."""
     scene, rng = spatial_scene(1), np.random.default_rng(1)
     equations = spatial_of(scene, lambda time, state: AppliedForces(0.0, np.ones_like(state.links)))
     y = equations.begin(any_state(equations, rng))

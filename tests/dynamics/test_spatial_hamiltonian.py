@@ -213,7 +213,7 @@ def test_states_come_back_and_stay_on_their_spheres() -> None:
     back, removed = equations.project(torn)
     np.testing.assert_allclose(back, kept, rtol=0, atol=1e-12 * np.abs(kept).max())
     assert 1e-7 < removed < 1e-4
-    slopes = equations.derivative(0.0, rows.T)  # side by side as one by one
+    slopes = equations.derivative(0.0, rows.T)  # at once as one by one
     alone = np.array([equations.derivative(0.0, row) for row in rows])
     np.testing.assert_allclose(slopes.T[:, : 2 * half], alone[:, : 2 * half], rtol=0, atol=1e-12 * np.abs(alone).max())
 

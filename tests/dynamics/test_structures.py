@@ -76,7 +76,7 @@ class Oracle:
         self.half = at
 
     def carried(self, k: int, where: Any, q: Any) -> tuple[Any, Any, Any]:
-        """A point of a carrier and its angle."""
+        """A point of a support and its angle."""
         support, at = self.scene.supports[k], self.starts[k]
         x, z = support.position
         if isinstance(support, ModalSupport):
@@ -149,7 +149,7 @@ class Oracle:
         return np.stack(np.broadcast_arrays(*columns), axis=-1)
 
     def constants(self, k: int) -> tuple[list[float], list[float]]:
-        """Springs and dampers of a carrier."""
+        """Springs and dampers of a support."""
         support, ways = self.scene.supports[k], ("sway", "heave", "roll")
         if isinstance(support, Platform):
             stiffness, damping = (
@@ -220,7 +220,7 @@ class Oracle:
                         yield stiff, damp, lambda q, at=self.starts[k] + j: q[at]
 
     def potential(self, q: Any) -> Any:
-        """Gravity, springs, and what springs of carriers carry at the drawn rest."""
+        """Gravity, springs, and what springs of supports carry at the drawn rest."""
         drawn = np.zeros(self.half)
         total = self.weight(q) + sum(k * strain(q) ** 2 / 2 for k, _, strain in self.strains(q))
         carried = self.slopes(self.weight, drawn)

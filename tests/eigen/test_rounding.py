@@ -30,7 +30,7 @@ def test_a_triangle_has_its_largest_columns_first(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_complete_pivoting_leaves_no_entry_above_one(seed: int) -> None:
-    """Neither factor beside the diagonal has an entry above 1, so that both are well conditioned."""
+    """Neither factor next to the diagonal has an entry above 1, so that both are well conditioned."""
     G = graded(seed, 6, 4)
     L, d, U = product._complete_pivoting(G, 4)
     assert max(abs(L).max(), abs(U).max()) <= 1

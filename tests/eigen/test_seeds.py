@@ -160,7 +160,7 @@ def test_scalar_arithmetic_is_that_of_numpy(seed: int) -> None:
 
 
 def test_counts_are_few(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of 100 rods: one confirmation of all, and what the slowest mode may need beside."""
+    """Of 100 rods: one confirmation of all, and the additional work for the slowest mode."""
     asked: list[int] = []
     count = Suspension.count
     monkeypatch.setattr(Suspension, "count", lambda self, x: asked.append(x.size) or count(self, x))

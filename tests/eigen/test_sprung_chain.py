@@ -104,7 +104,7 @@ def test_without_springs_it_is_the_effective_mass(x: float) -> None:
 
 @pytest.mark.parametrize("n", [12, 60])
 def test_long_chains_are_those_of_a_dense_solver(n: int) -> None:
-    """A hanging rope with bending stiffness, beside `eigh` as far as that goes."""
+    """A hanging rope with bending stiffness, against `eigh` as far as that goes."""
     scene = Scene(gravity=9.81, pendulum=[Pendulum(links=[Rod(mass=1 / n, length=1 / n, stiffness=0.1 * n, count=n)])])
     modes, model = natural_modes(scene), matrices(scene)
     dense = np.sqrt(eigh(model.K, model.M, eigvals_only=True))

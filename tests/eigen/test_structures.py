@@ -99,7 +99,7 @@ def test_each_tree_without_a_ground_spring_has_one_motion_at_rest() -> None:
 
 
 def _dragged(kind: str, seed: int = 0) -> Scene:
-    """Supports that no spring holds and dampers drag, beside a cart on a spring with a bob."""
+    """Supports that no spring holds and dampers drag, next to a cart on a spring with a bob."""
     rng = np.random.default_rng(seed)
     d, more, mass = rng.uniform(0.5, 9.0), rng.uniform(0.5, 9.0), rng.uniform(0.5, 5.0)
     lone = Cart(name="lone", mass=mass, damping=d if kind in {"lone", "chain"} else 0.0)
@@ -174,7 +174,7 @@ def test_joint_springs_feel_the_roll_and_raise_the_rank() -> None:
     scene = hull([0.3, 0.1, 0.25, 0.4, 0.15], stiffness=2.0)
     assert natural_modes(scene).multiplicity.max() == 3  # (1, h) and the roll: h along, 1 by angle
     level = natural_modes(hull([0.0] * 5, stiffness=2.0))
-    assert level.multiplicity.max() == 4  # sway and roll are felt by one combination alone
+    assert level.multiplicity.max() == 4  # sway and roll act through one combination alone
     assert np.allclose(np.repeat(level.omega, level.multiplicity), dense(level.scene), rtol=1e-12)
 
 

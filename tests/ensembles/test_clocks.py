@@ -1,4 +1,4 @@
-"""Members with escapements and dry friction side by side, against runs by themselves."""
+"""Members with escapements and dry friction, all at once, against individual runs."""
 
 from __future__ import annotations
 

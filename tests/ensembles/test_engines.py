@@ -56,7 +56,7 @@ def code(engine: str, *measures: str) -> Code:
 
 
 def test_an_engine_is_chosen_by_its_cost(process: Process) -> None:
-    """Few members are not worth compiling for, many are."""
+    """Compiling does not pay for few members, but does for many."""
     assert chosen(10) == "numpy"
     assert chosen(1_000_000) == "numba"
     many = members(1_000_000)
@@ -69,7 +69,7 @@ def test_an_engine_is_chosen_by_its_cost(process: Process) -> None:
 
 
 def test_the_engine_that_is_ready_runs(process: Process) -> None:
-    """4000 double pendulums: with numba alone nothing compiled is worth waiting for, but what is there is taken."""
+    """4000 double pendulums: with numba alone waiting for compilation does not pay, but ready code is used."""
     process.install("numba")
     assert chosen(4000) == "numpy"
     kernel = code("numba")

@@ -84,7 +84,7 @@ def test_every_number_is_that_of_its_member_in_every_engine(name: str) -> None:
     for path, values in [*variations(scene)][:: usually(7, 1)]:
         try:
             runs = [simulate(vary(scene, {path: value}), seconds, tolerance=TOLERANCE, output=2) for value in values]
-        except MultipendulaError:  # a massless cart that comes to feel nothing, a ratio in space
+        except MultipendulaError:  # a massless cart whose effective mass vanishes, a ratio in space
             continue
         expected = motion_of([run.final for run in runs])
         moved += away(expected.at([1]), expected.at([0])) > NEAR

@@ -1,4 +1,4 @@
-"""Fresh members with clocks and dry friction side by side, against the maximal form piece by piece."""
+"""Fresh members with clocks and dry friction, all at once, against the maximal form piece by piece."""
 
 from __future__ import annotations
 

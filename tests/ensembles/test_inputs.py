@@ -1,4 +1,4 @@
-"""Members of scenes with inputs of time: moved supports, hoists, damping ratios, drag, against runs by themselves."""
+"""Members of scenes with inputs of time: moved supports, hoists, damping ratios, drag, against individual runs."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ OPTIONS = {"workers": 1, "check": 0, "output": 7, "tolerance": 1e-10}
 
 
 def apart(runs: Ensemble) -> float:
-    """The largest angle between members and runs by themselves."""
+    """The largest angle between members and individual runs."""
     most = 0.0
     for k in range(runs.size):
         numbers = {path: float(values[k]) for path, values in runs.members.values.items()}

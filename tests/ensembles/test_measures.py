@@ -1,4 +1,4 @@
-"""What is measured on the way, against runs by themselves and against formulas."""
+"""What is measured on the way, against individual runs and against formulas."""
 
 from __future__ import annotations
 

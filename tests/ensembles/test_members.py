@@ -1,4 +1,4 @@
-"""Members against runs by themselves, and the numbers and equations of members against those of their scenes."""
+"""Members against individual runs, and the numbers and equations of members against those of their scenes."""
 
 from __future__ import annotations
 

@@ -176,7 +176,7 @@ def test_a_stronger_neighbour_starts_a_clock() -> None:
 
 
 def test_the_death_of_a_beat_is_enclosed() -> None:
-    """From its own last state the beat goes on below that by the equations written here, and not above it."""
+    """From its own last state the beat continues below that by the equations written here, and not above it."""
     (death,) = (event for event in two_values().births if event.name == "beat")
     assert death.between
     assert not death.is_birth

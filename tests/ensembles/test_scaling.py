@@ -98,7 +98,7 @@ class Dying(Executor):
 
 
 class Losing(Executor):
-    """Loses or cancels every task of so many and goes on, as executors of clusters do."""
+    """Loses or cancels every task of so many and continues, as executors of clusters do."""
 
     def __init__(self, every: int, *, cancels: bool = False) -> None:
         self.count, self.every, self.cancels = 0, every, cancels
@@ -198,7 +198,7 @@ def test_what_dead_workers_leave_is_done_by_the_next_call(tmp_path: Path, alone:
 
 
 def test_kill_9_loses_at_most_a_chunk(tmp_path: Path, whole: tuple[Scene, dict[str, bytes]]) -> None:
-    """A process is killed as soon as three chunks are there; the next goes on, and all is the same to the byte."""
+    """A process is killed as soon as three chunks are there; the next resumes, and all is the same to the byte."""
     scene, alone = whole
     code = (
         "import pickle, sys, numpy as np; from nonlinear.ensembles import ensemble\n"
@@ -255,7 +255,7 @@ for moment in moments:
 
 @pytest.mark.parametrize(("processes", "kills"), usually([(1, 3)], [(1, 10), (2, 10)]))
 def test_kill_9_at_any_moment_changes_nothing(tmp_path: Path, processes: int, kills: int) -> None:
-    """In one process, and in two that share a folder: whoever goes on ends with the same bytes."""
+    """In one process, and in two that share a folder: whoever resumes ends with the same bytes."""
     drawn = np.random.default_rng(processes)
     question = {"scene": load("chain-2"), "duration": 1.0, "starts": drawn.uniform(-2, 2, (90, 2)), "engine": "numpy"}
     question |= {"measures": MEASURES, "output": "end", "chunk": 3, "workers": 1, "check": 4}

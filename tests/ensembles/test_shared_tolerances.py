@@ -1,4 +1,4 @@
-"""Tolerances that several places share, beside the frequencies of single pendula: ω = √(g/l)."""
+"""Tolerances that several places share, against the frequencies of single pendula: ω = √(g/l)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Basins, sections and spreads, against formulas, runs by themselves and the prediction of synchronization."""
+"""Basins, sections and spreads, against formulas, individual runs and the prediction of synchronization."""
 
 from __future__ import annotations
 

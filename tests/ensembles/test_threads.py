@@ -46,7 +46,7 @@ def test_whoever_asks_for_a_compiled_series_has_it_alone() -> None:
 
 
 def test_a_portion_keeps_its_runs_while_another_thread_measures() -> None:
-    """Runs that were made side by side are not those of a scene alone, to the last digit."""
+    """Runs that were made at once are not those of a scene alone, to the last digit."""
     scenes = [vary(load("chain-2"), {"gravity": 9.0 + 0.1 * k}) for k in range(8)]
     ours, others = Portion(scenes[:4], scenes[0]), Portion(scenes[4:], scenes[0])
     kept = [ours.run(scene, 1.0) for scene in scenes[:4]]

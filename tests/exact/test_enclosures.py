@@ -260,7 +260,7 @@ def test_bisection_alone_gives_the_same() -> None:
 
 
 def test_a_cluster_closer_than_double_precision() -> None:
-    """Two pendula on a heavy cart whose squares differ by parts in 10^15, far less than Newton can tell apart."""
+    """Two pendula on a heavy cart whose squares differ by parts in 10^15, too little for Newton's method."""
     near = (Pendulum(links=(Bob(mass=1.0, length=1.0),)), Pendulum(links=(Bob(mass=1.0, length=1.0 + 2**-52),)))
     scene = Scene(gravity=1.0, support=Cart(mass=1e18), pendulum=near)
     enclosures = enclose(scene, 40)

@@ -320,7 +320,7 @@ def test_sampling_beside_scipy(scene: str, method: str, theirs: str, dt: float) 
 
 @EVERY_SCENE
 def test_sampling_to_many_digits(scene: str) -> None:
-    """Every entry of the zero-order hold beside 50 digits of the exponential series."""
+    """Every entry of the zero-order hold against 50 digits of the exponential series."""
     model = model_of(scene)
     n, m = model.B.shape
     with mp.workdps(50):
@@ -374,7 +374,7 @@ def test_repeated_and_zero_modes_do_not_disturb_sampling() -> None:
 
 
 def test_sampling_does_not_depend_on_the_units() -> None:
-    """In kilometres and tonnes the same model, scaled: no digit is lost to large and small numbers side by side."""
+    """In kilometres and tonnes the same model, scaled: no digit is lost to large and small numbers together."""
     model = state_space(load("metronomes"), ("cart_force",))
     scale = np.array([2.0**-40, 1, 1, 2.0**-40, 1, 1])
     sampled = sample(

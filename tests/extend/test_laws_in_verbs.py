@@ -1,4 +1,4 @@
-"""A law of a stranger in fits, orbits, tuning, spreads and responses, each beside equations written by hand."""
+"""A law of another package in fits, orbits, tuning, spreads and responses, each against equations written by hand."""
 
 from __future__ import annotations
 

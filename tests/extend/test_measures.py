@@ -1,4 +1,4 @@
-"""Measures of others: what they state, which verbs take them, and whose mistakes are told as whose."""
+"""Measures of other packages: their declarations, the verbs that accept them, and the attribution of errors."""
 
 from __future__ import annotations
 

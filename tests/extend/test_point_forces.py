@@ -1,4 +1,4 @@
-"""Forces on centres of mass that a package brings: by their work, by own equations, in every form and beside drag."""
+"""Forces on centres of mass that a package brings: by their work, by own equations, in every form and with drag."""
 
 from __future__ import annotations
 

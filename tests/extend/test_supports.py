@@ -1,4 +1,4 @@
-"""Supports that others write, beside Lagrange's equations of this file and the built-in ones."""
+"""Supports of other packages, against Lagrange's equations of this file and the built-in ones."""
 
 from __future__ import annotations
 
@@ -139,7 +139,7 @@ def accelerations(equations: Any, y: Floats) -> Floats:
 
 
 def test_every_engine_has_the_accelerations_of_lagrange(scene: Scene, equations: Any) -> None:
-    """The recursion in NumPy, what is written out, and lanes side by side."""
+    """The recursion in NumPy, what is written out, and lanes."""
     system = system_of(scene)
     y = np.append(np.random.default_rng(1).uniform(-2, 2, 6), 0.0)
     expected = accelerations(equations, y)

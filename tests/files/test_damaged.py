@@ -175,7 +175,7 @@ ALL = usually(1 << 27, 1 << 31)
     ],
 )
 def test_a_bomb_is_not_unpacked(head: bytes, size: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With a checksum that holds: only the sizes can tell; a small bomb where less may be read."""
+    """With a checksum that holds: only the sizes can show it; a small bomb where less may be read."""
     monkeypatch.setattr(sealed, "SEALED_BYTES_MAX", sealed.SEALED_BYTES_MAX * ALL >> 31)
     stream = io.BytesIO()
     _bomb(stream, head, size)

@@ -92,7 +92,7 @@ def test_standard_deviations_of_modes_are_those_of_monte_carlo() -> None:
 )
 def test_responses_have_the_derivatives_of_their_differences(inputs: tuple[str, ...], outputs: tuple[str, ...]) -> None:
     omega = np.array([0.4, 1.7, 6.0])
-    shaken = "support_acceleration" in inputs  # which a cart without a spring does not feel
+    shaken = "support_acceleration" in inputs  # without effect on a cart without a spring
     plant = scene().replace(support=Cart(mass=1000.0, stiffness=900.0)) if shaken else scene()
 
     def response(scene: Scene) -> np.ndarray:

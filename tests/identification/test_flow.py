@@ -186,7 +186,7 @@ def test_many_segments_have_the_derivatives_of_each_alone(name: str) -> None:
 
 
 def test_a_step_looks_up_recorded_torques_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Besides what it begins with after a knot of the record, and what its interpolation needs."""
+    """In addition to the start after a knot of the record, and the needs of its interpolation."""
     scene = scene_from({**SCENES["turned"], "pendulum": [{"links": TWO}]})
     problem, beside, times_of_calls = problem_of(scene, FREE["turned"][1:], tolerance=1e-8), Inputs.beside, []
 

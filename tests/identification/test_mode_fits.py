@@ -102,7 +102,7 @@ def test_a_shape_tells_which_length_is_which() -> None:
 
 
 def test_the_interval_of_equal_lengths_is_that_of_chi_square() -> None:
-    """Where derivatives do not tell both from each other: by the chi-square of the closed form on a grid."""
+    """Where derivatives do not distinguish the two: by the chi-square of the closed form on a grid."""
     std, span = 1e-3, np.linspace(-0.08, 0.08, 81)
     exact = frequencies(0.5, 0.5)
     square = [[np.sum(((frequencies(0.5 + a, 0.5 + b) / exact - 1) / std) ** 2) for b in span] for a in span]

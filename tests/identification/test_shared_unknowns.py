@@ -1,4 +1,4 @@
-"""Numbers that share an unknown: beside least squares on closed forms, complex steps, and motions of their own."""
+"""Numbers that share an unknown: against least squares on closed forms, complex steps, and motions of their own."""
 
 from __future__ import annotations
 

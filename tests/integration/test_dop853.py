@@ -84,7 +84,7 @@ def test_elimination_is_the_dense_solution_for_one_y_and_for_many(seed: int) -> 
 
 @pytest.mark.parametrize("seed", range(10))
 def test_many_complex_y_go_through_what_is_written_as_through_the_recursion(seed: int) -> None:
-    """With a step along the imaginary axis, whose digits are those of a derivative; the work is left out."""
+    """With a step along the imaginary axis, whose digits are those of a derivative; the work is omitted."""
     system = system_of(motion_scene(seed))
     bodies = tuple(Recursion(group, tail=1) for group in system.groups)
     expected, equations = Minimal(system, bodies, counts_work=False), Generated(system, counts_work=False)
@@ -192,7 +192,7 @@ def test_its_steps_are_those_of_scipy(engine: str, scene: Scene, pace: Pace, tol
     """Estimates of errors are differences of about the tolerance, so that their rounding is some 1e-15 over that.
 
     A cart between clocks in antiphase stands still but for rounding, which its share of the estimate multiplies.
-    They are compared up to a break only: there SciPy's integrator seeks a first step, and floats go on as before.
+    They are compared up to a break only: there SciPy's integrator seeks a first step, and floats continue as before.
     """
     near = 1e-12 / tolerance
     ours, theirs = both(engine, scene, tolerance, pace)

@@ -1,4 +1,4 @@
-"""What a run that looks for something costs, in counts, and what it finds, beside samples and closed forms."""
+"""What a run that looks for something costs, in counts, and what it finds, against samples and closed forms."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def test_a_crossing_that_is_looked_for_costs_next_to_nothing(monkeypatch: pytest
 
 @pytest.mark.skipif(not available(), reason="numba is not installed")
 def test_compiled_steps_are_not_traced_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Rates beside those of the steps are of the steps with crossings alone; the crossings are those of floats."""
+    """Rates other than those of the steps are of the steps with crossings alone; the crossings are those of floats."""
     start, event = state_at_rest(ONE, [np.degrees(AMPLITUDE)]), level_crossing(system_of(ONE), "theta[1,1]")
     kwargs: dict[str, Any] = {"start": start, "method": "DOP853", "output": 2}
     usual = simulate(ONE, 10.0, events=[event], **kwargs)

@@ -1,4 +1,4 @@
-"""What is rounding and what is not: cases on either side of the tolerances by which integration tells them apart."""
+"""What is rounding and what is not: cases on either side of the tolerances by which integration distinguishes them."""
 
 from __future__ import annotations
 

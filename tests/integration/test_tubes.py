@@ -92,7 +92,7 @@ def test_two_equal_bobs_from_the_horizontal_for_ten_seconds():
 
 
 def misses(carried):
-    """Whether the next step of the swing from 100° leaves out where it is three quarters of it later."""
+    """Whether the next step of the swing from 100° misses where it is three quarters of it later."""
     step = carried.advance()
     time = step.time + step.length * Fraction(3, 4)
     balls = step.at(time)

@@ -1,4 +1,4 @@
-"""Twins: what a symmetric run cannot know of itself is told by one whose start is a little aside."""
+"""Twins: what a symmetric run cannot show is shown by one with a perturbed start."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def test_where_nothing_grows_the_twin_costs_one_more_run() -> None:
 
 
 def test_loads_do_not_hide_a_symmetry() -> None:
-    """Nothing is left out then, and equal pendula still move alike to rounding."""
+    """Nothing is omitted then, and equal pendula still move alike to rounding."""
     asked = Request(PAIR, system_of(PAIR), LEVEL, np.linspace(0.0, 1.0, 11), load=lambda time, state: AppliedForces())
     twin = perturb_last_digits(asked)
     assert twin is not None

@@ -1,4 +1,4 @@
-"""Frequency loci: modes followed by shape, crossings told from veerings, gaps beside closed forms."""
+"""Frequency loci: modes followed by shape, crossings distinguished from veerings, gaps against closed forms."""
 
 from __future__ import annotations
 
@@ -134,7 +134,7 @@ def test_antiphase_copies_cross_what_moves_the_cart() -> None:
 
 
 def test_a_smallest_gap_without_exchange_of_shapes_is_no_veering() -> None:
-    """A body's ω² = m g c/(I + m c²) is largest at c = √(I/m), here just below that of a free bob beside it."""
+    """A body's ω² = m g c/(I + m c²) is largest at c = √(I/m), here just below that of a free bob next to it."""
     body = Body(mass=1.0, length=1.0, centre=0.3, inertia=0.25)
     scene = Scene(gravity=G, pendulum=(Pendulum(links=(body,)), Pendulum(links=(Bob(mass=1.0, length=0.9),))))
     loci = of(scene, "pendulum[0].links[0].centre=0.1:2:20")

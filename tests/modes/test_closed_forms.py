@@ -1,4 +1,4 @@
-"""Closed forms beside the toolkit's own modes, exact polynomials and symbols."""
+"""Closed forms against the toolkit's own modes, exact polynomials and symbols."""
 
 from __future__ import annotations
 

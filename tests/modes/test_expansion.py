@@ -80,7 +80,7 @@ def test_without_a_star_the_angle_is_that_of_the_orbit(seed: int) -> None:
         if mode.kappa == mode.kappa and not mode.resonances and mode.multiplicity == 1:
             try:
                 off = orbit_where_off(scene, mode.number)
-            except ComputationError:  # no orbit beside the linear mode, which another moves with
+            except ComputationError:  # no orbit next to the linear mode, which another moves with
                 continue
             near = 0.06 if seed in {12, 14} else 0.03
             assert off is None or np.degrees(off.amplitude) == pytest.approx(mode.linear_to_1_percent_deg, rel=near)

@@ -43,7 +43,7 @@ def nearly_equal_chains(seed: int) -> Scene:
 
 
 def unjoined_carts(seed: int) -> Scene:
-    """Two or three carts, some joined by a spring, of round numbers, by which masses felt cancel exactly."""
+    """Two or three carts, some joined by a spring, of round numbers, by which effective masses cancel exactly."""
     rng = random.Random(seed)
     names = "abc"[: rng.choice([2, 2, 3])]
     supports = tuple(Cart(name=name, mass=rng.choice(ROUND), stiffness=rng.choice([0, 0, 10.0])) for name in names)
@@ -94,7 +94,7 @@ def test_shapes_of_carts_whose_masses_cancel_the_masses_felt_are_those_of_the_ma
 
 
 def test_a_light_pole_has_its_root() -> None:
-    """A weight of 1e-165 beside one of 1: the first root is below its pole by less than any float near it."""
+    """A weight of 1e-165 next to one of 1: the first root is below its pole by less than any float near it."""
     roots = solve(Poles(np.array([1.0, 3.0]), np.array([1e-165, 1.0]), 0.5))
     assert np.isfinite(roots.offset).all()
     assert roots.offset[0] == pytest.approx(1e-165 / (0.5 + 1.0 / 2.0), rel=1e-12)

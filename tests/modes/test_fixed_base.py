@@ -27,7 +27,7 @@ SCENES = (
             Pendulum(links=[Bob(mass=0.5, length=1.1)], count=2),
         ],
     ),
-    Scene(  # two different pendula of one frequency, beside another
+    Scene(  # two different pendula of one frequency, next to another
         gravity=9.81,
         support=Cart(mass=1.0),
         pendulum=[Pendulum(links=[Bob(mass=m, length=l)]) for m, l in ((1.0, 1.0), (5.0, 1.0), (2.0, 0.5))],
@@ -73,7 +73,7 @@ def test_residues_of_the_dynamic_mass_are_these_masses(example: str | Scene) -> 
     scene = scene_of(example)
     dynamic, masses = explain(scene).dynamic, fixed_base_masses(natural_modes(scene))
     step = 1e-7
-    residues = [  # m_dyn ≈ μ ω_r²/(ω_r² − ω²) beside a pole: half the difference across it, where all else cancels
+    residues = [  # m_dyn ≈ μ ω_r²/(ω_r² − ω²) next to a pole: half the difference across it, where all else cancels
         float((dynamic([w * (1 - step)]) - dynamic([w * (1 + step)]))[0]) / 2 * (2 * step) for w in dynamic.omega
     ]
     assert sum(residues) == pytest.approx(masses.sum(), rel=1e-5)

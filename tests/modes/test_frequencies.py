@@ -1,4 +1,4 @@
-"""Frequencies to an accuracy, of the lowest modes alone, and of many scenes at once, beside those of all modes."""
+"""Frequencies to an accuracy, of the lowest modes alone, and of many scenes at once, against those of all modes."""
 
 import numpy as np
 import pytest

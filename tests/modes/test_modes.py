@@ -461,7 +461,7 @@ def test_modes_far_out_of_phase_have_no_amplitude_coefficient() -> None:
 
 
 def scaled_family(seed: int, spread: float = 0.3) -> Scene:
-    """Different pendula of equal frequencies: chains with their masses scaled, beside others of their own."""
+    """Different pendula of equal frequencies: chains with their masses scaled, next to different ones."""
     rng = np.random.default_rng(seed)
     pendula = []
     for n in rng.integers(1, 4, size=rng.integers(1, 3)):

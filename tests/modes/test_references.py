@@ -1,4 +1,4 @@
-"""Numbers from elsewhere: exact results and published tables, each beside its source."""
+"""Numbers from elsewhere: exact results and published tables, each next to its source."""
 
 from math import pi, sqrt
 

@@ -1,4 +1,4 @@
-"""Derivatives of frequencies beside finite differences, symbols and the identities that units impose."""
+"""Derivatives of frequencies against finite differences, symbols and the identities that units impose."""
 
 from __future__ import annotations
 

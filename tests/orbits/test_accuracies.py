@@ -1,4 +1,4 @@
-"""The tolerances of periodic orbits are felt: on equations whose solutions are known, eight times as much fails."""
+"""The tolerances of periodic orbits have an effect: on equations with known solutions eight times as much fails."""
 
 from types import SimpleNamespace
 from typing import Any

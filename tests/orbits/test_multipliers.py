@@ -42,7 +42,7 @@ def orbit_of(seed: int) -> Orbit:
 
 
 def perturbed(orbit: Orbit) -> Floats:
-    """The monodromy matrix from runs of the simulator a little beside, by central differences."""
+    """The monodromy matrix from perturbed runs of the simulator, by central differences."""
     size, scale = len(orbit.y), orbit.flow.scale
     layout, ends = orbit.flow.equations.layout, []
     for sign in (1, -1):

@@ -1,4 +1,4 @@
-"""Orbits of the swinging mode of two links of which one stands: beside shooting with SciPy on Lagrange's equations."""
+"""Orbits of the swinging mode of two links of which one stands: against shooting with SciPy on Lagrange's equations."""
 
 from __future__ import annotations
 

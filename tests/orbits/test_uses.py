@@ -1,4 +1,4 @@
-"""Where periodic orbits stand beside the table, a check and a run."""
+"""Where periodic orbits are compared with the table, a check and a run."""
 
 from __future__ import annotations
 

@@ -72,7 +72,7 @@ def seen(browser: Chromium, folder: Path, wanted: list[tuple[str, int]]) -> list
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with MathJax beside pages."""
+    """A folder with MathJax next to pages."""
     if not (os.environ.get("MATHJAX") or mathematics.FETCHED.is_dir()):
         pytest.skip(f"MathJax {mathematics.VERSION} is not there: it is fetched when the manual is built")
     path = tmp_path_factory.mktemp("formulas")

@@ -55,7 +55,7 @@ def file_of(browser: Chromium) -> str:
 
 
 def enter(browser: Chromium, label: str, value: float) -> None:
-    """A number typed beside a slider."""
+    """A number typed next to a slider."""
     browser.run(
         f"""(() => {{ const box = document.querySelector('input[aria-label^={json.dumps(label)}]');
         box.value = {value!r}; box.dispatchEvent(new Event('change')); }})()"""

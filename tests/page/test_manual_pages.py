@@ -18,7 +18,7 @@ LESSON = "tutorial/lessons/05_small_angles"
 EXPLANATION = "explanation/modes"
 LOOKS = usually([(360, True), (1280, False)], [(width, dark) for width in (360, 768, 1280) for dark in (False, True)])
 DRAWN = "(window.MathJax?.startup?.promise ?? Promise.resolve()).then(() => new Promise((on) => setTimeout(on, 50)))"
-WITHOUT = "{ exclude: [['mjx-container']] }"  # drawings, hidden from readers, beside MathML: thousands of elements
+WITHOUT = "{ exclude: [['mjx-container']] }"  # drawings, hidden from readers, next to MathML: thousands of elements
 FORMULAS = """[...document.querySelectorAll('span.math, div.math')].map((formula) => {
   const drawn = formula.querySelector('mjx-container');
   const pieces = [...formula.querySelectorAll('mjx-container > svg')];

@@ -1,4 +1,4 @@
-"""The page's modes and motions in Chromium beside Python's, on random scenes."""
+"""The page's modes and motions in Chromium against Python's, on random scenes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The page of a structure in Node beside Python: rates, energies, modes, motions, the drawing, files and the hand."""
+"""The page of a structure in Node against Python: rates, energies, modes, motions, the drawing, files and the hand."""
 
 from __future__ import annotations
 
@@ -421,7 +421,7 @@ def test_supports_and_springs_have_sliders(pages: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize("name", ["two-swings", "tower", "beam", "ship-crane", "zoo", "shaken"])
 def test_a_carrier_goes_with_the_hand(pages: dict[str, Any], name: str) -> None:
-    """The corner that is held, as far as the carrier's coordinates allow."""
+    """The corner that is held, as far as the support's coordinates allow."""
     moved = np.array(pages[name]["moved"])
     nearest = np.abs(moved - [15.0, 8.0]).sum(axis=1).min()
     along = {"two-swings": 1.0, "tower": 0.01, "ship-crane": 0.01}.get(name)

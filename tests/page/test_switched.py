@@ -1,4 +1,4 @@
-"""The page of scenes with dry friction, forces and all that moves a support in time, in Node beside Python."""
+"""The page of scenes with dry friction, forces and all that moves a support in time, in Node against Python."""
 
 from __future__ import annotations
 

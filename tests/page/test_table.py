@@ -1,4 +1,4 @@
-"""The page's table in Node beside Python's: one numbering, |λ| and ζ, words, stars, and beats of one family."""
+"""The page's table in Node against Python's: one numbering, |λ| and ζ, words, stars, and beats of one family."""
 
 from __future__ import annotations
 

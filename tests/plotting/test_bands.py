@@ -1,4 +1,4 @@
-"""Bands in the place of curves that would be blobs, and what moves as prescribed beside a run."""
+"""Bands in the place of curves that would be blobs, and what moves as prescribed next to a run."""
 
 from __future__ import annotations
 

@@ -489,7 +489,7 @@ def test_what_is_quiet_on_purpose_or_says_why_it_is_empty_is_no_flaw() -> None:
 
 
 def test_a_hidden_curve_is_found_out() -> None:
-    """One of the same width, colour apart; not one that shows beside it or in its gaps."""
+    """One of the same width, colour apart; not one that shows next to it or in its gaps."""
     x = np.linspace(0, 10, 200)
     with theme("light"):
         figure = sheet(4.0, 3.0)
@@ -534,7 +534,7 @@ def linear(colour: str) -> np.ndarray:
 
 @pytest.mark.parametrize("name", THEMES)
 def test_colours_stand_out_and_are_told_apart_by_everybody(name: str) -> None:
-    """Between any two colours at least 12 of ΔE*; about 2 can just be told apart side by side."""
+    """Between any two colours at least 12 of ΔE*; about 2 can just be distinguished next to each other."""
     with theme(name):
         colours = [colour(k) for k in range(HUES)]
         assert all(contrast(colour, paper()) >= LEAST for colour in colours)

@@ -1,4 +1,4 @@
-"""Sketches of scenes: every symbol in its place, what is drawn where the scene says, and what has no room."""
+"""Sketches of scenes: every symbol in its place, what is drawn where the scene says, and what does not fit."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The error of closed-form motions from what they leave of the equations, beside simulation and formulas."""
+"""The error of closed-form motions from what they leave of the equations, against simulation and formulas."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def motion(links: np.ndarray, rates: np.ndarray, *cart: np.ndarray) -> Motion:
 
 
 def against_simulation(scene: Scene, start: State, duration: float) -> None:
-    """Both estimates beside the true errors, to which no other estimate fits."""
+    """Both estimates against the true errors, to which no other estimate fits."""
     run = simulate(scene, duration, start=start, tolerance=1e-12, output=600)
     closed = superpose(scene, start, corrected=True)
     for form in (closed, closed.linear):

@@ -175,7 +175,7 @@ def test_a_left_out_mode_at_three_times_the_frequency_is_seen() -> None:
 
 
 def crowd(support: Fixed | Cart) -> Scene:
-    """Three rods in one pendulum beside nine bobs: the next modes of the table are those of the bobs."""
+    """Three rods in one pendulum next to nine bobs: the next modes of the table are those of the bobs."""
     rods = Pendulum(links=(Rod(mass=1.0, length=1.0),) * 3)
     bobs = [Pendulum(links=(Bob(mass=0.1, length=0.95 - 0.05 * k),)) for k in range(9)]
     return Scene(gravity=9.81, support=support, pendulum=[rods, *bobs])

@@ -46,7 +46,7 @@ RESULTS = {
     *("nonlinear.integration.trajectory.SolverInfo", "nonlinear.system.state.State", "nonlinear.system.state.Motion"),
     "nonlinear.system.system.System",
 }
-"""Results in those rooms."""
+"""Results in those subpackages."""
 SCALARS = ("float", "int", "str", "bool", "complex")
 
 
@@ -112,7 +112,7 @@ def test_what_is_imported_late_is_there() -> None:
 
 
 def test_a_package_loads_each_name_from_the_module_that_its_types_come_from() -> None:
-    """Two modules of one package may have the same name: of the shown one the door must have the right one."""
+    """Two modules of one package may have the same name: the package must export the right one."""
     for path in (path for package in ("modal", "nonlinear") for path in (ROOT / package).rglob("__init__.py")):
         text, package = path.read_text(encoding="utf-8"), ".".join(path.parent.relative_to(ROOT).parts)
         door = import_module(package)

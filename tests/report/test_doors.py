@@ -1,4 +1,4 @@
-"""The doors of the packages: every public function tells what is wrong with its arguments in one error."""
+"""The public functions of the packages: each reports all that is wrong with its arguments in one error."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ SCENE = load("chain-2")
 MODES = natural_modes(SCENE)
 OF = ("Scene", "Modes", "Trajectory")
 INNER = ("dynamics", "types")
-"""Rooms whose functions are called by other rooms only."""
+"""Subpackages whose functions are called by other subpackages only."""
 OTHERS: dict[str, Any] = {"float": 1.0, "int": 1, "str": "gravity", "Scene": SCENE, "Modes": MODES}
 
 

@@ -1,4 +1,4 @@
-"""Results of every door, small ones made here: what they show, their columns and their figures."""
+"""Results of every public function, small ones made here: what they show, their columns and their figures."""
 
 from __future__ import annotations
 

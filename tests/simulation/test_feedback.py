@@ -1,4 +1,4 @@
-"""Loops of feedback in motion, beside one's own equations of a cart with a bob, and as loads written in Python."""
+"""Loops of feedback in motion, against one's own equations of a cart with a bob, and as loads written in Python."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ KINDS = sorted(
     path for path in (Path(__file__).parents[1] / "combinations" / "scenes").glob("*.toml") if path.stem != "count_100"
 )
 DRAWN = ("position[0]", "position[1]")
-"""Where what is drawn stands; on structures of several carriers it is read, and compared there."""
+"""Where what is drawn stands; on structures of several supports it is read, and compared there."""
 
 
 def answer(scene: Scene) -> np.ndarray:

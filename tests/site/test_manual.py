@@ -1,4 +1,4 @@
-"""The manual hangs together: links, anchors, pictures, tables of contents, and what the reference must not leave out.
+"""The manual hangs together: links, anchors, pictures, tables of contents, and what the reference must not omit.
 
 Nothing is built and Sphinx is not needed; what a page has made from the code is made here too (`docs/generated.py`).
 """

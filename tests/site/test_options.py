@@ -114,7 +114,7 @@ def test_the_table_has_every_option_and_none_that_is_gone() -> None:
 def test_a_former_spelling_is_told_with_the_new_one(
     command: str, flag: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Beside its name, and with an equals sign; where the option is still there, for the values that are not."""
+    """Next to its name, and with an equals sign; where the option is still there, for the values that are not."""
     former, known = FORMER[command, flag], parsers()[command]._option_string_actions
     assert former.now in known
     assert bool(former.values) == (flag in known)

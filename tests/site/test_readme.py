@@ -1,4 +1,4 @@
-"""What the manual claims beside their blocks, which `test_documents.py` executes."""
+"""What the manual claims next to its blocks, which `test_documents.py` executes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Responses far above, far below and between the modes beside whole matrices in 90 digits (`response_oracle`)."""
+"""Responses far above, far below and between the modes against whole matrices in 90 digits (`response_oracle`)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Modal gains beside M⁻¹-orthogonal shapes, residues of eigenvectors, ranks, and the two loads of a crane."""
+"""Modal gains against M⁻¹-orthogonal shapes, residues of eigenvectors, ranks, and the two loads of a crane."""
 
 from __future__ import annotations
 

@@ -254,7 +254,7 @@ def test_constant_models_and_other_scenes_are_refused() -> None:
 
 
 def towed() -> Scene:
-    """A cart beside a swing, each with loads on ropes that are hoisted."""
+    """A cart next to a swing, each with loads on ropes that are hoisted."""
     rope = Bob(mass=2.0, length=1.5, hoist=Hoist(to=0.8, begin=0.5, duration=3.0))
     return Scene(
         gravity=9.81,

@@ -1,4 +1,4 @@
-"""Shapers with more zeros and humps beside their published tables, and the shortest ones over a range."""
+"""Shapers with more zeros and humps against their published tables, and the shortest ones over a range."""
 
 from __future__ import annotations
 

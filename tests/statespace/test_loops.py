@@ -1,4 +1,4 @@
-"""Loops of feedback closed by hand: A − B K of the open plant, and the regulator beside python-control's."""
+"""Loops of feedback closed by hand: A − B K of the open plant, and the regulator against python-control's."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Smaller models beside the whole ones, by python-control."""
+"""Smaller models against the whole ones, by python-control."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Closed-form responses beside python-control, closed forms of a single crane, and the pictures."""
+"""Closed-form responses against python-control, closed forms of a single crane, and the pictures."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def test_what_cannot_be_taken_apart_is_refused() -> None:
 
 
 def test_a_critically_damped_mode_is_refused_or_close() -> None:
-    """c = 2 m l² √(g/l): the two eigenvalues are one, and no two modes tell them apart."""
+    """c = 2 m l² √(g/l): the two eigenvalues are one, and no two modes distinguish them."""
     link = Bob(mass=1.0, length=1.0, damping=2.0)
     scene = Scene(gravity=1.0, pendulum=[Pendulum(links=[link])])
     with pytest.raises(ComputationError, match="critically damped"):

@@ -1,4 +1,4 @@
-"""Input shapers beside simulations, published insensitivities and the cranes."""
+"""Input shapers against simulations, published insensitivities and the cranes."""
 
 from __future__ import annotations
 

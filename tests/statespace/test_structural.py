@@ -152,7 +152,7 @@ def test_elimination_and_the_model_give_one_response(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["swings", "ship", "board", "carts", "mixed", "springs", "frame"])
 def test_no_digit_is_lost_far_from_the_modes(name: str) -> None:
-    """Every entry beside positions of all masses in 50 digits, from 1e-3 to 1e3 times the frequencies of scenes."""
+    """Every entry against positions of all masses in 50 digits, from 1e-3 to 1e3 times the frequencies of scenes."""
     scene = STRUCTURED[name].undriven
     model = state_space(
         scene, wanted(scene, ("coordinate_forces", "joint_torques")), wanted(scene, ("coordinates", "angles"))

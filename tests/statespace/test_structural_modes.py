@@ -176,7 +176,7 @@ def test_a_held_cart_under_springs_has_its_fixed_base_modes() -> None:
 
 @pytest.mark.parametrize("source", ["support_acceleration", "upper_force", "force:pendulum[0].links[0]@0.4"])
 def test_white_noise_has_the_covariance_of_lyapunov(source: str) -> None:
-    """A P + P Aᵀ + B S/2 Bᵀ = 0 for a one-sided S, beside the integral over a band far wider than the modes."""
+    """A P + P Aᵀ + B S/2 Bᵀ = 0 for a one-sided S, against the integral over a band far wider than the modes."""
     outputs = ("coordinates", "angles")
     response = random_response(TOWER, Spectrum((0.0, 3e4), (0.7, 0.7), "acceleration"), outputs, source)
     model = state_space(TOWER, (source,), outputs)

@@ -186,7 +186,7 @@ def test_modes_carried_through_the_air_add_up_to_the_response(support: Fixed | C
 
 
 def test_a_moved_support_in_air_is_that_of_the_simulator() -> None:
-    """10 µm at 0.45 Hz for 30 s, beside a start in steady motion."""
+    """10 µm at 0.45 Hz for 30 s, against a start in steady motion."""
     omega, size = 2 * np.pi * 0.45, 1e-5
     scene = in_air()
     model = state_space(scene, ("support_displacement",), ("angles",))
@@ -212,7 +212,7 @@ def test_a_hoist_on_a_moved_support_in_air_is_that_below_a_held_cart() -> None:
 
 @pytest.mark.parametrize(("drive", "order"), [("cart_acceleration", 2), ("cart_velocity", 1)])
 def test_springs_between_pendula_and_the_ground_pull_as_the_cart_moves(drive: str, order: int) -> None:
-    """M, K and D below a cart at x = exp(iωt), its own row left out."""
+    """M, K and D below a cart at x = exp(iωt), its own row omitted."""
     springs = [Spring(between=("pendulum[0].links[1]", "ground@0.5,-1"), stiffness=7.0, damping=0.3)]
     scene = in_air(Cart(mass=2.0)).replace(spring=springs)
     linear = matrices(scene)

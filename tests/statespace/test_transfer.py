@@ -1,4 +1,4 @@
-"""Transfer functions beside the state space itself, closed forms of a crane, and poles of pendula alone as zeros."""
+"""Transfer functions against the state space itself, closed forms of a crane, and poles of pendula alone as zeros."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ from modal.modes import Modes
 
 
 def flat_omega(modes: Modes) -> list[float]:
-    """Every frequency as often as its multiplicity, the zero of a free cart left out."""
+    """Every frequency as often as its multiplicity, the zero of a free cart omitted."""
     return [omega for omega, fold in zip(modes.omega, modes.multiplicity, strict=True) for _ in range(fold) if omega]
 
 

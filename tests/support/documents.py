@@ -158,7 +158,7 @@ class Page:
         return ""
 
     def ours(self, words: list[str], piped: str, refused: bool | None) -> str:
-        """What this project's command prints; its standard error is kept beside."""
+        """What this project's command prints; its standard error is stored separately."""
         code, out, err = outcome(words, piped)
         self.errors += err
         if refused is not None and bool(code) != refused:
@@ -251,7 +251,7 @@ def divided(words: list[str], sign: str) -> Iterator[list[str]]:
 
 
 def agrees(shown: str, printed: str) -> bool:
-    """Whether a page shows what was printed, but for trailing blanks and what `…` leaves out."""
+    """Whether a page shows what was printed, but for trailing blanks and what `…` omits."""
     lines = [line.rstrip() for line in shown.strip("\n").splitlines()]
     pattern = "".join(
         r"(?:.*\n)*" if line.strip() == "…" else re.escape(line).replace("…", ".*") + r"\n" for line in lines

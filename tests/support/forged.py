@@ -9,7 +9,7 @@ from modal.scene.sealed import seal
 
 
 def with_record(path: Path) -> bytes:
-    """A CSV file with the record beside it as its first line, as files were written before."""
+    """A CSV file with the record next to it as its first line, as files were written before."""
     return b"# " + path.with_name(f"{path.name}.json").read_bytes() + path.read_bytes()
 
 

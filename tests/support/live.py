@@ -56,7 +56,7 @@ def written(scene: Scene, folder: Path, recording: dict[str, Any] | None = None)
 def assert_rows(rows: Sequence[dict[str, Any]], modes: Modes, close: float = 1e-9, *, words: bool = True) -> None:
     """The page's rows are those of the table, under its numbers: |λ|, ζ, multiplicity, words, κ and stars.
 
-    On structures the page tells κ only where it is that of a support at rest, and no star.
+    On structures the page shows κ only where it is that of a support at rest, and no star.
     """
     assert len(rows) == len(modes)
     for row, mode in zip(rows, modes, strict=True):

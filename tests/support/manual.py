@@ -36,6 +36,6 @@ def manual(folder: Path) -> Path:
 
 
 def mathjax(folder: Path) -> None:
-    """Skip the test with a word where MathJax is not beside the pages."""
+    """Skip the test with a word where MathJax is not next to the pages."""
     if not (folder / "_static" / "mathjax" / "tex-svg.js").is_file():
         pytest.skip(f"MathJax {mathematics.VERSION} is not beside the pages: npm or the folder in MATHJAX has it")

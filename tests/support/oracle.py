@@ -40,7 +40,7 @@ class Dense:
         return K, M
 
     def below(self, x: mp.mpf) -> int:
-        """Number of eigenvalues ω² < x, the zero of a free cart left out."""
+        """Number of eigenvalues ω² < x, the zero of a free cart omitted."""
         with ctx.workprec(BITS):
             pivots = _pivots(_shifted(*self.balls, arb(x)))
         if not all(pivot < 0 or pivot > 0 for pivot in pivots):

@@ -166,7 +166,7 @@ def first_of_each_family(candidates: Sequence[Candidate]) -> list[Candidate]:
 
 
 def _compared(path: Path, scene: Scene, folder: Path) -> str:
-    """The loosest candidate of each family, once: what is left out, and why, is told of families."""
+    """The loosest candidate of each family, once: omissions are reported by family, with reasons."""
     every = work_precision.list_candidates
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(work_precision, "perf_counter", count().__next__)
@@ -281,7 +281,7 @@ ASKS: dict[str, tuple[str, ...]] = {
     "keep modes": ("motion in a few modes",),
     "tradeoff": ("a comparison of methods",),
 }
-"""The capability that stands at the door of each; of others, the form of the equations of motion."""
+"""The capability that each requires; of others, the form of the equations of motion."""
 UNDAMPED = (
     *(
         "bob",
@@ -385,7 +385,7 @@ TIMED = {"tradeoff", "advise"}
 
 
 def guarded() -> list[tuple[str, str]]:
-    """Pairs in which a feature is taken or left out, and can be switched off."""
+    """Pairs in which a feature is taken or omitted, and can be switched off."""
     return [
         (kind, candidate)
         for kind, candidate in pairs()

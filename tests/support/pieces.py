@@ -244,7 +244,7 @@ def _is_met(value: Callable[[float, Floats], float], t: float, y: Floats, rates:
 
 @dataclass(frozen=True, eq=False)
 class InMaximalCoordinates:
-    """`nonlinear.dynamics.maximal` with friction's moments and kicks as forces beside its own."""
+    """`nonlinear.dynamics.maximal` with friction's moments and kicks as forces next to its own."""
 
     maximal: Maximal
 

@@ -1,6 +1,6 @@
 """The motion of any plane scene from the places of its masses, with nothing of the packages but its numbers: an oracle.
 
-A place is a function of the coordinates z: those of the carriers, the absolute angles of links, and what is prescribed,
+A place is a function of the coordinates z: those of the supports, the absolute angles of links, and what is prescribed,
 the displacement of the ground along and down, the lengths of hoisted ropes, and one that is always 0, a cart's way
 down.  Each scalar s(z) (a part of a place, an angle, the length of a spring) acts along its gradient:
 
@@ -425,7 +425,7 @@ class Places:
         return y
 
     def read(self, y: Floats) -> State:
-        """The state, the carriers' coordinates as those of a structure."""
+        """The state, the supports' coordinates as those of a structure."""
         n, d = self.size, self.carried
         return State(y[d:n], y[n + d :], supports=y[:d], support_rates=y[n : n + d])
 

@@ -54,7 +54,7 @@ def flaws(figure: Figure) -> list[str]:
 
 
 def hidden_curves(figure: Figure) -> list[str]:
-    """Curves that could be left out with hardly a pixel changed, because others are drawn upon them.
+    """Curves that could be omitted with hardly a pixel changed, because others are drawn upon them.
 
     Pieces of one curve, of one colour and one label but for leading underscores, count as one.
     """

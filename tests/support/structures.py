@@ -6,7 +6,7 @@ its Hessian) in mpmath:
     Σ m ∇r (∇r·q'' + q'ᵀ ∇²r q') + Σ I ∇α (∇α·q'') = −∇V − Σ d ∇s (∇s·q') + forces
 
 with a potential V and dashpots d between what moves by s.  Time is one more coordinate, of rate 1: ropes that are
-hoisted and a ground that moves need no frame of their own.  Coordinates: η of the carriers, then absolute angles θ.
+hoisted and a ground that moves need no frame of their own.  Coordinates: η of the supports, then absolute angles θ.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ Number = float | mp.mpf
 
 @dataclass
 class Jet:
-    """A value with its first and second derivatives by coordinates, zeros left out; `second` by (i, j) and (j, i)."""
+    """A value with its first and second derivatives by coordinates, zeros omitted; `second` by (i, j) and (j, i)."""
 
     value: mp.mpf
     first: dict[int, mp.mpf] = field(default_factory=dict)
@@ -123,7 +123,7 @@ class Parts:
 
 @dataclass
 class _Body:
-    """The pose of a carrier, or the points of a modal one."""
+    """The pose of a support, or the points of a modal one."""
 
     origin: At
     angle: Jet | None
@@ -250,7 +250,7 @@ class Oracle:
     # ------------------------------------------------------------------------------------------------------- places
 
     def _parts(self, q: Sequence[Number], v: Sequence[Number], time: Number) -> Parts:
-        """All parts at one state; springs are unstretched, and carriers' springs carry the weights, as drawn."""
+        """All parts at one state; springs are unstretched, and supports' springs carry the weights, as drawn."""
         here = _Assembled(self, q, time)
         here.own_springs(self._drawn)
         here.springs(self._drawn)
@@ -478,7 +478,7 @@ def _size(support: Any) -> int:
 
 
 def _own(support: Any, name: str) -> list[list[float]]:
-    """The matrix of a carrier's own springs or dampers."""
+    """The matrix of a support's own springs or dampers."""
     if support.kind == "modal":
         d = _size(support)
         return [list(row) for row in (support.K if name == "stiffness" else support.D) or [[0.0] * d] * d]

@@ -243,7 +243,7 @@ def pendulum(count: int, damping: float) -> Pendulum:
 
 @pytest.mark.parametrize("space", ["plane", "space"])
 def test_the_amplitude_is_that_of_the_turning_point(space: Literal["plane", "space"]) -> None:
-    """Energy tells it: cos θ = cos θ₀ − l θ₀'²/2g on a fixed support, where a whole turn would leave 180°."""
+    """Energy shows it: cos θ = cos θ₀ − l θ₀'²/2g on a fixed support, where a whole turn would leave 180°."""
     start = InitialCondition(angles_deg=(20.0,), rates_deg=(180.0,), azimuths_deg=(35.0,) if space == "space" else None)
     scene = Scene(gravity=G, space=space, pendulum=(Pendulum(links=(Bob(mass=1.0, length=1.0),), start=start),))
     highest = np.degrees(np.arccos(np.cos(np.radians(20)) - np.pi**2 / (2 * G)))

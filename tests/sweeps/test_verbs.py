@@ -66,7 +66,7 @@ def test_the_list_is_what_is_computed() -> None:
 
 @pytest.mark.parametrize("name", MEASURES)
 def test_a_verb_takes_a_measure_or_says_why_not(name: str) -> None:
-    """Refused by the same sentence at every door, before anything is computed."""
+    """Refused by the same sentence everywhere, before anything is computed."""
     for verb in VERBS:
         if name in taken_by(verb):
             assert type(measure_for(verb, name)) is MEASURES[name]

@@ -1,4 +1,4 @@
-"""Paper 001: every equation against Cartesian kinematics and the pair, and what it leaves out."""
+"""Paper 001: every equation against Cartesian kinematics and the pair, and what it omits."""
 
 from __future__ import annotations
 

@@ -329,7 +329,7 @@ def test_what_leaves_another_branch_begins_there() -> None:
 
 @lru_cache
 def example() -> Branches:
-    """Those of the metronomes, without periodic orbits beside them."""
+    """Those of the metronomes, without periodic orbits next to them."""
     branches = replace(fed())
     branches.__dict__["special_points"] = (None,) * len(branches.changes)
     return branches
@@ -398,7 +398,7 @@ def test_words_and_refusals() -> None:
 
 
 def test_branches_beside_the_same_orbits_are_listed_once() -> None:
-    """Averaged equations of light metronomes have two motions in phase, the full ones a single orbit beside both."""
+    """Averaged equations of light metronomes have two motions in phase, the full ones a single orbit near both."""
     scene = vary(load("metronomes"), {"support.mass": 0.05})
     averaged = [state for state in relative_equilibria(average(scene)) if agreement(state) == "in phase"]
     orbits = [certified_orbit(scene, state) for state in averaged]

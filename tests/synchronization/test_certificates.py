@@ -107,7 +107,7 @@ def clocks(seconds: float) -> Trajectory:
 
 
 def test_the_orbit_at_the_end_is_that_in_which_a_long_run_repeats() -> None:
-    """Newton's method finds it from a run that is not there yet; the run that goes on has its period and its angles."""
+    """Newton's method finds it from a run that is not there yet; the continued run has its period and its angles."""
     assert orbit_at_the_end(clocks(3.0)) is None
     run = clocks(10.0)
     orbit = orbit_at_the_end(run)
@@ -143,7 +143,7 @@ def test_a_run_that_goes_on_is_that_of_one_call() -> None:
 
 
 def test_thresholds_of_averaged_equations_name_who_drains() -> None:
-    """The value is that of the branches; a run beside the motion beyond it ends in the mode named."""
+    """The value is that of the branches; a run near the motion beyond it ends in the mode named."""
     (loses,) = averaged_thresholds(load("huygens"), "support.mass=20:30:2")
     assert loses.value == pytest.approx(26.6726, rel=1e-3)
     assert loses.words == "in phase loses stability"

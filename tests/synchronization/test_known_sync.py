@@ -1,4 +1,4 @@
-"""Known results on clocks that share a beam, reproduced by the full simulator and beside what averaging promises."""
+"""Known results on clocks that share a beam, reproduced by the full simulator and compared with averaging."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def test_all_four_configurations_attract_on_a_beam_of_six_kilograms() -> None:
 
 
 def test_on_the_shipped_beam_fast_antiphase_shares_its_energy_for_ever() -> None:
-    """Nine tenths of it stay, so that only the share at first tells; the averaged equations say so too."""
+    """Nine tenths of it stay, so that only the initial share decides; the averaged equations say so too."""
     scene = load("clocks-double")
     assert koluda.varied(scene.support.mass, 0.5) == scene
     assert koluda.averages(scene) == ("stable", "stable", "unstable", "stable")

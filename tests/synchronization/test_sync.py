@@ -1,4 +1,4 @@
-"""Who keeps time with whom: prediction and simulation side by side, in words, numbers, a picture and a film."""
+"""Who keeps time with whom: prediction and simulation compared, in words, numbers, a picture and a film."""
 
 from __future__ import annotations
 
@@ -339,7 +339,7 @@ def of_run(
 
 
 def test_what_dampers_took_is_said_only_of_dampers() -> None:
-    """Not of van der Pol drives beside the kicks, nor where there are no dampers."""
+    """Not with van der Pol drives in addition to kicks, nor where there are no dampers."""
     scene = clocks(10.0, 4.0, drive=ESCAPEMENT)
     links = [pendulum.links[0] for pendulum in scene.pendulum]
     driven = links[0].model_copy(update={"drive": clocks(1.0).pendulum[0].links[0].drive})

@@ -1,4 +1,4 @@
-"""Numbers that several places share, tuned: beside one entry of two copies, and a search over an own response."""
+"""Numbers that several places share, tuned: against one entry of two copies, and a search over an own response."""
 
 from __future__ import annotations
 

@@ -151,7 +151,7 @@ def test_the_line_is_in_text_and_in_json(tmp_path: object, capsys: pytest.Captur
 
 
 def test_a_shock_knows_the_acceleration_on_both_sides_of_a_corner() -> None:
-    """A trapezoid of velocities: jumps of the acceleration by 1 m/s² within 0.2 s, felt at once by the tip."""
+    """A trapezoid of velocities: jumps of the acceleration by 1 m/s² within 0.2 s, with immediate effect on the tip."""
     times, values = ROUGH["trapezoid"]
     motion = RecordMotion(time_s=tuple(times.tolist()), velocity_m_per_s=tuple(values.tolist()))
     scene = Scene(gravity=9.81, pendulum=(Pendulum(links=(Bob(mass=0.5, length=1.0, damping=1e-3),)),))

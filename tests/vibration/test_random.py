@@ -44,7 +44,7 @@ def test_white_noise_through_one_mode_is_its_closed_form(damping: float) -> None
 
 
 def test_miles_equation() -> None:
-    """The acceleration felt on an oscillator, ω² times its displacement, is √(π f Q S/2)."""
+    """The acceleration of an oscillator, ω² times its displacement, is √(π f Q S/2)."""
     response = random_response(oscillator(0.01), WHITE, ("angles",))
     omega = sqrt(9.81 / 0.5)
     Q = omega * 2.0 * 0.5**2 / 0.01
@@ -101,7 +101,7 @@ def test_an_undamped_mode_has_no_finite_rms() -> None:
 
 
 def test_a_mode_that_the_noise_does_not_reach_is_silent() -> None:
-    """Two equal pendula on a free cart, which does not feel the ground at all."""
+    """Two equal pendula on a free cart, which the ground does not move at all."""
     pair = double(0.0, Cart(mass=3.0))
     pair = pair.replace(pendulum=(pair.pendulum[0].replace(count=2),))
     response = random_response(pair, Spectrum((0.1, 10.0), (1.0, 1.0), "acceleration"), ("angles", "cart_position"))
@@ -189,7 +189,7 @@ def test_no_digit_is_lost_however_sharp_a_mode_is(quality: float) -> None:
 
 
 def test_a_response_beside_a_sharp_mode_is_that_of_50_digits() -> None:
-    """Relative offsets of 1e-4 to 1e-11 from a mode of Q = 1e9, where the rounding of ω² alone is felt."""
+    """Relative offsets of 1e-4 to 1e-11 from a mode of Q = 1e9, where only the rounding of ω² matters."""
     damping = 0.5 * sqrt(9.81 / 0.5) / 1e9
     omega = sqrt(9.81 / 0.5) * (1 + np.geomspace(1e-11, 1e-4, 40))
     form = random_response(oscillator(damping), WHITE, ("angles",)).form
