@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from modal.plotting.layout import headline, key, set_values
-from modal.plotting.style import HUES, colour, ink, mixture, rest, secondary_colour, stack
+from modal.plotting.style import HUES, colour, ink, mixture, paper, rest, secondary_colour, stack
 from modal.scene import title_of
 from nonlinear.plotting.sweeps import edges, outline
 
@@ -32,7 +32,9 @@ def rhythm_figure(rhythms: RhythmMap) -> Figure:
         shares = 100 * np.array(rhythms.shares(name))
         is_there = np.array([any(r.name == name for r in value.rhythms) for value in rhythms.values])
         ends = rhythms.intervals(name)
-        axis.plot(values, np.where(is_there, shares, np.nan), "o-", ms=3, color=colour(number % HUES), clip_on=False)
+        axis.plot(
+            values, np.where(is_there, shares, np.nan), "o-", ms=3, color=colour(number % HUES), clip_on=False, zorder=3
+        )
         low, high = 100 * np.array(ends).T
         axis.fill_between(values, low, high, where=is_there, color=colour(number % HUES), alpha=0.2, lw=0)
     undecided = 100 * np.array([value.undecided / rhythms.members for value in rhythms.values])
@@ -49,7 +51,7 @@ def rhythm_figure(rhythms: RhythmMap) -> Figure:
     ]
     dashed = [(each.value, f"averaged: {each.words}", "--") for each in rhythms.averaged]
     _mark(axis, [*marks, *dashed])
-    headline(figure, title_of(rhythms.scene), f"what {rhythms.members} starts end in")
+    headline(figure, title_of(rhythms.scene), f"what {rhythms.members} starts at each value end in")
     key(figure, handles, columns=min(3, len(handles)))
     return figure
 
@@ -91,6 +93,8 @@ def grid_figure(grid: RhythmGrid) -> Figure:
         heights = low * (high / low) ** parts if second.log else low + (high - low) * parts
         for bottom, top, hue in zip(heights[:-1], heights[1:], hues, strict=True):
             axis.bar(x[:-1], top - bottom, np.diff(x), bottom, align="edge", color=mixture(hue, 0.6), lw=0)
+    axis.hlines(y[1:-1], x[0], x[-1], color=paper(), lw=2)
+    axis.vlines(x[1:-1], y[0], y[-1], color=paper(), lw=2)
     set_values(axis, grid.scene, first)
     set_values(axis, grid.scene, second, "y")
     axis.grid(visible=False)
@@ -107,7 +111,7 @@ def grid_figure(grid: RhythmGrid) -> Figure:
         for chain in chains:
             axis.plot(*np.array(chain).T, **look, clip_on=False, zorder=4)
         handles.append(Line2D([], [], **look, label=border_words(grid.maps, name, kind, is_birth)))
-    headline(figure, title_of(grid.scene), f"what {grid.maps[0].members} starts end in")
+    headline(figure, title_of(grid.scene), f"what {grid.maps[0].members} starts at each point end in")
     notes = "each cell is divided by the shares of the starts; lines are computed along each row"
     key(figure, handles, columns=2, notes=notes.partition(";")[0] if not grid.borders() else notes)
     return figure
