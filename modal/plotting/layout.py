@@ -73,13 +73,19 @@ def caption(figure: Figure, words: str) -> str:
 
 
 def _fold(figure: Figure, text: Text) -> None:
-    """Wrap a text to the width allowed for titles."""
+    """Wrap a text to the width allowed for titles, in lines of similar length."""
     words = text.get_text()
     letters = len(words)
     with any_letters():
         while (excess := text.get_window_extent().width / (BREADTH * figure.bbox.width)) > 1 and letters > 8:
             letters = min(letters - 1, int(1.1 * letters / excess))
             text.set_text(fill(words, letters))
+    if text.get_text() == words:
+        return
+    lines, longest = text.get_text().count("\n"), max(map(len, words.split()))
+    while letters > longest and fill(words, letters - 1).count("\n") == lines:
+        letters -= 1
+    text.set_text(fill(words, letters))
 
 
 def key(

@@ -334,7 +334,6 @@ class RhythmGrid(Drawable, Result):
         Each is a list of (first number, second number); of several in a row those nearest to each other are joined.
         """
         lines: dict[tuple[str, str, bool], list[list[tuple[float, float]]]] = {}
-        low, high = self.axes[0].values[0], self.axes[0].values[-1]
         previous = None
         for value, row in zip(self.axes[1].values, self.maps, strict=True):
             for event in row.births:
@@ -343,7 +342,7 @@ class RhythmGrid(Drawable, Result):
                 chains = lines.setdefault((event.name, event.kind, event.is_birth), [])
                 open_chains = [chain for chain in chains if chain[-1][1] == previous]
                 gaps = [abs(chain[-1][0] - event.value) for chain in open_chains]
-                if gaps and min(gaps) < (high - low) / 4:
+                if gaps:
                     open_chains[gaps.index(min(gaps))].append((event.value, value))
                 else:
                     chains.append([(event.value, value)])

@@ -10,7 +10,7 @@ from matplotlib.lines import Line2D
 
 from modal.errors import ComputationError
 from modal.plotting.layout import headline, key
-from modal.plotting.style import HUES
+from modal.plotting.style import HUES, ink
 from modal.scene import title_of
 from nonlinear.plotting.stability import LABELS, DrawnBranch, branch_keys, figure_along, mark, stability_keys
 
@@ -19,14 +19,18 @@ if TYPE_CHECKING:
 
 
 def branches_figure(branches: Branches) -> Figure:
-    """Solid lines where a branch is stable, dash-dotted ones where it is not; circles are critical values.
+    """Solid lines where a branch is stable, dash-dotted ones where it is not; dots are computed, circles critical.
 
     Raise ComputationError for no branch and for more than HUES.
     """
     if not 1 <= len(branches.branches) <= HUES:
         raise ComputationError(f"{len(branches.branches)} configurations do not fit in a figure: from 1 to {HUES}")
-    figure = figure_along(branches.scene, branches.variation, LABELS, [_drawn(branch) for branch in branches.branches])
-    headline(figure, title_of(branches.scene), "steady oscillations")
+    lines = [_drawn(branch) for branch in branches.branches]
+    figure = figure_along(branches.scene, branches.variation, LABELS, lines)
+    for line in lines:
+        for axis, curve in zip(figure.axes, line.curves, strict=True):
+            axis.plot(line.values, curve, ".", color=ink(), ms=5, zorder=4, label="_computed")
+    headline(figure, title_of(branches.scene), "steady oscillations by averaged equations")
     key(figure, _handles(branches), columns=2)
     return figure
 
@@ -41,4 +45,5 @@ def _drawn(branch: EquilibriumBranch) -> DrawnBranch:
 
 def _handles(branches: Branches) -> list[Line2D]:
     lines = branch_keys([branch.words for branch in branches.branches])
-    return [*lines, *stability_keys(), Line2D([], [], label="critical value", **mark())]
+    computed = Line2D([], [], ls="", marker=".", ms=5, color=ink(), label="computed value")
+    return [*lines, *stability_keys(), computed, Line2D([], [], label="critical value", **mark())]

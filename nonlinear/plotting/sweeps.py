@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import QuadMesh
 from matplotlib.colors import BoundaryNorm, ListedColormap, LogNorm, Normalize, to_rgb
 from matplotlib.figure import Figure
-from matplotlib.patheffects import Normal, Stroke
+from matplotlib.patheffects import AbstractPathEffect, Normal, Stroke
 
 from modal.errors import ComputationError
 from modal.plotting.curves import draw_curves
@@ -134,7 +134,7 @@ def _range(axis: Axes, values: Floats, kind: str) -> None:
 
 
 def _maps(sweep: Sweep, names: list[str]) -> Figure:
-    columns = min(len(names), 2)
+    columns = 1 if len(names) in (1, 3) else 2
     rows = -(-len(names) // columns)
     figure = sheet_of_rows(1.5 * rows, WIDTH if columns == 1 else WIDE)
     panels = np.atleast_1d(figure.subplots(rows, columns, sharex=True, sharey=True)).ravel()
@@ -213,11 +213,15 @@ def draw_shades(
 
 def _boundaries(axis: Axes, sweep: Sweep) -> None:
     """The boundaries of growth over a map of amplitude and frequency, outlined to be seen on every colour."""
-    outline = [Stroke(linewidth=2.4, foreground=paper()), Normal()]
     is_frequency_first = sweep.study.variations[0].path.endswith("frequency_hz")
     for boundary in sweep.boundaries:
         places = (boundary.frequency_hz, boundary.amplitude)
-        axis.plot(*(places[::-1] if is_frequency_first else places), color=ink(), lw=1.0, path_effects=outline)
+        axis.plot(*(places[::-1] if is_frequency_first else places), color=ink(), lw=1.0, path_effects=outline(2.4))
+
+
+def outline(width: float) -> list[AbstractPathEffect]:
+    """The effect of a line to be seen on every colour: a wider one of paper's colour below it."""
+    return [Stroke(linewidth=width, foreground=paper()), Normal()]
 
 
 def edges(variation: Variation) -> Floats:

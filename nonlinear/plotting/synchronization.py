@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from modal.errors import ComputationError
 from modal.modes import Mode, table_numbers
@@ -33,7 +33,7 @@ from modal.plotting.style import (
 from modal.report import counted
 from modal.scene import title_of
 from modal.scene.doors import require_type
-from modal.types import Floats, Ints
+from modal.types import EPS, Floats, Ints
 from nonlinear.integration import Trajectory
 from nonlinear.postprocessing import pick_links, resample, smooth
 from nonlinear.synchronization import Phases, Survival, find_survival, population_phases
@@ -132,7 +132,8 @@ def _shares(axis: Axes, trajectory: Trajectory) -> None:
     curves = [(survival.times, survival.share[:, row]) for row in rows]
     draw_curves(axis, curves, names=_names(survival, rows))
     if rest.size:
-        words = counted(rest.size, "other", "others")
+        others = int(survival.modes.multiplicity[survival.row[rest] - 1].sum())
+        words = counted(others, "other mode", "other modes")
         axis.plot(survival.times, survival.share[:, rest].sum(1), color=secondary_colour(), lw=1.2, label=words)
     axis.set_yticks(np.linspace(0, 1, 6))
     legend(axis, 2)
@@ -180,7 +181,10 @@ def _energies(axis: Axes, phases: Phases, pendula: Ints) -> None:
         axis.plot(times, np.median(energy, axis=1), color=ink(), lw=1.4, label="median")
         legend(axis, 2)
     axis.set_ylim(min(0.0, axis.get_ylim()[0]), None)
-    set_frame(axis, "time (s)", "energy (J)", "Energy of each pendulum, mean over a period")
+    power = int(np.clip(np.floor(np.log10(max(float(energy.max()), EPS)) / 3), -3, 0))
+    axis.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value / 1000.0**power:g}"))
+    unit = ("J", "mJ", "µJ", "nJ")[-power]
+    set_frame(axis, "time (s)", f"energy ({unit})", "Energy of each pendulum, mean over a period")
 
 
 def _circle(axis: Axes, phases: Phases, pendula: Ints) -> None:
@@ -194,7 +198,7 @@ def _circle(axis: Axes, phases: Phases, pendula: Ints) -> None:
     for k, pendulum in enumerate(pendula):
         look: dict[str, Any] = {"color": colour(k), "label": f"_pendulum {pendulum + 1}"}
         axis.plot([0, angle[pendulum]], [0, size[pendulum]], **look, lw=narrowing(k), zorder=2 + k / HUES)
-        diameter = 3 * (HUES - k) - 2
+        diameter = min(5.0, 18.0 / len(pendula)) * (len(pendula) - k)
         axis.plot(angle[pendulum], size[pendulum], "o", **look, ms=diameter, mec=paper(), mew=0.6, zorder=4 + k)
     axis.set_ylim(0, 1.15 * float(size.max()) or 1.0)
     axis.yaxis.set_major_locator(MaxNLocator(4))

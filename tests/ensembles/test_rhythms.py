@@ -350,14 +350,15 @@ def test_two_numbers_are_a_grid_of_verdicts() -> None:
 
 
 def test_a_minority_is_not_the_most_frequent() -> None:
-    """Undecided starts are shown where they are most, others as dots; the interval of 3 of 10 is uneven."""
+    """Undecided starts are named where they are most, and every cell is divided; the interval of 3 of 10 is uneven."""
     variation, second = parse_variations(["support.mass=0.1:0.12:2", "support.damping=0.01:0.02:2"])
     value = ValueRhythms(0.1, (Rhythm("in phase", 3, 10),), 7, ())
     row = RhythmMap(METRONOMES, variation, (value, value), (), 10, 52.0, 100.0, 7)
     grid = RhythmGrid(METRONOMES, (variation, second), (row, row))
-    text, dots = grid.report(), grid.plot().axes[0].collections[1:]
+    text, bars = grid.report(), grid.plot().axes[0].patches
     assert "undecided 70 (in phase 30)" in text
-    assert [dot.get_sizes().tolist() for dot in dots] == [[pytest.approx(90.0)]] * 4
+    heights = sorted(bar.get_height() for bar in bars)
+    assert heights == pytest.approx([0.3 * 0.005] * 4 + [0.7 * 0.005] * 4)
     _, high = scipy.stats.binomtest(3, 10).proportion_ci(method="wilson")
     assert f"certain to {100 * (high - 0.3):.2g} %" in text
 

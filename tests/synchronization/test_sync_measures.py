@@ -466,7 +466,7 @@ def test_many_rows_are_drawn_as_one_and_pictures_are_written() -> None:
     lines = panel(sync_figure(run, phases_of(run)), "hold the energy").lines
     named = [line for line in lines if not line.get_label().startswith("_")]
     assert len(named) == HUES
-    assert lines[-1].get_label() == "4 others"
+    assert lines[-1].get_label() == "4 other modes"
     curves: dict[str, np.ndarray] = {}
     for line in lines:  # a curve upon another one is in pieces
         whole = curves.setdefault(line.get_label().lstrip("_"), np.array(line.get_ydata(), dtype=float))
