@@ -55,8 +55,6 @@ def _misfits(options: argparse.Namespace) -> Iterator[str]:
         if len(options.vary) > 1:
             yield "--vary: two numbers need --map"
         yield from misfits(options, "cannot be combined with --vary", "--duration", "--start", "--film", "--words")
-        if options.format == "json":
-            yield f"{form}: cannot be combined with --vary"
         return
     yield from misfits(options, "needs --vary", "--workers", "--scheduler")
     if options.format == "csv":
@@ -101,14 +99,17 @@ def _film(study: SynchronizationStudy, name: str, theme: str) -> None:
 
 def _branches(scene: Scene, options: argparse.Namespace) -> Branches | PopulationDiagram:
     from modal.scene.parameters import parse_variations
+    from modal.report import as_json
     from nonlinear.synchronization import branches_csv, branches_text, follow_branches, has_patterns
+    from nonlinear.synchronization.report import branches_record
 
     (variation,) = parse_variations(options.vary)
     if has_patterns(scene):
         return _diagram(scene, variation, options)
     with crew_of(options) as crew, bar(0, "branches") as report:
         branches = follow_branches(scene, variation, report, crew=crew)
-    say(branches_csv(branches) if options.format == "csv" else branches_text(branches), options.format)
+    writers = {"text": branches_text, "csv": branches_csv, "json": lambda diagram: as_json(branches_record(diagram))}
+    say(writers[options.format](branches), options.format)
     draw_in(options, options.output, "nonlinear.plotting", "branches_figure", branches)
     return branches
 
@@ -135,11 +136,14 @@ def _map(scene: Scene, options: argparse.Namespace) -> RhythmMap | RhythmGrid:
 
 
 def _diagram(scene: Scene, variation: Variation, options: argparse.Namespace) -> PopulationDiagram:
+    from modal.report import as_json
     from nonlinear.synchronization import diagram_csv, diagram_text, follow_populations
+    from nonlinear.synchronization.population_report import diagram_record
 
     with crew_of(options) as crew, bar(0, "motions") as report:
         diagram = follow_populations(scene, variation, report, crew=crew)
-    say(diagram_csv(diagram) if options.format == "csv" else diagram_text(diagram), options.format)
+    writers = {"text": diagram_text, "csv": diagram_csv, "json": lambda diagram: as_json(diagram_record(diagram))}
+    say(writers[options.format](diagram), options.format)
     draw_in(options, options.output, "nonlinear.plotting", "populations_figure", diagram)
     return diagram
 
@@ -166,7 +170,7 @@ COMMANDS = (
             ),
             "--seed, with --map (default 7)",
             "--folder, with --map",
-            formats("text", "csv", "json", more=" (default text); csv with --vary only, json without it or with --map"),
+            formats("text", "csv", "json", more=" (default text); csv with --vary only"),
             "--words: prediction and simulation",
             *report_file("text", "csv", "json"),
             "--film: a stroboscopic one",
@@ -180,12 +184,10 @@ COMMANDS = (
             "full equations, sweep --loci the frequencies of small motion). For equal pendula on the supports of a "
             "structure it says which population is locked, and to which; then follow the growth rates of the motions "
             "in which every population is one pendulum, and with --vary the values at which these become or cease to "
-            "be stable. With --vary the oscillations found at one value, and their critical values, are shared among "
-            "the "
+            "be stable. With --vary the oscillations found at one value, and their critical values, are shared among the "
             "--workers; each is followed from value to value by one. With --map the same starts are run at every value "
             "until their returns to a section show which motion they reach: the share of each rhythm with its 95 % "
-            "interval, "
-            "its orbit, and where it is born and dies in the full equations."
+            "interval, its orbit, and where it appears, disappears or changes its stability in the full equations."
         ),
         examples=(
             ("sync metronomes -o sync.png --film sync.gif", "two metronomes on a light base, with a figure and a film"),

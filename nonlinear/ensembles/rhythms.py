@@ -241,24 +241,30 @@ class RhythmMap(Drawable, Result):
         rows = []
         for number, value in enumerate(self.values):
             present = {rhythm.name for rhythm in value.rhythms}
-            cells = [f"{100 * self.shares(name)[number]:.3g}" if name in present else "" for name in self.names]
+            cells = [self._share_words(name, number) if name in present else "" for name in self.names]
             rows.append(
                 [f"{value.value:g}", *cells, *(f"{100 * value.undecided / self.members:.3g}" for _ in undecided)]
             )
-        yield "starts (%) that end in each rhythm:\n"
+        yield "starts (%) that end in each rhythm, with the 95 % interval:"
         yield ReportTable(columns, rows)
-        if any("" in row or "0" in row for row in rows):
+        if any(cell == "" or cell.startswith("0 (") for row in rows for cell in row[1:]):
             yield "blank: not found there; 0: it exists, found by continuation, and no start ended in it"
-        yield "\n".join([*map(self.event_words, self.births), *map(self._averaged_words, self.averaged)])
+        if words := [*map(self.event_words, self.births), *map(self._averaged_words, self.averaged)]:
+            yield "\n".join(words)
         yield "\n".join(self._footnotes())
+
+    def _share_words(self, name: str, number: int) -> str:
+        """The share (%) at the value of this number, with its interval."""
+        low, high = self.intervals(name)[number]
+        return f"{100 * self.shares(name)[number]:.3g} ({100 * low:.3g} to {100 * high:.3g})"
 
     def _averaged_words(self, threshold: AveragedThreshold) -> str:
         """A sentence about a threshold of averaged equations, and how far the exact one is."""
         distance = self.distance(threshold)
         clauses = [f"Averaged, at {self._with_unit(threshold.value, 5)}: {threshold.words}", threshold.reason]
         if distance is not None:
-            # 1e-4 of the range is as much as an averaged threshold is found to
-            clauses.append(f"the nearest exact one lies {self._with_unit(abs(distance), 2)} {'above' if distance > 0 else 'below'}")
+            side = "above" if distance > 0 else "below"
+            clauses.append(f"the nearest exact value lies {self._with_unit(abs(distance), 2)} {side}")
         return "; ".join(filter(None, clauses)) + "."
 
     def event_words(self, event: RhythmEvent) -> str:
@@ -386,7 +392,7 @@ class RhythmGrid(Drawable, Result):
         """The rhythm in which most starts end at every pair of values, or that most are undecided."""
         first, second = self.axes
         across = number_label(self.scene, first.path)
-        yield f"The rhythm in which most starts end, with its share (%); across: {across}.\n"
+        yield f"The rhythm in which most starts end, with its share (%); across: {across}."
         columns = [number_label(self.scene, second.path), *(f"{value:g}" for value in first.values)]
         cells = [
             [f"{value:g}", *(_most_words(at, row.members) for at in row.values)]

@@ -33,16 +33,15 @@ from modal.report import (
 from modal.scene import Scene, describe, title_of
 from modal.scene.doors import checked, require_type
 from modal.scene.parameters import Variation
-from modal.types import Crew
+from modal.types import Crew, Floats
 from nonlinear.averaging import ASIDE, RelativeEquilibrium
 from nonlinear.orbits import Orbit, growth
 from nonlinear.orbits.cycles import drift_growth
 from nonlinear.orbits.report import TABLE_ROWS_MAX
 from nonlinear.postprocessing import last, smooth
-from nonlinear.postprocessing.returns import returns_of
-from nonlinear.synchronization.attractors import ending_of, rhythm_of
+from nonlinear.synchronization.attractors import rhythm_of
 from nonlinear.synchronization.continuation import Branches, Change, EquilibriumBranch, follow_branches
-from nonlinear.synchronization.modal_energy import Survival
+from nonlinear.synchronization.modal_energy import BEAT_DIFFERENCE_MAX, Survival
 from nonlinear.synchronization.patterns import agreement, own_amplitudes
 from nonlinear.synchronization.phases import ENDING
 from nonlinear.synchronization.population_report import (
@@ -70,6 +69,7 @@ LEFT = "(averaged): no such orbit was found."
 LOCATED = (
     "exact: where periodic orbits of the full equations turn or change their stability, by their Floquet multipliers."
 )
+AVERAGED = "Frequency, angle and where a configuration exists and is stable are those of the averaged equations."
 NUMBERED = "Modes are numbered as in the table."
 LISTED_FREQUENCIES_MAX = 6
 """Format: frequencies of pendula in a sentence."""
@@ -194,24 +194,31 @@ def _support(scene: Scene) -> str:
     return "structure" if scene.is_structured else "cart"
 
 
+def _late_swing(study: SynchronizationStudy) -> tuple[Floats, Floats]:
+    """The times (s) of the second half of the run, (T,), and the angles (rad) to which pendula swing then, (T, N)."""
+    late = last(study.trajectory.times, 0.5)
+    angles, times = study.phases.amplitude[late, :, study.phases.leading], study.trajectory.times[late]
+    return times, smooth(times, angles, 2 * pi / float(study.phases.omega.min()))
+
+
 def _angles(study: SynchronizationStudy) -> str:
     """From which to which angle the swing of one pendulum goes in the second half of the run."""
-    late = study.phases.amplitude[last(study.trajectory.times, 0.5), :, study.phases.leading]
-    swing = smooth(
-        study.trajectory.times[last(study.trajectory.times, 0.5)], late, 2 * pi / float(study.phases.omega.min())
-    )
+    _, swing = _late_swing(study)
     widest = swing[:, int(np.ptp(swing, axis=0).argmax())]
     return f"a pendulum swings between {degrees(widest.min()):.3g}° and {degrees(widest.max()):.3g}°"
 
 
 def _slow_period(study: SynchronizationStudy) -> str:
-    """A clause on the slow period of the motion, where that is a multiple of the energy's by a symmetry."""
+    """A clause on the slow period of the motion, where that is a multiple of the energy's as pendula swap roles."""
     assert study.survival and study.survival.beat
-    slow_period = ending_of(returns_of(study.trajectory), study.scene).slow_period
-    turns = round(slow_period / study.survival.beat.period) if slow_period else 1
-    if turns < 2:
-        return ""
-    return f"; its pendula are back in their roles after {turns} of these, the slow period of {slow_period:.4g} s"
+    period, (times, swing) = study.survival.beat.period, _late_swing(study)
+    for turns in range(1, int(np.ptp(times) / period) + 1):
+        is_later = times >= times[0] + turns * period
+        earlier = np.array([np.interp(times[is_later] - turns * period, times, angle) for angle in swing.T]).T
+        if np.abs(earlier - swing[is_later]).max() < BEAT_DIFFERENCE_MAX * np.ptp(swing, axis=0).max():
+            roles = f"; they are back in their roles after {turns} of these, the slow period of {turns * period:.4g} s"
+            return roles if turns > 1 else ""
+    return ""
 
 
 def _since(study: SynchronizationStudy) -> Iterator[str]:
@@ -251,8 +258,8 @@ def _locking(study: SynchronizationStudy) -> Iterator[str]:
     elif phases.locked and study.locks_later:
         low, high = f"{frequencies.min():.5g}", f"{frequencies.max():.5g}"
         yield (
-            f"The pendula are predicted to lock at {_locked_frequency(study):.6g} rad/s, and have not by the end of the "
-            f"run: their frequencies go from {low} to {high} rad/s (R = {order:.4f})."
+            f"The pendula are predicted to lock at {_locked_frequency(study):.6g} rad/s, and have not by the end of "
+            f"the run: their frequencies go from {low} to {high} rad/s (R = {order:.4f})."
         )
     elif phases.locked:
         omega = f"{_locked_frequency(study):.6g} rad/s"
@@ -291,8 +298,8 @@ def _table(theory: Theory) -> str:
     if drifts:
         what = _support(theory.prediction.averaged.scene)
         notes.append(
-            f"These are of the pendula; the sliding of the {what} as a whole decays more slowly, with an e-folding time "
-            f"of {listed(sorted(drifts), len(drifts))} s."
+            f"These are of the pendula; the sliding of the {what} as a whole decays more slowly, with an e-folding "
+            f"time of {listed(sorted(drifts), len(drifts))} s."
         )
     if any(state.copies > 1 for state, _ in motions):
         notes.insert(0, COPIED)
@@ -314,7 +321,9 @@ STEADY = (
     ReportColumn(lambda each: each[0].number, None, "mode"),
     ReportColumn(lambda each: each[0].averaged.modes[each[0].row].family, None, "description"),
     ReportColumn(lambda each: _agreement(each[0]), None, "pendula"),
-    ReportColumn(lambda each: degrees(each[1].amplitude) if each[1] else _largest(each[0]), None, "largest angle (deg)", ".4g"),
+    ReportColumn(
+        lambda each: degrees(each[1].amplitude) if each[1] else _largest(each[0]), None, "largest angle (deg)", ".4g"
+    ),
     ReportColumn(lambda each: each[1].omega if each[1] else each[0].omega, None, "frequency (rad/s)", ".6g"),
     ReportColumn(lambda each: _fate(*each), None, "stability"),
 )
@@ -577,7 +586,10 @@ def _frequencies(study: SynchronizationStudy) -> dict[str, Any]:
         frequencies = study.phases.frequency.tolist()
     except ComputationError as error:
         return {"frequencies_rad_per_s": None, "no_frequencies": str(error)}
-    return {"frequencies_rad_per_s": [finite(omega) for omega in frequencies], "locked": study.phases.locked and not study.locks_later}
+    return {
+        "frequencies_rad_per_s": [finite(omega) for omega in frequencies],
+        "locked": study.phases.locked and not study.locks_later,
+    }
 
 
 def branches_text(diagram: Branches) -> str:
@@ -591,17 +603,17 @@ def branches_text(diagram: Branches) -> str:
             ReportColumn(lambda row: ends_of(row[1].omega), None, "ω (rad/s)"),
             ReportColumn(lambda row: ends_of(np.rad2deg(row[1].angle)), None, "largest angle (°)"),
             ReportColumn(
-                lambda row: f"{row[1].values[0]:.7g} to {row[1].values[-1]:.7g}", None, with_unit("exists", unit)
+                lambda row: f"{row[1].values[0]:.5g} to {row[1].values[-1]:.5g}", None, with_unit("exists", unit)
             ),
             ReportColumn(lambda row: _lasting(row[1]), None, with_unit("stable", unit)),
         ),
         enumerate(diagram.branches, start=1),
     )
-    parts = [head, table.written() or "no steady motion"]
+    parts = [head, table.written() or "no steady motion", "", fill(AVERAGED, line_width())]
     if diagram.changes:
         table = ReportTable.of(
             (
-                ReportColumn(lambda row: row[0][0].value, None, with_unit("averaged", unit), ".7g"),
+                ReportColumn(lambda row: row[0][0].value, None, with_unit("averaged", unit), ".5g"),
                 ReportColumn(lambda row: row[1].orbit.value if row[1] else None, None, with_unit("exact", unit), ".7g"),
                 ReportColumn(lambda row: row[0][1] + 1, None, ""),
                 ReportColumn(lambda row: change_words(row[0][0]), None, "event"),
@@ -615,11 +627,31 @@ def branches_text(diagram: Branches) -> str:
 
 
 def _lasting(branch: EquilibriumBranch) -> str:
-    return ", ".join(f"{low:.7g} to {high:.7g}" for low, high in branch.intervals) or "nowhere"
+    return ", ".join(f"{low:.5g} to {high:.5g}" for low, high in branch.intervals) or "nowhere"
 
 
 def branches_csv(diagram: Branches) -> str:
     """One row per branch and value: frequency, stability, largest angle, growth rate, and the pattern."""
+    return as_csv(_branch_rows(diagram))
+
+
+def branches_record(diagram: Branches) -> dict[str, Any]:
+    """The JSON record: the same rows, and the critical values, averaged and exact, null where none was found."""
+    changes = [
+        {
+            "branch": number + 1,
+            "event": change.kind,
+            "averaged": change.value,
+            "exact": special and special.orbit.value,
+            "beat_rad_per_s": change.beat or None,
+        }
+        for (change, number), special in zip(diagram.changes, diagram.special_points, strict=True)
+    ]
+    variation = {"vary": diagram.variation.path, "unit": diagram.variation.unit}
+    return {"scene": describe(diagram.scene), **variation, "rows": _branch_rows(diagram), "changes": changes}
+
+
+def _branch_rows(diagram: Branches) -> list[dict[str, Any]]:
     rows = []
     for number, branch in enumerate(diagram.branches, start=1):
         numbers = branch.values.tolist(), branch.is_stable, branch.omega.tolist(), branch.angle.tolist(), branch.states
@@ -628,7 +660,7 @@ def branches_csv(diagram: Branches) -> str:
                 diagram.variation, value, omega, stable=bool(stable), angle_deg=degrees(angle), growth=state.growth
             )
             rows.append({**columns, "branch": number, "pendula": agreement(state)})
-    return as_csv(rows)
+    return rows
 
 
 def change_words(change: Change) -> str:

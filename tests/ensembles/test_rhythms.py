@@ -291,7 +291,7 @@ def test_a_minority_is_not_the_most_frequent() -> None:
     assert "undecided 70 (in phase 30)" in text
     assert [dot.get_sizes().tolist() for dot in dots] == [[pytest.approx(90.0)]] * 4
     _, high = scipy.stats.binomtest(3, 10).proportion_ci(method="wilson")
-    assert f"certain to {100 * (high - 0.3):.2g} %" in text
+    assert f"at most {100 * (high - 0.3):.2g} percentage points" in text
 
 
 def test_a_map_without_averaged_thresholds_says_why() -> None:

@@ -389,7 +389,7 @@ def test_what_is_drawn_is_what_was_found() -> None:
 def test_words_and_refusals() -> None:
     branches = example()
     assert [branch.words for branch in branches.branches] == ["antiphase", "in phase"]
-    with pytest.raises(SceneError, match="nothing excites"):
+    with pytest.raises(SceneError, match="nothing drives"):
         follow_branches(modal.load("paper-cart-2"), parse_variations(["support.mass=1:2:3"])[0])
     with pytest.raises(SceneError, match="two or more values"):
         follow_branches(branches.scene, parse_variations(["support.mass=1"])[0])

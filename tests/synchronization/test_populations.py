@@ -328,7 +328,7 @@ def test_what_has_no_symmetric_motions_says_why() -> None:
     with pytest.raises(SceneError, match="two or more values"):
         follow_populations(scene, Variation(swings.STIFFNESS, (1.0,)))
     still = scene.undriven
-    with pytest.raises(SceneError, match="nothing excites"):
+    with pytest.raises(SceneError, match="nothing drives"):
         follow_populations(still, Variation(swings.STIFFNESS, (1.0, 2.0)))
 
 
