@@ -99,16 +99,15 @@ def _film(study: SynchronizationStudy, name: str, theme: str) -> None:
 
 def _branches(scene: Scene, options: argparse.Namespace) -> Branches | PopulationDiagram:
     from modal.scene.parameters import parse_variations
-    from modal.report import as_json
     from nonlinear.synchronization import branches_csv, branches_text, follow_branches, has_patterns
-    from nonlinear.synchronization.report import branches_record
+    from nonlinear.synchronization.report import branches_json
 
     (variation,) = parse_variations(options.vary)
     if has_patterns(scene):
         return _diagram(scene, variation, options)
     with crew_of(options) as crew, bar(0, "branches") as report:
         branches = follow_branches(scene, variation, report, crew=crew)
-    writers = {"text": branches_text, "csv": branches_csv, "json": lambda diagram: as_json(branches_record(diagram))}
+    writers = {"text": branches_text, "csv": branches_csv, "json": branches_json}
     say(writers[options.format](branches), options.format)
     draw_in(options, options.output, "nonlinear.plotting", "branches_figure", branches)
     return branches
@@ -136,13 +135,12 @@ def _map(scene: Scene, options: argparse.Namespace) -> RhythmMap | RhythmGrid:
 
 
 def _diagram(scene: Scene, variation: Variation, options: argparse.Namespace) -> PopulationDiagram:
-    from modal.report import as_json
     from nonlinear.synchronization import diagram_csv, diagram_text, follow_populations
-    from nonlinear.synchronization.population_report import diagram_record
+    from nonlinear.synchronization.population_report import diagram_json
 
     with crew_of(options) as crew, bar(0, "motions") as report:
         diagram = follow_populations(scene, variation, report, crew=crew)
-    writers = {"text": diagram_text, "csv": diagram_csv, "json": lambda diagram: as_json(diagram_record(diagram))}
+    writers = {"text": diagram_text, "csv": diagram_csv, "json": diagram_json}
     say(writers[options.format](diagram), options.format)
     draw_in(options, options.output, "nonlinear.plotting", "populations_figure", diagram)
     return diagram
@@ -184,8 +182,8 @@ COMMANDS = (
             "full equations, sweep --loci the frequencies of small motion). For equal pendula on the supports of a "
             "structure it says which population is locked, and to which; then follow the growth rates of the motions "
             "in which every population is one pendulum, and with --vary the values at which these become or cease to "
-            "be stable. With --vary the oscillations found at one value, and their critical values, are shared among the "
-            "--workers; each is followed from value to value by one. With --map the same starts are run at every value "
+            "be stable. With --vary the oscillations found at one value, and their critical values, are shared among "
+            "the --workers; each is followed from value to value by one. With --map the same starts run at every value "
             "until their returns to a section show which motion they reach: the share of each rhythm with its 95 % "
             "interval, its orbit, and where it appears, disappears or changes its stability in the full equations."
         ),

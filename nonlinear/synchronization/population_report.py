@@ -17,6 +17,7 @@ from modal.report import (
     ReportColumn,
     ReportTable,
     as_csv,
+    as_json,
     capital,
     counted,
     grid,
@@ -214,8 +215,8 @@ def diagram_csv(diagram: PopulationDiagram) -> str:
     return as_csv(_diagram_rows(diagram))
 
 
-def diagram_record(diagram: PopulationDiagram) -> dict[str, Any]:
-    """The JSON record: the same rows, and the thresholds, averaged and exact, null where none was found."""
+def diagram_json(diagram: PopulationDiagram) -> str:
+    """The same rows, and the thresholds, averaged and exact, null where none was found."""
     thresholds = [
         {
             "motion": threshold.pattern,
@@ -227,7 +228,8 @@ def diagram_record(diagram: PopulationDiagram) -> dict[str, Any]:
         for threshold in diagram.thresholds
     ]
     variation = {"vary": diagram.variation.path, "unit": diagram.variation.unit}
-    return {"scene": describe(diagram.scene), **variation, "rows": _diagram_rows(diagram), "thresholds": thresholds}
+    shared = {"scene": describe(diagram.scene), **variation}
+    return as_json(shared | {"rows": _diagram_rows(diagram), "thresholds": thresholds})
 
 
 def _diagram_rows(diagram: PopulationDiagram) -> list[dict[str, Any]]:

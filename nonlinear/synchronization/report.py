@@ -19,6 +19,7 @@ from modal.report import (
     ReportColumn,
     ReportTable,
     as_csv,
+    as_json,
     capital,
     counted,
     finite,
@@ -210,7 +211,8 @@ def _angles(study: SynchronizationStudy) -> str:
 
 def _slow_period(study: SynchronizationStudy) -> str:
     """A clause on the slow period of the motion, where that is a multiple of the energy's as pendula swap roles."""
-    assert study.survival and study.survival.beat
+    assert study.survival
+    assert study.survival.beat
     period, (times, swing) = study.survival.beat.period, _late_swing(study)
     for turns in range(1, int(np.ptp(times) / period) + 1):
         is_later = times >= times[0] + turns * period
@@ -635,8 +637,8 @@ def branches_csv(diagram: Branches) -> str:
     return as_csv(_branch_rows(diagram))
 
 
-def branches_record(diagram: Branches) -> dict[str, Any]:
-    """The JSON record: the same rows, and the critical values, averaged and exact, null where none was found."""
+def branches_json(diagram: Branches) -> str:
+    """The same rows, and the critical values, averaged and exact, null where none was found."""
     changes = [
         {
             "branch": number + 1,
@@ -648,7 +650,7 @@ def branches_record(diagram: Branches) -> dict[str, Any]:
         for (change, number), special in zip(diagram.changes, diagram.special_points, strict=True)
     ]
     variation = {"vary": diagram.variation.path, "unit": diagram.variation.unit}
-    return {"scene": describe(diagram.scene), **variation, "rows": _branch_rows(diagram), "changes": changes}
+    return as_json({"scene": describe(diagram.scene), **variation, "rows": _branch_rows(diagram), "changes": changes})
 
 
 def _branch_rows(diagram: Branches) -> list[dict[str, Any]]:

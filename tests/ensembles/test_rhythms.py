@@ -277,7 +277,7 @@ def test_two_numbers_are_a_grid_of_verdicts() -> None:
     assert [row["value"] for row in whole["rows"]] == [0.01, 0.02]
     assert {at.rhythms[0].name for row in grid.maps for at in row.values} == {"in phase"}
     assert "in phase 100" in grid.report()
-    assert "2 starts at each value" in grid.report()
+    assert "2 starts, the same at every value" in grid.report()
     assert grid.plot().axes
 
 

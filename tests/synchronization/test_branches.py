@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 from dataclasses import replace
 from functools import lru_cache
 from io import BytesIO, StringIO
@@ -38,6 +39,7 @@ from nonlinear.synchronization import (
 from nonlinear.synchronization.certificates import certified_orbit
 from nonlinear.synchronization.continuation import Walk
 from nonlinear.synchronization.patterns import own_amplitudes
+from nonlinear.synchronization.report import branches_json
 from nonlinear.system import State
 
 GRAVITY, ANGLE = 9.81, 5.0
@@ -344,6 +346,9 @@ def test_what_is_printed_is_what_was_found() -> None:
     for change, _ in branches.changes:
         assert f"{change.value:.7g}" in text
     rows = list(csv.DictReader(StringIO(branches_csv(branches))))
+    record = json.loads(branches_json(branches))
+    assert [str(row["branch"]) for row in record["rows"]] == [row["branch"] for row in rows]
+    assert [change["averaged"] for change in record["changes"]] == [change.value for change, _ in branches.changes]
     assert len(rows) == sum(len(branch.values) for branch in branches.branches)
     head = [
         "support.damping_N_s_per_m",
