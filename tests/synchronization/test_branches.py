@@ -342,9 +342,9 @@ def test_what_is_printed_is_what_was_found() -> None:
     text = branches_text(branches)
     for branch in branches.branches:
         assert branch.words in text
-        assert ", ".join(f"{low:.7g} to {high:.7g}" for low, high in branch.intervals) in text
+        assert ", ".join(f"{low:.5g} to {high:.5g}" for low, high in branch.intervals) in text
     for change, _ in branches.changes:
-        assert f"{change.value:.7g}" in text
+        assert f"{change.value:.5g}" in text
     rows = list(csv.DictReader(StringIO(branches_csv(branches))))
     record = json.loads(branches_json(branches))
     assert [str(row["branch"]) for row in record["rows"]] == [row["branch"] for row in rows]
