@@ -21,7 +21,7 @@ from nonlinear.ensembles import RhythmMap, ensemble, find_rhythm_grid, find_rhyt
 from nonlinear.ensembles.endings import EndingGroup, _periodic_groups, exponent_of, is_orbit_of, rhythm_starts
 from nonlinear.ensembles.rhythm_borders import continued
 from nonlinear.ensembles.rhythm_maps import MapTask
-from nonlinear.ensembles.rhythms import Rhythm, RhythmGrid, ValueRhythms, wilson
+from nonlinear.ensembles.rhythms import Rhythm, RhythmEvent, RhythmGrid, ValueRhythms, wilson
 from nonlinear.orbits import follow_cycles, limit_cycles
 from nonlinear.orbits.cycles import beginnings
 from nonlinear.orbits.stable import stable_orbits
@@ -289,6 +289,8 @@ def test_a_minority_is_not_the_most_frequent() -> None:
     grid = RhythmGrid(METRONOMES, (variation, second), (row, row))
     text, dots = grid.report(), grid.plot().axes[0].collections[1:]
     assert "undecided 70 (in phase 30)" in text
+    beat = RhythmEvent("beat", False, "enclosed", 0.11, (0.109, 0.111), "in phase")
+    assert row.event_words(beat) == "beat ends between 0.109 kg and 0.111 kg: beyond that the motion becomes in phase."
     assert [dot.get_sizes().tolist() for dot in dots] == [[pytest.approx(90.0)]] * 4
     _, high = scipy.stats.binomtest(3, 10).proportion_ci(method="wilson")
     assert f"at most {100 * (high - 0.3):.2g} percentage points" in text
