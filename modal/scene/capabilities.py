@@ -155,7 +155,7 @@ AIRLESS = {
     for kind in sorted(STRUCTURED)
     for name in sorted(DRAG)
 }
-EXCITED = {DRIVES | {"active_law"}: "nothing excites this scene: it has no steady oscillation; give a joint a drive"}
+EXCITED = {DRIVES | {"active_law"}: "nothing drives this scene; add a drive to a joint"}
 
 # ------------------------------------------------------------------------------------------------------- the table
 

@@ -238,6 +238,8 @@ def _unknown(scene: Scene, name: str, path: str) -> str:
     hint = spelling_hint(name, numbers, cutoff=SIMILARITY_MIN) or _of_that_key(name, numbers)
     if ".start." in name and not any(".start." in place for place in numbers):
         hint = ": its file gives no pendulum a `start`"
+    if name.startswith("pendulum[") and any(pendulum.count > 1 for pendulum in scene.pendulum):
+        hint += "; the pendula of a `count` share their numbers: write them one by one to change those of one alone"
     return f"{path}: " + ("" if name == path else f"{name} ") + "is not a number of this scene" + hint
 
 

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from modal.coupling import Coupling
 
 MORE = "--words explains everything in sentences with formulas; --format json contains every number."
-MAP = "sync {} --vary NUMBER=FIRST:LAST:COUNT --map: the rhythms that motions reach along a number, and how often."
+MAP = "`multipendula sync {} --vary NUMBER=FIRST:LAST:COUNT --map` shows which long-term motions occur, and how often."
 
 
 def explain(options: argparse.Namespace) -> Coupling:

@@ -55,8 +55,6 @@ def _misfits(options: argparse.Namespace) -> Iterator[str]:
         if len(options.vary) > 1:
             yield "--vary: two numbers need --map"
         yield from misfits(options, "cannot be combined with --vary", "--duration", "--start", "--film", "--words")
-        if options.format == "json":
-            yield f"{form}: cannot be combined with --vary"
         return
     yield from misfits(options, "needs --vary", "--workers", "--scheduler")
     if options.format == "csv":
@@ -102,13 +100,15 @@ def _film(study: SynchronizationStudy, name: str, theme: str) -> None:
 def _branches(scene: Scene, options: argparse.Namespace) -> Branches | PopulationDiagram:
     from modal.scene.parameters import parse_variations
     from nonlinear.synchronization import branches_csv, branches_text, follow_branches, has_patterns
+    from nonlinear.synchronization.report import branches_json
 
     (variation,) = parse_variations(options.vary)
     if has_patterns(scene):
         return _diagram(scene, variation, options)
     with crew_of(options) as crew, bar(0, "branches") as report:
         branches = follow_branches(scene, variation, report, crew=crew)
-    say(branches_csv(branches) if options.format == "csv" else branches_text(branches), options.format)
+    writers = {"text": branches_text, "csv": branches_csv, "json": branches_json}
+    say(writers[options.format](branches), options.format)
     draw_in(options, options.output, "nonlinear.plotting", "branches_figure", branches)
     return branches
 
@@ -136,10 +136,12 @@ def _map(scene: Scene, options: argparse.Namespace) -> RhythmMap | RhythmGrid:
 
 def _diagram(scene: Scene, variation: Variation, options: argparse.Namespace) -> PopulationDiagram:
     from nonlinear.synchronization import diagram_csv, diagram_text, follow_populations
+    from nonlinear.synchronization.population_report import diagram_json
 
     with crew_of(options) as crew, bar(0, "motions") as report:
         diagram = follow_populations(scene, variation, report, crew=crew)
-    say(diagram_csv(diagram) if options.format == "csv" else diagram_text(diagram), options.format)
+    writers = {"text": diagram_text, "csv": diagram_csv, "json": diagram_json}
+    say(writers[options.format](diagram), options.format)
     draw_in(options, options.output, "nonlinear.plotting", "populations_figure", diagram)
     return diagram
 
@@ -166,7 +168,7 @@ COMMANDS = (
             ),
             "--seed, with --map (default 7)",
             "--folder, with --map",
-            formats("text", "csv", "json", more=" (default text); csv with --vary only, json without it or with --map"),
+            formats("text", "csv", "json", more=" (default text); csv with --vary only"),
             "--words: prediction and simulation",
             *report_file("text", "csv", "json"),
             "--film: a stroboscopic one",
@@ -181,11 +183,9 @@ COMMANDS = (
             "structure it says which population is locked, and to which; then follow the growth rates of the motions "
             "in which every population is one pendulum, and with --vary the values at which these become or cease to "
             "be stable. With --vary the oscillations found at one value, and their critical values, are shared among "
-            "the "
-            "--workers; each is followed from value to value by one. With --map the same starts are run at every value "
+            "the --workers; each is followed from value to value by one. With --map the same starts run at every value "
             "until their returns to a section show which motion they reach: the share of each rhythm with its 95 % "
-            "interval, "
-            "its orbit, and where it is born and dies in the full equations."
+            "interval, its orbit, and where it appears, disappears or changes its stability in the full equations."
         ),
         examples=(
             ("sync metronomes -o sync.png --film sync.gif", "two metronomes on a light base, with a figure and a film"),

@@ -89,6 +89,13 @@ class Prediction(Displayed):
             return ""
         return f"no mode wins: the strongest has {100 * self.share:.3g} % of the energy"
 
+    @property
+    def unsettled(self) -> str:
+        """The doubt that the slow motion has not settled; "" if it has, or dies."""
+        if self.motion.dies or self.motion.settled:
+            return ""
+        return f"nothing has settled after {self.motion.times[-1]:.3g} s"
+
     @cached_property
     def doubts(self) -> tuple[str, ...]:
         """Reasons why the survivor is not certain; empty if it is."""
@@ -132,10 +139,12 @@ class Prediction(Displayed):
     def _doubts(self) -> Iterator[tuple[str, bool]]:
         """Every reason, and whether it concerns the way from this start instead of the final state."""
         if self.motion.dies:
-            yield "the swing dies out: no drive sustains it", True
+            if self.motion.reach < KICK_REACH_MIN:
+                yield "a clock starts so close to the angle of its escapement that it may go on", True
+            yield from ((words, False) for words in self._limits())
             return
-        if not self.motion.settled:
-            yield f"nothing has settled after {self.motion.times[-1]:.3g} s", True
+        if self.unsettled:
+            yield self.unsettled, True
         elif not self.is_won:
             yield self.indecision, False
         if self.ending is None or self.ending.hold < 2 * self._error:

@@ -241,34 +241,53 @@ class RhythmMap(Drawable, Result):
         rows = []
         for number, value in enumerate(self.values):
             present = {rhythm.name for rhythm in value.rhythms}
-            cells = [f"{100 * self.shares(name)[number]:.3g}" if name in present else "" for name in self.names]
+            cells = [self._share_words(name, number) if name in present else "" for name in self.names]
             rows.append(
                 [f"{value.value:g}", *cells, *(f"{100 * value.undecided / self.members:.3g}" for _ in undecided)]
             )
-        yield "starts (%) that end in each rhythm:\n"
+        yield "starts (%) that end in each rhythm, with the 95 % interval:"
         yield ReportTable(columns, rows)
-        if any("" in row or "0" in row for row in rows):
+        if any(cell == "" or cell.startswith("0 (") for row in rows for cell in row[1:]):
             yield "blank: not found there; 0: it exists, found by continuation, and no start ended in it"
-        yield "\n".join([*map(self.event_words, self.births), *map(self._averaged_words, self.averaged)])
+        if words := [*map(self.event_words, self.births), *map(self._averaged_words, self.averaged)]:
+            yield "\n".join(words)
         yield "\n".join(self._footnotes())
+
+    def _share_words(self, name: str, number: int) -> str:
+        """The share (%) at the value of this number, with its interval."""
+        low, high = self.intervals(name)[number]
+        return f"{100 * self.shares(name)[number]:.3g} ({100 * low:.3g} to {100 * high:.3g})"
 
     def _averaged_words(self, threshold: AveragedThreshold) -> str:
         """A sentence about a threshold of averaged equations, and how far the exact one is."""
-        distance, unit = self.distance(threshold), f" {self.variation.unit}" * bool(self.variation.unit)
-        clauses = [f"Averaged, at {threshold.value:.6g}{unit}: {threshold.words}", threshold.reason]
+        distance = self.distance(threshold)
+        clauses = [f"Averaged, at {self._with_unit(threshold.value, 5)}: {threshold.words}", threshold.reason]
         if distance is not None:
-            clauses.append(f"the nearest birth or death is {distance:+.2g}{unit} from there")
+            side = "above" if distance > 0 else "below"
+            clauses.append(f"the nearest exact value lies {self._with_unit(abs(distance), 2)} {side}")
         return "; ".join(filter(None, clauses)) + "."
 
     def event_words(self, event: RhythmEvent) -> str:
         """A sentence about one of the events."""
-        what, unit = "is born" if event.is_birth else "dies", f" {self.variation.unit}".rstrip()
         if event.between:
-            places = f"between {event.between[0]:.7g} and {event.between[1]:.7g}{unit}"
+            low, high = (self._with_unit(value, 7) for value in event.between)
             if event.kind == UNDECIDED:
-                return f"{event.name} is last seen {places}: what it goes over into is undecided."
-            return f"{event.name} {what} {places}, where it goes over into another rhythm: {event.successor}."
-        return f"{event.name} {what} at {event.value:.8g}{unit}: {event.kind}."
+                return f"{event.name} is last seen between {low} and {high}: what follows is undecided."
+            what, side = ("begins", "below") if event.is_birth else ("ends", "beyond")
+            return f"{event.name} {what} between {low} and {high}: {side} that the motion becomes {event.successor}."
+        place = f"{self._with_unit(event.value, 8)} ({event.kind})"
+        if event.kind in ("Neimark–Sacker", "doubling", "branch point") and self._has_orbit(event.name):
+            return f"{event.name} {'becomes stable' if event.is_birth else 'loses stability'} at {place}."
+        return f"{event.name} {'appears' if event.is_birth else 'disappears'} at {place}."
+
+    def _with_unit(self, value: float, digits: int) -> str:
+        """A value of the number with its unit."""
+        unit = self.variation.unit
+        return f"{value:.{digits}g}" + ("°" if unit in ("°", "deg") else f" {unit}".rstrip())
+
+    def _has_orbit(self, name: str) -> bool:
+        """Whether a rhythm is periodic: its orbit goes on where it loses stability."""
+        return any(rhythm.orbit for value in self.values for rhythm in value.rhythms if rhythm.name == name)
 
     def _footnotes(self) -> Iterator[str]:
         yield _sampling_words([self])
@@ -276,12 +295,13 @@ class RhythmMap(Drawable, Result):
             yield f"No averaged thresholds: {reason}."
         slow = [(r.name, r.slow_period, v.value) for v in self.values for r in v.rhythms if r.slow_period]
         for name in dict.fromkeys(entry[0] for entry in slow):
-            periods = [f"{period:.4g} s at {value:g}" for entry, period, value in slow if entry == name]
-            yield f"{name}: its slow period is {', '.join(periods)}{f' {self.variation.unit}'.rstrip()}."
+            periods = [
+                f"{period:.4g} s at {self._with_unit(value, 6)}" for entry, period, value in slow if entry == name
+            ]
+            yield f"{name}: all pendula are back in their roles after its slow period, {', '.join(periods)}."
         chaotic = [(r.name, *r.exponent, v.value) for v in self.values for r in v.rhythms if r.exponent]
         for name, exponent, half_width, value in chaotic:
-            place = f"{value:g} {self.variation.unit}".rstrip()
-            yield f"{name}: its exponent is {exponent:.3g} ± {half_width:.2g} 1/s at {place}."
+            yield f"{name}: its exponent is {exponent:.3g} ± {half_width:.2g} 1/s at {self._with_unit(value, 6)}."
         for name in self.names:
             if not any(self.shares(name)):
                 yield f"{name}: no start ended in it at any value; found by continuation."
@@ -296,8 +316,7 @@ class RhythmMap(Drawable, Result):
             assert rhythm.orbit
             sizes = " and ".join(f"{angle:.3g}°" for angle in np.degrees(rhythm.orbit.amplitudes))
             phase = degrees(np.abs(rhythm.phases).max())
-            unit = f" {self.variation.unit}".rstrip()
-            yield f"{name}: {sizes}, up to {phase:.3g}° apart, at {value:g}{unit}."
+            yield f"{name}: {sizes}, up to {phase:.3g}° apart, at {self._with_unit(value, 6)}."
 
 
 def _sampling_words(maps: Sequence[RhythmMap]) -> str:
@@ -307,8 +326,9 @@ def _sampling_words(maps: Sequence[RhythmMap]) -> str:
     ends = [(share, *wilson(round(share * first.members), first.members)) for share in shares]
     error = max(max(share - low, high - share) for share, low, high in ends)
     return (
-        f"{first.members} starts at each value, the same at all, with angles up to {first.largest_deg:g}° and random "
-        f"phases, run for at most {limit:.4g} s; shares are certain to {100 * error:.2g} % at worst (95 %)."
+        f"{first.members} starts, the same at every value, with angles up to {first.largest_deg:g}° and random phases, "
+        f"run for at most {limit:.4g} s; the 95 % intervals reach at most {100 * error:.2g} percentage points from the "
+        "share."
     )
 
 
@@ -371,7 +391,7 @@ class RhythmGrid(Drawable, Result):
         """The rhythm in which most starts end at every pair of values, or that most are undecided."""
         first, second = self.axes
         across = number_label(self.scene, first.path)
-        yield f"The rhythm in which most starts end, with its share (%); across: {across}.\n"
+        yield f"The rhythm in which most starts end, with its share (%); across: {across}."
         columns = [number_label(self.scene, second.path), *(f"{value:g}" for value in first.values)]
         cells = [
             [f"{value:g}", *(_most_words(at, row.members) for at in row.values)]

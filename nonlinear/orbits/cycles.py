@@ -8,6 +8,7 @@ from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from modal.errors import ComputationError, SceneError
 from modal.report import silent
@@ -184,12 +185,24 @@ def growth(orbit: Orbit) -> float:
     The drift of a free cart that its damper brings to rest, by which no pendulum moves against another, is omitted, as
     is that of free supports.
     """
+    rates, is_drift = _rates(orbit)
+    return float(rates[~is_drift].max(initial=-np.inf))
+
+
+def drift_growth(orbit: Orbit) -> float:
+    """The growth rate (1/s) of what `growth` omits, −∞ where there is nothing."""
+    rates, is_drift = _rates(orbit)
+    return float(rates[is_drift].max(initial=-np.inf))
+
+
+def _rates(orbit: Orbit) -> tuple[Floats, NDArray[np.bool_]]:
+    """The growth rates (1/s) of all perturbations, and which are drifts of a cart or of carriers."""
     rates = np.log(np.abs(orbit.floquet.others)) / orbit.period
+    is_drift = np.zeros(len(rates), dtype=bool)
     for drift in _drifts(orbit) if len(rates) else ():
-        at = int(np.abs(rates - drift).argmin())
-        if abs(rates[at] / drift - 1) < DRIFT_RATE_ERROR:
-            rates = np.delete(rates, at)
-    return float(rates.max(initial=-np.inf))
+        at = int(np.where(is_drift, np.inf, np.abs(rates - drift)).argmin())
+        is_drift[at] |= abs(rates[at] / drift - 1) < DRIFT_RATE_ERROR
+    return rates, is_drift
 
 
 def _drifts(orbit: Orbit) -> Iterator[float]:

@@ -126,6 +126,8 @@ def _parts(branches: Sequence[Branch], linear: float | None) -> Iterator[str]:
         yield f"branch {number + 1}, from {branch.origin}{direction}: {count} that close to {closure:.0e}{span}"
         indices = np.unique(np.linspace(0, len(branch.orbits) - 1, TABLE_ROWS_MAX).astype(int))
         table = ReportTable.of(_quantities(branch, linear), [branch.orbits[at] for at in indices])
+        if len(indices) < len(branch.orbits):
+            yield f"Of these {len(indices)}, evenly spread:"
         yield table.written()
         yield "\n".join(_notes(branch))
     if branches[0].is_forced:

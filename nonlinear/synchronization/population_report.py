@@ -17,6 +17,7 @@ from modal.report import (
     ReportColumn,
     ReportTable,
     as_csv,
+    as_json,
     capital,
     counted,
     grid,
@@ -24,6 +25,7 @@ from modal.report import (
     records_of,
     with_unit,
 )
+from modal.scene import describe
 from modal.types import Floats
 from nonlinear.synchronization.populations import PopulationPhases
 from nonlinear.synchronization.sectors import SymmetricMotion
@@ -174,7 +176,7 @@ def diagram_text(diagram: PopulationDiagram) -> str:
     if diagram.thresholds:
         table = ReportTable.of(
             (
-                ReportColumn("averaged", None, with_unit("averaged", unit), ".7g"),
+                ReportColumn("averaged", None, with_unit("averaged", unit), ".5g"),
                 ReportColumn("value", None, with_unit("exact", unit), ".9g"),
                 ReportColumn("pattern", None, "motion"),
                 ReportColumn(lambda threshold: threshold.sector or NOTHING, None, "sector"),
@@ -210,6 +212,27 @@ def threshold_words(threshold: Threshold) -> str:
 
 def diagram_csv(diagram: PopulationDiagram) -> str:
     """One row per motion, value and sector: frequency, stability, largest angle and growth rates."""
+    return as_csv(_diagram_rows(diagram))
+
+
+def diagram_json(diagram: PopulationDiagram) -> str:
+    """The same rows, and the thresholds, averaged and exact, null where none was found."""
+    thresholds = [
+        {
+            "motion": threshold.pattern,
+            "sector": threshold.sector,
+            "event": threshold_words(threshold),
+            "averaged": threshold.averaged,
+            "exact": threshold.value,
+        }
+        for threshold in diagram.thresholds
+    ]
+    variation = {"vary": diagram.variation.path, "unit": diagram.variation.unit}
+    shared = {"scene": describe(diagram.scene), **variation}
+    return as_json(shared | {"rows": _diagram_rows(diagram), "thresholds": thresholds})
+
+
+def _diagram_rows(diagram: PopulationDiagram) -> list[dict[str, Any]]:
     rows = []
     for branch in diagram.branches:
         numbers = branch.values.tolist(), branch.is_stable, branch.omega.tolist(), branch.angle.tolist()
@@ -223,4 +246,4 @@ def diagram_csv(diagram: PopulationDiagram) -> str:
                     diagram.variation, value, omega, stable=bool(stable), angle_deg=degrees(angle), growth=exact
                 )
                 rows.append({**columns, "averaged_growth_per_s": averaged_rate, "motion": branch.name, "sector": name})
-    return as_csv(rows)
+    return rows

@@ -19,6 +19,7 @@ from modal.report import (
     ReportColumn,
     ReportTable,
     as_csv,
+    as_json,
     capital,
     counted,
     finite,
@@ -33,14 +34,15 @@ from modal.report import (
 from modal.scene import Scene, describe, title_of
 from modal.scene.doors import checked, require_type
 from modal.scene.parameters import Variation
-from modal.types import Crew
+from modal.types import Crew, Floats
 from nonlinear.averaging import ASIDE, RelativeEquilibrium
 from nonlinear.orbits import Orbit, growth
+from nonlinear.orbits.cycles import drift_growth
 from nonlinear.orbits.report import TABLE_ROWS_MAX
 from nonlinear.postprocessing import last, smooth
 from nonlinear.synchronization.attractors import rhythm_of
 from nonlinear.synchronization.continuation import Branches, Change, EquilibriumBranch, follow_branches
-from nonlinear.synchronization.modal_energy import Survival
+from nonlinear.synchronization.modal_energy import BEAT_DIFFERENCE_MAX, Survival
 from nonlinear.synchronization.patterns import agreement, own_amplitudes
 from nonlinear.synchronization.phases import ENDING
 from nonlinear.synchronization.population_report import (
@@ -60,7 +62,7 @@ NOT_COVERED = (
     "frequencies, may exist as well; they are not searched for."
 )
 EXACT = (
-    "Frequency, stability and e-folding time are those of the periodic orbit near each: of its period and its "
+    "Angle, frequency, stability and e-folding time are those of the periodic orbit near each, of its period and its "
     "Floquet multipliers in the full equations."
 )
 COPIED = "Copies are the same motion with the roles of equal pendula exchanged."
@@ -68,6 +70,7 @@ LEFT = "(averaged): no such orbit was found."
 LOCATED = (
     "exact: where periodic orbits of the full equations turn or change their stability, by their Floquet multipliers."
 )
+AVERAGED = "Frequency, angle and where a configuration exists and is stable are those of the averaged equations."
 NUMBERED = "Modes are numbered as in the table."
 LISTED_FREQUENCIES_MAX = 6
 """Format: frequencies of pendula in a sentence."""
@@ -139,7 +142,7 @@ def _winner(study: SynchronizationStudy) -> Iterator[str]:
         beats = survival.beat
         outcome = (
             f"the energy beats indefinitely: mode {survival.number} contains between {percent(beats.low)} and "
-            f"{percent(beats.high)} of it, every {beats.period:.4g} s ({_angles(study)})"
+            f"{percent(beats.high)} of it, every {beats.period:.4g} s ({_angles(study)}{_slow_period(study)})"
         )
     elif survival and outcome and not survival.is_settled:
         outcome += f", undecided after {end}: it has not settled"
@@ -152,7 +155,8 @@ def _winner(study: SynchronizationStudy) -> Iterator[str]:
         yield "The swing dies out, by the prediction: no drive sustains it."
         return
     mode = f"mode {prediction.number} ({prediction.averaged.modes[prediction.row].family})"
-    strongest = f"No mode wins; {mode} has most, {percent(prediction.share)}"
+    share_then = "" if prediction.unsettled else f", {percent(prediction.share)}"
+    strongest = f"No mode wins; {mode} has most{share_then}"
     forecast = f"{capital(mode)} wins" if prediction.is_won else strongest
     if not outcome:
         yield f"{forecast}, by the prediction."
@@ -172,21 +176,51 @@ def _winner(study: SynchronizationStudy) -> Iterator[str]:
 def _orbit_at_the_end(study: SynchronizationStudy) -> Iterator[str]:
     """The periodic motion in which the run ends, where the prediction alone was not certain."""
     if study.orbit:
-        size = float(np.abs(study.orbit.floquet.others).max())
         yield (
             f"The run settles on a periodic motion of {study.orbit.period:.6g} s ({rhythm_of(study.orbit)}), stable in "
-            f"the full equations: no multiplier exceeds {size:.6g}."
+            f"the full equations: {_multipliers(study.orbit)}."
         )
+
+
+def _multipliers(orbit: Orbit) -> str:
+    """A clause on the largest multiplier, and on that of the sliding of a cart if it is larger."""
+    size, drift = (float(np.exp(rate * orbit.period)) for rate in (growth(orbit), drift_growth(orbit)))
+    if drift <= size:
+        return f"no multiplier exceeds {size:.6g}"
+    return f"no multiplier exceeds {size:.6g}, but {drift:.6g} of the sliding of the {_support(orbit.scene)}"
+
+
+def _support(scene: Scene) -> str:
+    """What carries the pendula."""
+    return "structure" if scene.is_structured else "cart"
+
+
+def _late_swing(study: SynchronizationStudy) -> tuple[Floats, Floats]:
+    """The times (s) of the second half of the run, (T,), and the angles (rad) to which pendula swing then, (T, N)."""
+    late = last(study.trajectory.times, 0.5)
+    angles, times = study.phases.amplitude[late, :, study.phases.leading], study.trajectory.times[late]
+    return times, smooth(times, angles, 2 * pi / float(study.phases.omega.min()))
 
 
 def _angles(study: SynchronizationStudy) -> str:
     """From which to which angle the swing of one pendulum goes in the second half of the run."""
-    late = study.phases.amplitude[last(study.trajectory.times, 0.5), :, study.phases.leading]
-    swing = smooth(
-        study.trajectory.times[last(study.trajectory.times, 0.5)], late, 2 * pi / float(study.phases.omega.min())
-    )
+    _, swing = _late_swing(study)
     widest = swing[:, int(np.ptp(swing, axis=0).argmax())]
     return f"a pendulum swings between {degrees(widest.min()):.3g}° and {degrees(widest.max()):.3g}°"
+
+
+def _slow_period(study: SynchronizationStudy) -> str:
+    """A clause on the slow period of the motion, where that is a multiple of the energy's as pendula swap roles."""
+    assert study.survival
+    assert study.survival.beat
+    period, (times, swing) = study.survival.beat.period, _late_swing(study)
+    for turns in range(1, int(np.ptp(times) / period) + 1):
+        is_later = times >= times[0] + turns * period
+        earlier = np.array([np.interp(times[is_later] - turns * period, times, angle) for angle in swing.T]).T
+        if np.abs(earlier - swing[is_later]).max() < BEAT_DIFFERENCE_MAX * np.ptp(swing, axis=0).max():
+            roles = f"; they are back in their roles after {turns} of these, the slow period of {turns * period:.4g} s"
+            return roles if turns > 1 else ""
+    return ""
 
 
 def _since(study: SynchronizationStudy) -> Iterator[str]:
@@ -223,6 +257,12 @@ def _locking(study: SynchronizationStudy) -> Iterator[str]:
         return
     if study.survival and study.survival.beat:
         yield f"The pendula are not locked: they beat, at {frequencies.mean():.6g} rad/s on average (R = {order:.4f})."
+    elif phases.locked and study.locks_later:
+        low, high = f"{frequencies.min():.5g}", f"{frequencies.max():.5g}"
+        yield (
+            f"The pendula are predicted to lock at {_locked_frequency(study):.6g} rad/s, and have not by the end of "
+            f"the run: their frequencies go from {low} to {high} rad/s (R = {order:.4f})."
+        )
     elif phases.locked:
         omega = f"{_locked_frequency(study):.6g} rad/s"
         yield f"The pendula are locked at {omega}, with the order parameter R = {order:.4f}."
@@ -234,7 +274,7 @@ def _locking(study: SynchronizationStudy) -> Iterator[str]:
 def _locked_frequency(study: SynchronizationStudy) -> float:
     """The frequency (rad/s) of the orbit in which locked pendula end, the mean of the run where there is none."""
     mean = float(study.phases.frequency.mean())
-    orbit = study.orbit or (study.theory.ending if study.theory and study.agrees else None)
+    orbit = study.orbit or (study.theory.ending if study.theory and (study.agrees or study.locks_later) else None)
     return orbit.omega * max(1, round(mean / orbit.omega)) if orbit else mean
 
 
@@ -255,6 +295,14 @@ def _table(theory: Theory) -> str:
     rows = ReportTable.of(STEADY, [motions[k] for k in rows_shown]).written()
     notes = [f"Averaged alone: {theory.certificate_refusal}."] * bool(theory.certificate_refusal)
     notes += [EXACT] * any(theory.orbits) + [LEFT] * (None in theory.orbits and any(theory.orbits))
+    slow = [orbit for _, orbit in motions if orbit and orbit.is_stable and drift_growth(orbit) > growth(orbit)]
+    drifts = {f"{-1 / drift_growth(orbit):.3g}" for orbit in slow}
+    if drifts:
+        what = _support(theory.prediction.averaged.scene)
+        notes.append(
+            f"These are of the pendula; the sliding of the {what} as a whole decays more slowly, with an e-folding "
+            f"time of {listed(sorted(drifts), len(drifts))} s."
+        )
     if any(state.copies > 1 for state, _ in motions):
         notes.insert(0, COPIED)
     if n_more := len(motions) - len(rows_shown):
@@ -275,7 +323,9 @@ STEADY = (
     ReportColumn(lambda each: each[0].number, None, "mode"),
     ReportColumn(lambda each: each[0].averaged.modes[each[0].row].family, None, "description"),
     ReportColumn(lambda each: _agreement(each[0]), None, "pendula"),
-    ReportColumn(lambda each: _largest(each[0]), None, "largest angle (deg)", ".4g"),
+    ReportColumn(
+        lambda each: degrees(each[1].amplitude) if each[1] else _largest(each[0]), None, "largest angle (deg)", ".4g"
+    ),
     ReportColumn(lambda each: each[1].omega if each[1] else each[0].omega, None, "frequency (rad/s)", ".6g"),
     ReportColumn(lambda each: _fate(*each), None, "stability"),
 )
@@ -309,8 +359,7 @@ def _prediction(study: SynchronizationStudy, theory: Theory) -> Iterator[str]:
     else:
         yield f"No mode wins: mode {prediction.number} {which} has most, {share} of the energy."
     if theory.ending:
-        size = float(np.abs(theory.ending.floquet.others).max())
-        yield f"The orbit in which it ends is stable in the full equations: no multiplier exceeds {size:.6g}."
+        yield f"The orbit in which it ends is stable in the full equations: {_multipliers(theory.ending)}."
     if theory.certificate_refusal:
         yield f"Its stability is that of the averaged equations alone ({theory.certificate_refusal})."
     if reasons := _reasons(study):
@@ -390,10 +439,11 @@ def _phases(study: SynchronizationStudy) -> Iterator[str]:
     elif phases.resolution > frequencies.max():
         yield f"Mean frequencies {words} rad/s: the run is too short to tell whether they lock."
     else:
-        beats = study.survival and study.survival.beat
-        fate = (
-            "they beat, and differ by" if beats else "locked within" if phases.locked else "not locked: they differ by"
-        )
+        fate = "locked within" if phases.locked else "not locked: they differ by"
+        if study.survival and study.survival.beat:
+            fate = "they beat, and differ by"
+        elif study.locks_later:
+            fate = "not locked yet: they differ by"
         yield f"Mean frequencies {words} rad/s: {fate} {np.ptp(frequencies):.2g} rad/s."
 
 
@@ -538,7 +588,10 @@ def _frequencies(study: SynchronizationStudy) -> dict[str, Any]:
         frequencies = study.phases.frequency.tolist()
     except ComputationError as error:
         return {"frequencies_rad_per_s": None, "no_frequencies": str(error)}
-    return {"frequencies_rad_per_s": [finite(omega) for omega in frequencies], "locked": study.phases.locked}
+    return {
+        "frequencies_rad_per_s": [finite(omega) for omega in frequencies],
+        "locked": study.phases.locked and not study.locks_later,
+    }
 
 
 def branches_text(diagram: Branches) -> str:
@@ -552,17 +605,17 @@ def branches_text(diagram: Branches) -> str:
             ReportColumn(lambda row: ends_of(row[1].omega), None, "ω (rad/s)"),
             ReportColumn(lambda row: ends_of(np.rad2deg(row[1].angle)), None, "largest angle (°)"),
             ReportColumn(
-                lambda row: f"{row[1].values[0]:.7g} to {row[1].values[-1]:.7g}", None, with_unit("exists", unit)
+                lambda row: f"{row[1].values[0]:.5g} to {row[1].values[-1]:.5g}", None, with_unit("exists", unit)
             ),
             ReportColumn(lambda row: _lasting(row[1]), None, with_unit("stable", unit)),
         ),
         enumerate(diagram.branches, start=1),
     )
-    parts = [head, table.written() or "no steady motion"]
+    parts = [head, table.written() or "no steady motion", "", fill(AVERAGED, line_width())]
     if diagram.changes:
         table = ReportTable.of(
             (
-                ReportColumn(lambda row: row[0][0].value, None, with_unit("averaged", unit), ".7g"),
+                ReportColumn(lambda row: row[0][0].value, None, with_unit("averaged", unit), ".5g"),
                 ReportColumn(lambda row: row[1].orbit.value if row[1] else None, None, with_unit("exact", unit), ".7g"),
                 ReportColumn(lambda row: row[0][1] + 1, None, ""),
                 ReportColumn(lambda row: change_words(row[0][0]), None, "event"),
@@ -576,11 +629,31 @@ def branches_text(diagram: Branches) -> str:
 
 
 def _lasting(branch: EquilibriumBranch) -> str:
-    return ", ".join(f"{low:.7g} to {high:.7g}" for low, high in branch.intervals) or "nowhere"
+    return ", ".join(f"{low:.5g} to {high:.5g}" for low, high in branch.intervals) or "nowhere"
 
 
 def branches_csv(diagram: Branches) -> str:
     """One row per branch and value: frequency, stability, largest angle, growth rate, and the pattern."""
+    return as_csv(_branch_rows(diagram))
+
+
+def branches_json(diagram: Branches) -> str:
+    """The same rows, and the critical values, averaged and exact, null where none was found."""
+    changes = [
+        {
+            "branch": number + 1,
+            "event": change.kind,
+            "averaged": change.value,
+            "exact": special and special.orbit.value,
+            "beat_rad_per_s": change.beat or None,
+        }
+        for (change, number), special in zip(diagram.changes, diagram.special_points, strict=True)
+    ]
+    variation = {"vary": diagram.variation.path, "unit": diagram.variation.unit}
+    return as_json({"scene": describe(diagram.scene), **variation, "rows": _branch_rows(diagram), "changes": changes})
+
+
+def _branch_rows(diagram: Branches) -> list[dict[str, Any]]:
     rows = []
     for number, branch in enumerate(diagram.branches, start=1):
         numbers = branch.values.tolist(), branch.is_stable, branch.omega.tolist(), branch.angle.tolist(), branch.states
@@ -589,7 +662,7 @@ def branches_csv(diagram: Branches) -> str:
                 diagram.variation, value, omega, stable=bool(stable), angle_deg=degrees(angle), growth=state.growth
             )
             rows.append({**columns, "branch": number, "pendula": agreement(state)})
-    return as_csv(rows)
+    return rows
 
 
 def change_words(change: Change) -> str:

@@ -137,6 +137,8 @@ class SynchronizationStudy(TextResult):
         prediction = self.theory.prediction
         if self.survival.beat:
             return self.leads and not prediction.is_won
+        if self.locks_later:
+            return None
         alike = self.leads and abs(prediction.share - self.survival.survivor_share) <= SHARE_DIFFERENCE_MAX
         goes_on = self.survival.is_settled or bool(self.survival.beating)
         has_ended = self.orbit is not None or (goes_on and not self.too_short)
@@ -149,6 +151,9 @@ class SynchronizationStudy(TextResult):
             return ()
         if self.agrees is False:
             return ("the simulation ends elsewhere", *self.theory.doubts)
+        if self.survival and self.survival.beat and self.agrees:
+            prediction = self.theory.prediction
+            return tuple(doubt for doubt in prediction.doubts_of_start if doubt != prediction.unsettled)
         if self.orbit and self.agrees:
             return ()
         if self.theory.is_family and self.agrees:
@@ -173,6 +178,15 @@ class SynchronizationStudy(TextResult):
         if self.theory is None or self.survival is None:
             return False
         return self.theory.prediction.row + 1 == self.survival.survivor
+
+    @cached_property
+    def locks_later(self) -> bool:
+        """Whether the run is too short, and its pendula still drift by 9° or more in its second half."""
+        try:
+            spread = float(np.ptp(self.phases.frequency))
+        except ComputationError:
+            return self.too_short
+        return self.too_short and spread > self.phases.resolution / 10
 
     @property
     def too_short(self) -> bool:

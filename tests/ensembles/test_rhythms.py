@@ -21,7 +21,7 @@ from nonlinear.ensembles import RhythmMap, ensemble, find_rhythm_grid, find_rhyt
 from nonlinear.ensembles.endings import EndingGroup, _periodic_groups, exponent_of, is_orbit_of, rhythm_starts
 from nonlinear.ensembles.rhythm_borders import continued
 from nonlinear.ensembles.rhythm_maps import MapTask
-from nonlinear.ensembles.rhythms import Rhythm, RhythmGrid, ValueRhythms, wilson
+from nonlinear.ensembles.rhythms import Rhythm, RhythmEvent, RhythmGrid, ValueRhythms, wilson
 from nonlinear.orbits import follow_cycles, limit_cycles
 from nonlinear.orbits.cycles import beginnings
 from nonlinear.orbits.stable import stable_orbits
@@ -345,7 +345,7 @@ def test_two_numbers_are_a_grid_of_verdicts() -> None:
     assert [row["value"] for row in whole["rows"]] == [0.01, 0.02]
     assert {at.rhythms[0].name for row in grid.maps for at in row.values} == {"in phase"}
     assert "in phase 100" in grid.report()
-    assert "2 starts at each value" in grid.report()
+    assert "2 starts, the same at every value" in grid.report()
     assert grid.plot().axes
 
 
@@ -357,10 +357,12 @@ def test_a_minority_is_not_the_most_frequent() -> None:
     grid = RhythmGrid(METRONOMES, (variation, second), (row, row))
     text, bars = grid.report(), grid.plot().axes[0].patches
     assert "undecided 70 (in phase 30)" in text
+    beat = RhythmEvent("beat", False, "enclosed", 0.11, (0.109, 0.111), "in phase")
+    assert row.event_words(beat) == "beat ends between 0.109 kg and 0.111 kg: beyond that the motion becomes in phase."
     heights = sorted(bar.get_height() for bar in bars)
     assert heights == pytest.approx([0.3 * 0.005] * 4 + [0.7 * 0.005] * 4)
     _, high = scipy.stats.binomtest(3, 10).proportion_ci(method="wilson")
-    assert f"certain to {100 * (high - 0.3):.2g} %" in text
+    assert f"at most {100 * (high - 0.3):.2g} percentage points" in text
 
 
 def test_a_map_without_averaged_thresholds_says_why() -> None:

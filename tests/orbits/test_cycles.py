@@ -188,7 +188,7 @@ def test_branches_leave_at_a_branch_point_where_two_clocks_in_phase_lose_their_s
 
 def test_what_has_no_limit_cycles_is_refused() -> None:
     (variation,) = parse_variations(["support.mass=1:10:3"])
-    with pytest.raises(SceneError, match="nothing excites"):
+    with pytest.raises(SceneError, match="nothing drives"):
         follow_cycles(load("paper-cart-2"), variation)
     with pytest.raises(SceneError, match="two or more values"):
         follow_cycles(load("huygens"), parse_variations(["support.mass=3"])[0])

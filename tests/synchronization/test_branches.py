@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 from dataclasses import replace
 from functools import lru_cache
 from io import BytesIO, StringIO
@@ -38,6 +39,7 @@ from nonlinear.synchronization import (
 from nonlinear.synchronization.certificates import certified_orbit
 from nonlinear.synchronization.continuation import Walk
 from nonlinear.synchronization.patterns import own_amplitudes
+from nonlinear.synchronization.report import branches_json
 from nonlinear.system import State
 
 GRAVITY, ANGLE = 9.81, 5.0
@@ -340,10 +342,13 @@ def test_what_is_printed_is_what_was_found() -> None:
     text = branches_text(branches)
     for branch in branches.branches:
         assert branch.words in text
-        assert ", ".join(f"{low:.7g} to {high:.7g}" for low, high in branch.intervals) in text
+        assert ", ".join(f"{low:.5g} to {high:.5g}" for low, high in branch.intervals) in text
     for change, _ in branches.changes:
-        assert f"{change.value:.7g}" in text
+        assert f"{change.value:.5g}" in text
     rows = list(csv.DictReader(StringIO(branches_csv(branches))))
+    record = json.loads(branches_json(branches))
+    assert [str(row["branch"]) for row in record["rows"]] == [row["branch"] for row in rows]
+    assert [change["averaged"] for change in record["changes"]] == [change.value for change, _ in branches.changes]
     assert len(rows) == sum(len(branch.values) for branch in branches.branches)
     head = [
         "support.damping_N_s_per_m",
@@ -389,7 +394,7 @@ def test_what_is_drawn_is_what_was_found() -> None:
 def test_words_and_refusals() -> None:
     branches = example()
     assert [branch.words for branch in branches.branches] == ["antiphase", "in phase"]
-    with pytest.raises(SceneError, match="nothing excites"):
+    with pytest.raises(SceneError, match="nothing drives"):
         follow_branches(modal.load("paper-cart-2"), parse_variations(["support.mass=1:2:3"])[0])
     with pytest.raises(SceneError, match="two or more values"):
         follow_branches(branches.scene, parse_variations(["support.mass=1"])[0])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 from functools import cache
 from io import StringIO
 
@@ -37,6 +38,7 @@ from nonlinear.synchronization import (
     sync_record,
     sync_text,
 )
+from nonlinear.synchronization.population_report import diagram_json
 from nonlinear.synchronization.study import study_synchronization
 from nonlinear.system import State, initial_state, populations_of, representation_obstacles, representatives, system_of
 
@@ -292,6 +294,9 @@ def test_the_diagram_tells_intervals_thresholds_and_reasons() -> None:
     assert "perturbations begin to grow" in text
     assert all(f"{threshold.value:.9g}" in text for threshold in populations.thresholds)
     rows = list(csv.DictReader(StringIO(diagram_csv(populations))))
+    record = json.loads(diagram_json(populations))
+    assert [row["sector"] for row in record["rows"]] == [row["sector"] for row in rows]
+    assert [each["exact"] for each in record["thresholds"]] == [each.value for each in populations.thresholds]
     assert {row["sector"] for row in rows} == set(NAMES)
     head = ["spring[0].stiffness_N_per_m", "omega_rad_per_s", "stable", "largest_angle_deg", "growth_per_s"]
     assert list(rows[0])[:5] == head
@@ -328,7 +333,7 @@ def test_what_has_no_symmetric_motions_says_why() -> None:
     with pytest.raises(SceneError, match="two or more values"):
         follow_populations(scene, Variation(swings.STIFFNESS, (1.0,)))
     still = scene.undriven
-    with pytest.raises(SceneError, match="nothing excites"):
+    with pytest.raises(SceneError, match="nothing drives"):
         follow_populations(still, Variation(swings.STIFFNESS, (1.0, 2.0)))
 
 

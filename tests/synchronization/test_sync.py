@@ -204,7 +204,7 @@ def test_what_does_not_excite_itself_has_no_prediction() -> None:
     study = study_synchronization(clocks(10.0, 4.0, drive=None), 60.0)
     assert study.theory is None
     assert study.agrees is None
-    assert "No prediction: nothing excites this scene" in sync_text(study, words=True)
+    assert "No prediction: nothing drives this scene" in sync_text(study, words=True)
     assert sync_record(study)["prediction"] is None
 
 
