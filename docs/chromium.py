@@ -22,7 +22,7 @@ from types import TracebackType
 from typing import Any, Self
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-FLAGS = ("--headless=new", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--remote-debugging-pipe")
+FLAGS = ("--headless=new", "--no-sandbox", "--disable-gpu", "--remote-debugging-pipe")
 CLOCKWORK = """(() => {
   const queue = [];
   let now = 0;
@@ -145,12 +145,22 @@ class Chromium:
         """Press the element with this id."""
         self.run(f"document.getElementById({json.dumps(name)}).click()")
 
-    def size(self, width: int, height: int, *, dark: bool = False, still: bool = False, scale: float = 1) -> None:
-        """The size of the window, and what its user prefers."""
+    def size(
+        self,
+        width: int,
+        height: int,
+        *,
+        dark: bool = False,
+        still: bool = False,
+        scale: float = 1,
+        scrollbars: bool = False,
+    ) -> None:
+        """The size of the window, and what its user prefers; `scrollbars` take room from the page, as on most desktops."""
         mobile = width < 600
         self.call(
             "Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=scale, mobile=mobile
         )
+        self.call("Emulation.setScrollbarsHidden", hidden=not scrollbars)
         wishes = {
             "prefers-color-scheme": "dark" if dark else "light",
             "prefers-reduced-motion": "reduce" if still else "no-preference",

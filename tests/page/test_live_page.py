@@ -365,11 +365,17 @@ SLIDING = """[...document.querySelectorAll('button, select, input')].filter((one
 
 @pytest.mark.parametrize("name", ["paper-cart-2", "beam", "tower", "two-bobs", "huygens"])
 def test_all_controls_are_in_sight_on_a_laptop(browser: Chromium, tmp_path: Path, name: str) -> None:
-    browser.size(1280, 800, still=True)
+    browser.size(1280, 800, still=True, scrollbars=True)
     browser.open(written(load(name), tmp_path))
     browser.frames(2)
     assert browser.run(SLIDING) == []
-    assert browser.run("document.documentElement.scrollWidth") == 1280
+    page, table = ("document.documentElement", "document.querySelector('.scroll')")
+    assert 1200 < browser.run(f"{page}.clientWidth") < 1280  # a scrollbar
+    for part in (page, table):
+        assert browser.run(f"{part}.scrollWidth - {part}.clientWidth") == 0
+    if name == "paper-cart-2":
+        assert browser.run(f"{table}.scrollHeight - {table}.clientHeight") == 0
+        assert browser.run("document.getElementById('tasks-card').getBoundingClientRect().bottom") <= 800
     browser.size(1280, 500, still=True)
     assert browser.run(SLIDING) != []
 
