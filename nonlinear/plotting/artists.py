@@ -229,7 +229,7 @@ def _top(values: Floats) -> float:
 def _bars(axis: Axes, energies: FilmEnergies) -> tuple[list[Rectangle], list[Rectangle]]:
     kinetic, potential = energies.kinetic, energies.potential
     count = kinetic.shape[1]
-    _decorate(axis, "energy of each (J)", 5)
+    _decorate(axis, "energy of each (J), potential pale", 5)
     hues = [colour(k) if name.isdigit() else secondary_colour() for k, name in enumerate(energies.names)]
     lower = axis.bar(range(count), kinetic[0], 0.62, color=hues)
     pale = [mixture(hue, POTENTIAL) for hue in hues]
