@@ -145,22 +145,13 @@ class Chromium:
         """Press the element with this id."""
         self.run(f"document.getElementById({json.dumps(name)}).click()")
 
-    def size(
-        self,
-        width: int,
-        height: int,
-        *,
-        dark: bool = False,
-        still: bool = False,
-        scale: float = 1,
-        scrollbars: bool = False,
-    ) -> None:
-        """The size of the window, and what its user prefers; `scrollbars` take room from the page, as on most desktops."""
+    def size(self, width: int, height: int, *, dark: bool = False, still: bool = False, scale: float = 1) -> None:
+        """The size of the window, and what its user prefers; scrollbars take no room."""
         mobile = width < 600
         self.call(
             "Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=scale, mobile=mobile
         )
-        self.call("Emulation.setScrollbarsHidden", hidden=not scrollbars)
+        self.call("Emulation.setScrollbarsHidden", hidden=True)
         wishes = {
             "prefers-color-scheme": "dark" if dark else "light",
             "prefers-reduced-motion": "reduce" if still else "no-preference",
@@ -168,6 +159,10 @@ class Chromium:
         self.call(
             "Emulation.setEmulatedMedia", features=[{"name": name, "value": value} for name, value in wishes.items()]
         )
+
+    def show_scrollbars(self) -> None:
+        """Scrollbars take room from the page, as on most desktops, until the next `size`."""
+        self.call("Emulation.setScrollbarsHidden", hidden=False)
 
     def picture(self, *, whole: bool = False) -> bytes:
         """What is seen as PNG, or the whole page however long."""

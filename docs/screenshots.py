@@ -62,6 +62,7 @@ def landing(browser: Chromium, pages: Path) -> None:
         browser.open(pages / f"{LANDING}.html")
         for button in ("hang", "play"):  # from the start of the scene
             browser.click(button)
+        browser.run("document.getElementById('status').textContent = ''")
         browser.frames(FRAMES)
         saved(browser, f"play{end}")
         browser.size(390, 844, dark=theme == "dark", scale=1.5)

@@ -189,7 +189,7 @@ def _pieces(line: Line2D, starts: Floats, ends: Floats) -> None:
 
 
 class Gauges:
-    """Bars of kinetic below paler potential energy on one axis, the totals against time (s) on the other."""
+    """Bars of kinetic below fainter potential energy on one axis, the totals against time (s) on the other."""
 
     def __init__(self, bars: Axes, line: Axes, energies: FilmEnergies, times: Floats) -> None:
         self.energies, self.times, self.axes = energies, times, (bars, line)
@@ -229,11 +229,11 @@ def _top(values: Floats) -> float:
 def _bars(axis: Axes, energies: FilmEnergies) -> tuple[list[Rectangle], list[Rectangle]]:
     kinetic, potential = energies.kinetic, energies.potential
     count = kinetic.shape[1]
-    _decorate(axis, "energy of each (J), potential pale", 5)
+    _decorate(axis, "energy of each (J)", 5)
     hues = [colour(k) if name.isdigit() else secondary_colour() for k, name in enumerate(energies.names)]
     lower = axis.bar(range(count), kinetic[0], 0.62, color=hues)
-    pale = [mixture(hue, POTENTIAL) for hue in hues]
-    upper = axis.bar(range(count), potential[0], 0.62, bottom=kinetic[0], color=pale)
+    faint = [mixture(hue, POTENTIAL) for hue in hues]
+    upper = axis.bar(range(count), potential[0], 0.62, bottom=kinetic[0], color=faint)
     spare = max(WIDE_BARS - count, 0) / 2
     low = min(0.0, 1.06 * float(potential.min()))
     axis.set(xlim=(-0.6 - spare, count - 0.4 + spare), ylim=(low, _top(kinetic + potential)))

@@ -419,7 +419,8 @@ SLIDING = """[...document.querySelectorAll('button, select, input')].filter((one
 
 @pytest.mark.parametrize("name", ["paper-cart-2", "beam", "tower", "two-bobs", "huygens"])
 def test_all_controls_are_in_sight_on_a_laptop(browser: Chromium, tmp_path: Path, name: str) -> None:
-    browser.size(1280, 800, still=True, scrollbars=True)
+    browser.size(1280, 800, still=True)
+    browser.show_scrollbars()
     browser.open(written(load(name), tmp_path))
     browser.frames(2)
     assert browser.run(SLIDING) == []
