@@ -22,7 +22,7 @@ from types import TracebackType
 from typing import Any, Self
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-FLAGS = ("--headless=new", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--remote-debugging-pipe")
+FLAGS = ("--headless=new", "--no-sandbox", "--disable-gpu", "--remote-debugging-pipe")
 CLOCKWORK = """(() => {
   const queue = [];
   let now = 0;
@@ -146,11 +146,12 @@ class Chromium:
         self.run(f"document.getElementById({json.dumps(name)}).click()")
 
     def size(self, width: int, height: int, *, dark: bool = False, still: bool = False, scale: float = 1) -> None:
-        """The size of the window, and what its user prefers."""
+        """The size of the window, and what its user prefers; scrollbars take no room."""
         mobile = width < 600
         self.call(
             "Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=scale, mobile=mobile
         )
+        self.call("Emulation.setScrollbarsHidden", hidden=True)
         wishes = {
             "prefers-color-scheme": "dark" if dark else "light",
             "prefers-reduced-motion": "reduce" if still else "no-preference",
@@ -158,6 +159,10 @@ class Chromium:
         self.call(
             "Emulation.setEmulatedMedia", features=[{"name": name, "value": value} for name, value in wishes.items()]
         )
+
+    def show_scrollbars(self) -> None:
+        """Scrollbars take room from the page, as on most desktops, until the next `size`."""
+        self.call("Emulation.setScrollbarsHidden", hidden=False)
 
     def picture(self, *, whole: bool = False) -> bytes:
         """What is seen as PNG, or the whole page however long."""

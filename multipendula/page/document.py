@@ -20,6 +20,7 @@ from urllib.parse import quote
 
 from modal.report import html
 from modal.scene import Scene, left_out, scene_from, title_of
+from multipendula.page.payload import known_rows
 from multipendula.page.prescribed import prescribed_module
 from multipendula.page.structure import drawing_module, structure_module
 from multipendula.page.whole import whole_module
@@ -123,7 +124,7 @@ def page(data: dict[str, Any], recording: dict[str, Any] | None = None) -> str:
         "icon": f"data:image/svg+xml,{quote(ICON)}",
         "style": style,
         "script": script,
-        "data": inert({"scene": data, "recording": recording, "notes": left_out(scene)}),
+        "data": inert({"scene": data, "recording": recording, "notes": left_out(scene), "known": known_rows(scene)}),
     }
     return re.sub(r"\{\{(\w+)\}\}", lambda field: parts[field[1]], _file("page.html"))
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from modal.errors import refuse_any
+from modal.modes import natural_modes
 from modal.scene import Moved, Scene, describe, refusals
 from modal.scene.parameters import with_numbers
 from modal.scene.points import PendulumPoint, parse_point
@@ -115,6 +116,22 @@ def _renumbered(text: str, scene: Scene) -> str:
         return text
     number = sum(link.count for link in scene.pendulum[point.pendulum].links[: point.link])
     return text.replace(f".links[{point.link}]", f".links[{number}]")
+
+
+def known_rows(scene: Scene) -> list[dict[str, Any]] | None:
+    """κ, the 1 % angle and the star of every row of the table of a structure, which the page cannot compute.
+
+    A row without a finite angle is empty. None where there is none, or the page computes them itself.
+    """
+    if not is_structural(scene):
+        return None
+    rows = [
+        {"kappa": mode.kappa, "onePercent": mode.linear_to_1_percent_deg, "resonant": bool(mode.resonances)}
+        if np.isfinite(mode.linear_to_1_percent_deg)
+        else {}
+        for mode in natural_modes(scene)
+    ]
+    return rows if any(rows) else None
 
 
 def recording_of(trajectory: Trajectory) -> dict[str, Any]:

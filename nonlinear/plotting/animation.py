@@ -107,7 +107,11 @@ def _caption(trajectory: Trajectory, stage: Stage, speed: float, second: Traject
     words += stage.notes
     words += ["oblique view, with the shadow on a floor"] if system.spatial else []
     words += ["the camera follows the cart"] if stage.follows else []
-    last = "energy above equilibrium" if second is None else f"left: {trajectory.run.form}; right: {second.run.form}"
+    last = (
+        "energy above equilibrium, potential faint"
+        if second is None
+        else f"left: {trajectory.run.form}; right: {second.run.form}"
+    )
     return "; ".join([*words, last])
 
 

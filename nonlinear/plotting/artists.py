@@ -22,7 +22,7 @@ from matplotlib.ticker import MaxNLocator
 from modal.plotting.carriers import draw_piece
 from modal.plotting.layout import OBLIQUE, SMALL
 from modal.plotting.shapes import MARKS_MAX
-from modal.plotting.style import MARKED, QUIET, colour, ink, paper, rest, secondary_colour, shade
+from modal.plotting.style import MARKED, QUIET, colour, ink, mixture, paper, rest, secondary_colour, shade
 from modal.scene import Bob, Rod
 from modal.structure import Piece
 from modal.structure.outlines import HALF_HEIGHT
@@ -189,7 +189,7 @@ def _pieces(line: Line2D, starts: Floats, ends: Floats) -> None:
 
 
 class Gauges:
-    """Bars of kinetic below potential energy on one axis, the totals against time (s) on the other."""
+    """Bars of kinetic below fainter potential energy on one axis, the totals against time (s) on the other."""
 
     def __init__(self, bars: Axes, line: Axes, energies: FilmEnergies, times: Floats) -> None:
         self.energies, self.times, self.axes = energies, times, (bars, line)
@@ -230,8 +230,10 @@ def _bars(axis: Axes, energies: FilmEnergies) -> tuple[list[Rectangle], list[Rec
     kinetic, potential = energies.kinetic, energies.potential
     count = kinetic.shape[1]
     _decorate(axis, "energy of each (J)", 5)
-    lower = axis.bar(range(count), kinetic[0], 0.62, color=secondary_colour(), label="kinetic")
-    upper = axis.bar(range(count), potential[0], 0.62, bottom=kinetic[0], color=shade(POTENTIAL), label="potential")
+    hues = [colour(k) if name.isdigit() else secondary_colour() for k, name in enumerate(energies.names)]
+    lower = axis.bar(range(count), kinetic[0], 0.62, color=hues)
+    faint = [mixture(hue, POTENTIAL) for hue in hues]
+    upper = axis.bar(range(count), potential[0], 0.62, bottom=kinetic[0], color=faint)
     spare = max(WIDE_BARS - count, 0) / 2
     low = min(0.0, 1.06 * float(potential.min()))
     axis.set(xlim=(-0.6 - spare, count - 0.4 + spare), ylim=(low, _top(kinetic + potential)))
@@ -245,7 +247,7 @@ def _bars(axis: Axes, energies: FilmEnergies) -> tuple[list[Rectangle], list[Rec
 
 def _lines(axis: Axes, energies: FilmEnergies, times: Floats) -> tuple[list[Line2D], Line2D]:
     kinetic, potential = energies.totals
-    _decorate(axis, "energy of all (J)", 17)
+    _decorate(axis, "total energy (J)", 17)
     looks = (("kinetic", secondary_colour(), 1.0), ("potential", shade(POTENTIAL), 1.8), ("total", ink(), 1.8))
     lines = [axis.plot([], [], lw=width, color=hue, label=name)[0] for name, hue, width in looks]
     dot = axis.plot([], [], "o", ms=4.5, color=ink())[0]

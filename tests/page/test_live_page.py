@@ -347,15 +347,69 @@ def test_a_link_holds_the_state(shown: Chromium, tmp_path: Path) -> None:
 def test_it_starts_slowly_from_the_scene_s_start_unless_less_motion_is_asked_for(
     shown: Chromium, tmp_path: Path, still: bool
 ) -> None:
+    scene = load("paper-cart-2")
+    tilted = scene.pendulum[0].replace(start=scene.pendulum[0].start.replace(angles_deg=(40.0, 40.0)))
     shown.size(800, 800, still=still)
-    shown.open(tmp_path / "page.html")
+    shown.open(written(scene.replace(pendulum=[tilted]), tmp_path))
     shown.frames(30)
     assert text(shown, "play") == ("Play" if still else "Pause")
     assert (text(shown, "time") == "0.00 s") == still
     if not still:  # half a second: an eighth of it at the beginning
         assert 0.03 < float(text(shown, "time").split()[0]) < 0.1
         start = np.degrees(initial_state(parse(file_of(shown).encode())).links)
-        assert np.abs(start - load("paper-cart-2").pendulum[0].start.angles_deg[0]).min() < 5
+        assert np.abs(start - 40).max() < 5
+
+
+def test_pendula_that_would_start_on_each_other_start_in_a_mode(shown: Chromium, tmp_path: Path) -> None:
+    """Level links of two pendula on one cart look like one; Play from rest takes the start of the file all the same."""
+    shown.size(1280, 800)
+    shown.open(written(load("paper-cart-2"), tmp_path))
+    shown.frames(2)
+    assert shown.run("document.querySelectorAll('#rows button')[1].getAttribute('aria-pressed')") == "true"
+    angles = np.degrees(initial_state(parse(file_of(shown).encode())).links)
+    assert angles == pytest.approx(10 * natural_modes(load("paper-cart-2")).shape(1).angles, abs=0.1)
+    shown.click("hang")
+    shown.click("play")
+    start = initial_state(parse(file_of(shown).encode())).links
+    assert start == pytest.approx(initial_state(load("paper-cart-2")).links, abs=1e-9)
+    assert shown.errors == []
+
+
+def test_angles_of_the_table_stand_as_long_as_they_hold(browser: Chromium, tmp_path: Path) -> None:
+    browser.errors.clear()
+    browser.size(1280, 800, still=True)
+    browser.open(written(load("two-bobs"), tmp_path))
+    shown = "[...document.querySelectorAll('td.angle, #outdated')].map((one) => one.offsetParent !== null)"
+    angles = [mode.linear_to_1_percent_deg for mode in natural_modes(load("two-bobs"))]
+    assert browser.run(shown) == [True, True, False]
+    assert [float(row[4]) for row in cells(browser)] == pytest.approx(angles, rel=3e-3)
+    enter(browser, "Length", 1.1)
+    assert browser.run(shown) == [False, False, True]
+    enter(browser, "Length", 1.0)
+    assert browser.run(shown) == [True, True, False]
+    assert browser.errors == []
+
+
+def test_the_graph_shows_both_pendula_over_their_beat(browser: Chromium, tmp_path: Path) -> None:
+    browser.errors.clear()
+    browser.size(1280, 800)
+    browser.open(written(load("two-bobs"), tmp_path))
+    browser.run(
+        """(() => { window.drawn = []; const draw = CanvasRenderingContext2D.prototype;
+        const { fillText, stroke } = draw;
+        draw.fillText = function (words, ...place) { drawn.push(words); fillText.call(this, words, ...place); };
+        draw.stroke = function () { if (this.canvas.id === "strip") drawn.push(this.strokeStyle); stroke.call(this); };
+        })()"""
+    )
+    browser.frames(1600)
+    browser.run("drawn.length = 0")
+    browser.frames(1)
+    drawn = browser.run("drawn")
+    begun = float(text(browser, "time").split()[0]) - 2 * np.pi / np.ptp(natural_modes(load("two-bobs")).omega)
+    assert min(float(words.split()[0]) for words in drawn if words.endswith(" s")) < begun + 5  # their step
+    assert {"#005f9e", "#c48700"} <= set(drawn)
+    assert text(browser, "strip-name") == "Pendula 1, 2, link 1"
+    assert browser.errors == []
 
 
 SLIDING = """[...document.querySelectorAll('button, select, input')].filter((one) => one.offsetParent)
@@ -366,10 +420,17 @@ SLIDING = """[...document.querySelectorAll('button, select, input')].filter((one
 @pytest.mark.parametrize("name", ["paper-cart-2", "beam", "tower", "two-bobs", "huygens"])
 def test_all_controls_are_in_sight_on_a_laptop(browser: Chromium, tmp_path: Path, name: str) -> None:
     browser.size(1280, 800, still=True)
+    browser.show_scrollbars()
     browser.open(written(load(name), tmp_path))
     browser.frames(2)
     assert browser.run(SLIDING) == []
-    assert browser.run("document.documentElement.scrollWidth") == 1280
+    page, table = ("document.documentElement", "document.querySelector('.scroll')")
+    assert 1200 < browser.run(f"{page}.clientWidth") < 1280  # a scrollbar
+    for part in (page, table):
+        assert browser.run(f"{part}.scrollWidth - {part}.clientWidth") == 0
+    if name == "paper-cart-2":
+        assert browser.run(f"{table}.scrollHeight - {table}.clientHeight") == 0
+        assert browser.run("document.getElementById('tasks-card').getBoundingClientRect().bottom") <= 800
     browser.size(1280, 500, still=True)
     assert browser.run(SLIDING) != []
 
@@ -485,6 +546,8 @@ def test_a_hostile_title_is_shown_and_not_run(browser: Chromium, tmp_path: Path)
 def test_energy_and_the_linear_prediction_stand_beside_the_motion(browser: Chromium, tmp_path: Path) -> None:
     browser.size(1280, 900)
     browser.open(written(load("paper-cart-3"), tmp_path))
+    browser.click("hang")
+    browser.click("play")
     browser.frames(80)
     assert "10⁻" in text(browser, "drift")
     assert float(text(browser, "apart").rstrip("°")) > 1

@@ -22,9 +22,7 @@ export function kappaOf(swing, aside = null) {
 }
 
 // The largest angle (degrees) at which the frequency is 1 % off; NaN where kappa is.
-export function onePercentOf(kappa) {
-  return (Math.sqrt(0.01 / Math.abs(kappa)) * 180) / Math.PI;
-}
+export const onePercentOf = (kappa) => (Math.sqrt(0.01 / Math.abs(kappa)) * 180) / Math.PI;
 
 // The largest angle of a shape, the cart's displacement over the natural unit of length being one: a power of 2 above the
 // longest link.

@@ -28,9 +28,7 @@ export function carriedBy(scene, links) {
 const scaled = (value, unit) => (value === undefined ? null : value * unit);
 
 // The value at a place of a scene; undefined where the file leaves it out.
-export function placed(scene, place) {
-  return place.reduce((part, key) => part?.[key], scene);
-}
+export const placed = (scene, place) => place.reduce((part, key) => part?.[key], scene);
 
 // The place in a scene of the support of a number.
 export const supportPlace = ({ support }, number) => (Array.isArray(support) ? ["support", number] : ["support"]);
@@ -153,9 +151,7 @@ export function piecesAt(y, joints) {
   return drawing.pieces.map((piece) => ({ ...piece, points: piece.points ? paired(piece.points) : points.slice(at, (at += piece.count)) }));
 }
 
-function paired(values) {
-  return Array.from({ length: values.length / 2 }, (_, k) => [values[2 * k], values[2 * k + 1]]);
-}
+const paired = (values) => Array.from({ length: values.length / 2 }, (_, k) => [values[2 * k], values[2 * k + 1]]);
 
 // Whether what is prescribed sets off what hangs at rest, and the state at which the scene starts, null at rest.
 export const isPushed = () => drawing.pushed;

@@ -10,7 +10,7 @@ const SOON = 20; // s
 
 const TASKS = [
   {
-    words: "Make the pendula exchange their energy, there and back, in 30 s ± 1 s.",
+    words: "Make two pendula beat with a period of 30 s ± 1 s.",
     isThere: ({ system }) => system.chains.length > 1 && (system.cart || system.structure),
     isDone: ({ rows }) => rows.some(({ beat }) => Math.abs(beat - PERIOD) <= WITHIN),
   },
@@ -27,7 +27,7 @@ const TASKS = [
     },
   },
   {
-    words: "From hanging still, let the drive alone swing a link beyond 30°.",
+    words: "From rest, let the drive swing a link beyond 30°.",
     isThere: ({ system }) => system.links.every(({ s }) => s > 0),
     isDone: (player) => {
       const { motion, drive } = player;
@@ -35,7 +35,7 @@ const TASKS = [
     },
   },
   {
-    words: "Find a start whose linear prediction is off by 30° within 20 s.",
+    words: "Start so that linear is off by 30° within 20 s.",
     isThere: () => true,
     isDone: ({ motion }) => Boolean(motion?.linear && motion.time < SOON && motion.apart > FAR),
   },

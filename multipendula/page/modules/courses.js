@@ -29,9 +29,7 @@ function ofSine({ amplitude, frequency_hz, phase_deg = 0 }) {
   };
 }
 
-function ofConstant({ amplitude }) {
-  return (time, order) => (order ? 0 : amplitude);
-}
+const ofConstant = ({ amplitude }) => (time, order) => (order ? 0 : amplitude);
 
 function ofSweep({ amplitude, from_hz, to_hz, duration }) {
   const numbers = { amplitude, first: TURN * from_hz, last: TURN * to_hz, duration };

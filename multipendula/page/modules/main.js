@@ -6,14 +6,14 @@ import { energiesOf } from "./equations.js";
 import { mannerOf } from "./shapes.js";
 import { degrees, digits, scientific } from "./numbers.js";
 import { drawScene, drawStrip, hueOf, paint } from "./picture.js";
-import { Player } from "./player.js";
+import { Player, SPAN } from "./player.js";
 import { Recording } from "./recording.js";
 import { packed, sceneFile, unpacked } from "./scene_file.js";
 import { Sound } from "./sound.js";
 import { Stage } from "./stage.js";
 import { ModeTable } from "./table.js";
 
-const SPAN = 12; // s of the strip
+const SAMPLES = 4000; // of the strip
 const TRAIL = 70; // frames
 const MANNERS = { swings: "swings", grows: "grows", decays: "decays without a swing", shifts: "shifts everything alike" };
 const element = (id) => document.getElementById(id);
@@ -21,10 +21,11 @@ const element = (id) => document.getElementById(id);
 function begin() {
   const given = JSON.parse(element("data").textContent);
   const word = location.hash.slice(1);
-  const held = word ? linked(word, given.scene) : null;
-  const player = held ?? new Player(given.scene, given.recording ? new Recording(given.recording) : null);
+  const known = given.known && { scene: JSON.stringify(given.scene), rows: given.known };
+  const held = word ? linked(word, given.scene, known) : null;
+  const player = held ?? new Player(given.scene, given.recording ? new Recording(given.recording) : null, known);
   const stage = new Stage(element("scene"), player);
-  const table = new ModeTable(element("rows"), { frequency: element("head-f"), damped: element("note-damped"), beat: element("note-beat"), angle: element("note-angle"), star: element("note-star") }, player);
+  const table = new ModeTable(element("rows"), { frequency: element("head-f"), damped: element("note-damped"), beat: element("note-beat"), angle: element("note-angle"), star: element("note-star"), outdated: element("outdated") }, player);
   const boxes = { chooser: element("chooser"), link: element("of-link"), cart: element("of-cart"), time: element("of-time"), scene: element("of-scene"), drive: element("of-drive") };
   const controls = new Controls(boxes, player);
   const page = new LivePage({ player, stage, table, controls, challenges: new Challenges(element("tasks"), player), sound: new Sound(), given });
@@ -34,10 +35,10 @@ function begin() {
 }
 
 // What the link holds, null where it is not this page's scene with other numbers, or one that cannot be computed.
-function linked(word, own) {
+function linked(word, own, known) {
   const held = unpacked(word, own);
   try {
-    const player = held && new Player(held.scene, null);
+    const player = held && new Player(held.scene, null, known);
     if (player) restore(player, held);
     return player;
   } catch {
@@ -133,33 +134,25 @@ class LivePage {
       controls.show();
       if (element("sound").checked) sound.start(player.rows);
     }
-    if (what === "choice") {
-      controls.chose();
-      this.strip = [];
-    }
+    if (what === "choice") controls.chose();
     if (what === "drive") controls.show();
     if (what === "refused") {
       controls.show();
       const why = "with this number the scene is no equilibrium as drawn, or cannot be computed";
       if (!controls.refuse(why)) this.say(`W${why.slice(1)}: it stays as it was.`);
     }
-    if (what === "lost") this.say("This motion is too fast to be computed: everything hangs still again.");
+    if (what === "lost") this.say("This motion is too fast to be computed: everything is brought to rest.");
     if (what === "mode" || what === "state") table.show();
     if (what === "mode") {
       const row = player.rows[player.row];
       this.say(`Mode ${player.row + 1} ${MANNERS[mannerOf(row)]}${row.multiplicity > 1 ? `, shape ${player.copy + 1} of ${row.multiplicity}` : ""}.`);
     }
     if (what === "state") {
-      if (!player.playing || (player.motion && !player.motion.time)) this.clear();
+      if (!player.playing || (player.motion && !player.motion.time)) Object.assign(this, { trails: [], strip: [] });
       element("play").textContent = player.playing ? "Pause" : "Play";
     }
     if (player.recording) element("again").disabled = player.replaying;
     element("drive").checked = player.drive.on;
-  }
-
-  clear() {
-    this.trails = [];
-    this.strip = [];
   }
 
   frame(now) {
@@ -191,10 +184,14 @@ class LivePage {
       this.trails[i].push(joints.at(-1));
       if (this.trails[i].length > TRAIL) this.trails[i].shift();
     });
-    const predicted = player.motion?.linear ? player.motion.predicted[player.system.lead + player.selected] : NaN;
-    if (this.strip.length && this.strip.at(-1)[0] > player.now) this.strip = [];
-    this.strip.push([player.now, player.y[player.system.lead + player.selected], predicted]);
-    while (this.strip[0][0] < player.now - SPAN) this.strip.shift();
+    const { links, span } = player.watched;
+    if (this.strip.at(-1)?.[0] > player.now || String(links) !== this.watched) this.strip = [];
+    this.watched = String(links);
+    if (this.strip.length && player.now - this.strip.at(-1)[0] < span / SAMPLES) return;
+    const at = (y, link) => y[player.system.lead + link] - player.system.links[link].rest;
+    const predicted = player.motion?.linear ? at(player.motion.predicted, player.selected) : NaN;
+    this.strip.push([player.now, predicted, ...links.map((link) => at(player.y, link))]);
+    while (this.strip[0][0] < player.now - span) this.strip.shift();
   }
 
   draw() {
@@ -205,12 +202,10 @@ class LivePage {
       player.view.fit(width, height);
       drawScene(ink, player.view, { y: player.y, predicted, trails, selected: player.selected, tool: stage.tool, colours });
     });
-    const { chains, links } = player.system;
-    const colour = hueOf(player.system, chains.indexOf(player.home(player.selected).chain), colours);
+    const hues = player.watched.links.map((link) => hueOf(player.system, player.home(link).pendulum, colours));
+    const span = Math.max(SPAN, player.now - (this.strip[0]?.[0] ?? player.now));
     const now = Math.max(SPAN, player.now);
-    paint(element("strip"), colours, (ink, width, height) =>
-      drawStrip(ink, width, height, { rows: this.strip, now, span: SPAN, rest: links[player.selected].rest, colours, colour }),
-    );
+    paint(element("strip"), colours, (ink, width, height) => drawStrip(ink, width, height, { rows: this.strip, now, span, hues, colours }));
   }
 
   // The numbers that run.
@@ -228,7 +223,7 @@ class LivePage {
     const { stuck } = player;
     element("sticking").hidden = !stuck;
     if (stuck) element("stuck").textContent = stuck.map((link) => (link < 0 ? "rail" : `link ${link + 1}`)).join(", ") || "nothing";
-    element("strip-name").textContent = player.nameOf(player.selected);
+    element("strip-name").textContent = player.nameOf(...player.watched.links);
     if (player.replaying) element("scrub").value = Math.round((1000 * player.time) / (player.recording.duration || 1));
   }
 

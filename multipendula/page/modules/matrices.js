@@ -9,9 +9,7 @@ export function dot(x, y) {
   return total;
 }
 
-export function zeros(n, columns = n) {
-  return Array.from({ length: n }, () => new Float64Array(columns));
-}
+export const zeros = (n, columns = n) => Array.from({ length: n }, () => new Float64Array(columns));
 
 // The bilinear forms x'Mz, x'Kz and x'Dz of chains that each stand for `weights` equal copies (null: one).  With x = z
 // they are sums of squares, without the cancellation that a product with the matrix has.
@@ -45,9 +43,7 @@ export function gathered(items, isSame) {
   return groups;
 }
 
-export function inertiaOf(chains, cart, weights, x, z = x) {
-  return formsOf(chains, cart, weights, x, z)[0];
-}
+export const inertiaOf = (chains, cart, weights, x, z = x) => formsOf(chains, cart, weights, x, z)[0];
 
 export function matricesOf(chains, cart, weights) {
   const n = 1 + chains.reduce((total, chain) => total + chain.links.length, 0);

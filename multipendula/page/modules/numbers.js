@@ -15,9 +15,7 @@ export function scientific(value, count = 2) {
   return `${front}·10${raised.join("")}`;
 }
 
-export function degrees(value) {
-  return (value * 180) / Math.PI;
-}
+export const degrees = (value) => (value * 180) / Math.PI;
 
 // How many of ascending values are at most `limit`.
 export function countUpTo(values, limit) {
@@ -30,6 +28,4 @@ export function countUpTo(values, limit) {
   return low;
 }
 
-export function clamp(value, low, high) {
-  return Math.min(high, Math.max(low, value));
-}
+export const clamp = (value, low, high) => Math.min(high, Math.max(low, value));

@@ -37,9 +37,7 @@ export function drawScene(ink, view, { y, predicted, trails, selected, tool, col
 }
 
 // Pendula differ in colour; those beyond the hues begin again.
-export function hueOf(system, number, colours) {
-  return colours.hues[number % colours.hues.length];
-}
+export const hueOf = (system, number, colours) => colours.hues[number % colours.hues.length];
 
 // Marks at the foot every quarter of the longest pendulum, by which a support that is followed is seen to move.
 function drawMarks(ink, view, colours) {
@@ -178,11 +176,10 @@ function dot(ink, place, radius, fill, edge = null) {
   ink.stroke();
 }
 
-// The angle of one link over the last `span` seconds: rows of [time, angle, predicted] in radians.
-export function drawStrip(ink, width, height, { rows, now, span, rest, colours, colour }) {
-  const shown = rows.filter(([time]) => time >= now - span);
-  const values = shown.map(([, angle]) => degrees(angle - rest));
-  const most = niceCeiling(Math.max(5, ...values.map(Math.abs)));
+// Angles from rest over the last `span` seconds: rows of [time, predicted, angle, ...] in radians, the first predicted.
+export function drawStrip(ink, width, height, { rows, now, span, hues, colours }) {
+  const largest = rows.reduce((most, [, , ...angles]) => Math.max(most, ...angles.map(Math.abs)), 0);
+  const most = niceCeiling(Math.max(5, degrees(largest)));
   const size = 0.75 * parseFloat(getComputedStyle(document.documentElement).fontSize);
   const [left, top, bottom] = [3.8 * size, 0.7 * size, height - 1.7 * size];
   const at = (time, value) => [left + ((time - now + span) / span) * (width - left - 8), top + ((bottom - top) * (1 - value / most)) / 2];
@@ -198,7 +195,8 @@ export function drawStrip(ink, width, height, { rows, now, span, rest, colours, 
     ink.fillText(`${value < 0 ? "−" : ""}${Math.abs(value)}°`, left - 6, y);
   }
   ink.textAlign = "center";
-  for (let time = Math.ceil(Math.max(0, now - span) / 2) * 2; time <= now; time += 2) {
+  const step = [2, 5, 10, 20, 50, 100].find((each) => span / each < 8) ?? 200;
+  for (let time = Math.ceil(Math.max(0, now - span) / step) * step; time <= now; time += step) {
     const [x] = at(time, 0);
     if (x > left + 8 && x < width - 2 * size) ink.fillText(`${time} s`, x, height - 0.7 * size);
   }
@@ -211,12 +209,12 @@ export function drawStrip(ink, width, height, { rows, now, span, rest, colours, 
     ink.strokeStyle = stroke;
     ink.lineWidth = thick;
     ink.beginPath();
-    shown.forEach((row, i) => ink[i && Number.isFinite(shown[i - 1][column]) ? "lineTo" : "moveTo"](...at(row[0], degrees(row[column] - rest))));
+    rows.forEach((row, i) => ink[i && Number.isFinite(rows[i - 1][column]) ? "lineTo" : "moveTo"](...at(row[0], degrees(row[column]))));
     ink.stroke();
     ink.setLineDash([]);
   };
-  curve(1, [], colour, 2);
-  curve(2, [5, 4], colours.muted, 1.5);
+  for (let k = hues.length - 1; k >= 0; k--) curve(2 + k, [], hues[k], k ? 1 : 2);
+  curve(1, [5, 4], colours.muted, 1.5);
   ink.restore();
 }
 

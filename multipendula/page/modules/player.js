@@ -6,15 +6,19 @@ import { modesOf } from "./modes.js";
 import { mannerOf } from "./shapes.js";
 import { atRest, pushedAt, startOf, sum, systemOf } from "./system.js";
 import { View } from "./view.js";
+import { busyIn } from "./words.js";
 
 const BUDGET = 10; // ms of a frame for the equations
 const SLICE = 1 / 120; // s of motion between looks at the clock
 const KICK = 0.6; // of sqrt(g/l), rad/s
+export const SPAN = 12; // s of the graph at least
+const [LONGEST, MOST] = [600, 6]; // s of a beat, and pendula, that it shows
 const EASING = 2; // s until the first motion runs at full speed
 
 export class Player {
-  constructor(scene, recording = null) {
-    Object.assign(this, { scene, recording, listeners: [], speed: 1, ease: 1, amplitude: 10, selected: 0 });
+  // `known` are numbers of the table that the page cannot compute, row by row, and the scene of which they are.
+  constructor(scene, recording = null, known = null) {
+    Object.assign(this, { scene, recording, known, listeners: [], speed: 1, ease: 1, amplitude: 10, selected: 0 });
     this.rebuild();
     const slowest = this.rows.find((row) => mannerOf(row) === "swings");
     this.drive = { on: false, amount: 0.05 * this.weight, frequency: slowest ? slowest.omega / (2 * Math.PI) : 1 };
@@ -33,7 +37,22 @@ export class Player {
   rebuild() {
     this.system = systemOf(this.scene);
     this.rows = modesOf(this.system);
+    this.isKnown = JSON.stringify(this.scene) === this.known?.scene;
+    if (this.isKnown) this.rows.forEach((row, i) => Object.assign(row, this.known.rows[i]));
     this.view = new View(this.system);
+    this.watch();
+  }
+
+  // What the graph shows: the chosen link, and that of every pendulum in the shortest beat, for a little more than it.
+  watch() {
+    const { system, rows, selected } = this;
+    const { chain, index } = this.home(selected);
+    const beat = Math.min(LONGEST, ...rows.map((row) => row.beat || LONGEST));
+    const at = rows.findIndex((row) => row.beat === beat);
+    const busy = at < 0 ? [] : rows.slice(at, at + 2).flatMap(({ shapes, twists }) => busyIn(system, { real: shapes[0], twist: twists?.[0] ?? null }));
+    const others = [...new Set(busy)].map((number) => system.chains[number]).filter((one) => one !== chain && one.links[index]);
+    const links = [selected, ...others.slice(0, MOST - 1).map(({ first }) => first + index)];
+    this.watched = { links, span: at < 0 ? SPAN : Math.max(SPAN, 1.1 * beat) };
   }
 
   get weight() {
@@ -87,9 +106,11 @@ export class Player {
     return this.replaying ? this.time + this.recording.begin : (this.motion?.time ?? 0);
   }
 
-  // From the scene's start, slowly at first.
+  // From the scene's start, slowly at first; in a mode where pendula lie on each other there.
   begin() {
-    this.toggle();
+    const start = startOf(this.scene, this.system);
+    if (start && this.view.overlaps(start)) this.swing(this.rows.indexOf(this.firstRow));
+    else this.toggle();
     this.ease = 0;
   }
 
@@ -237,18 +258,21 @@ export class Player {
 
   // Where a link is: its chain, its index there, and its place in the scene.
   home(number) {
-    const chain = this.system.chains.findLast((one) => one.first <= number);
+    const pendulum = this.system.chains.findLastIndex((one) => one.first <= number);
+    const chain = this.system.chains[pendulum];
     const index = number - chain.first;
-    return { chain, index, place: ["pendulum", chain.entry, "links", index] };
+    return { chain, pendulum, index, place: ["pendulum", chain.entry, "links", index] };
   }
 
-  nameOf(number) {
-    const { chain, index } = this.home(number);
-    return `Pendulum ${this.system.chains.indexOf(chain) + 1}, link ${index + 1}`;
+  // The name of a link, and of those of the same index of other pendula.
+  nameOf(...links) {
+    const pendula = links.map((link) => this.home(link).pendulum + 1).join(", ");
+    return `Pendul${links.length > 1 ? "a" : "um"} ${pendula}, link ${this.home(links[0]).index + 1}`;
   }
 
   choose(number) {
     this.selected = (number + this.system.links.length) % this.system.links.length;
+    this.watch();
     this.tell("choice");
   }
 }

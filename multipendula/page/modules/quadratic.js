@@ -92,9 +92,7 @@ function nullVectors(kappa, Z, re, im, count, given = null) {
 
 const started = (n, c) => ({ a: Float64Array.from({ length: n }, (_, i) => Math.cos(1 + i * (c + 1.7))), b: Float64Array.from({ length: n }, (_, i) => Math.sin(2 + i * (c + 0.6))) });
 
-function misfit(G, { a, b }) {
-  return Math.hypot(...G.flatMap(({ x, y }) => [dot(x, a) - dot(y, b), dot(x, b) + dot(y, a)]));
-}
+const misfit = (G, { a, b }) => Math.hypot(...G.flatMap(({ x, y }) => [dot(x, a) - dot(y, b), dot(x, b) + dot(y, a)]));
 
 // A function that solves G z = right, by elimination with pivots; one that is lost to rounding is taken as tiny.
 function factored(G, largest) {

@@ -85,9 +85,7 @@ function entries(part) {
   return there.map(([key, value]) => `${key} = ${written(value, key)}`);
 }
 
-function inline(part) {
-  return `{ ${entries(part).join(", ")} }`;
-}
+const inline = (part) => `{ ${entries(part).join(", ")} }`;
 
 function written(value, key) {
   if (typeof value === "string") return quoted(value);
@@ -102,9 +100,7 @@ function real(value) {
   return /[.e]/.test(text) ? text : `${text}.0`;
 }
 
-function quoted(text) {
-  return JSON.stringify(text).replaceAll("\u007f", "\\u007f");
-}
+const quoted = (text) => JSON.stringify(text).replaceAll("\u007f", "\\u007f");
 
 // ------------------------------------------------------------------------------------------------ links
 

@@ -73,9 +73,7 @@ export function aligned(shape, twist = null, lead = 1, sizes = null) {
   return [shape.map((value, i) => (value * p + twist[i] * q) / square), shape.map((value, i) => (twist[i] * p - value * q) / square)];
 }
 
-export function decayOf({ ratio }) {
-  return ratio < UNSTABLE ? "unstable" : ratio >= 1 ? "overdamped" : "";
-}
+export const decayOf = ({ ratio }) => ratio < UNSTABLE ? "unstable" : ratio >= 1 ? "overdamped" : "";
 
 // Real parts where the largest of complex numbers is real.
 export function inPhase(x, y) {

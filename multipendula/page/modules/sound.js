@@ -2,9 +2,7 @@
 
 import { mannerOf } from "./shapes.js";
 
-const LOWEST = 196; // Hz
-const HIGHEST = 5000;
-const MOST_TONES = 16;
+const [LOWEST, HIGHEST, MOST_TONES] = [196, 5000, 16]; // Hz, Hz
 
 export class Sound {
   start(rows) {

@@ -66,9 +66,8 @@ export class Stage {
 
   lengthen(point) {
     const { held, player } = this;
-    const { chain, index } = player.home(held.link);
-    const number = player.system.chains.indexOf(chain);
-    const pivot = player.view.places(player.y)[number].joints[index];
+    const { pendulum, index } = player.home(held.link);
+    const pivot = player.view.places(player.y)[pendulum].joints[index];
     const [along, down] = player.view.metre(point);
     const length = clamp(Math.hypot(along - pivot[0], down - pivot[1]), 0.1 * held.first.length, 10 * held.first.length);
     player.set([...held.place, "length"], rounded(length));
@@ -118,6 +117,4 @@ export class Stage {
 }
 
 // Three digits, so that a scene file made by hand stays legible.
-export function rounded(value) {
-  return Number(value.toPrecision(3));
-}
+export const rounded = (value) => Number(value.toPrecision(3));

@@ -84,9 +84,7 @@ function numbersOf(link, s) {
   return { kind, m, l, c, I, rotor, s, rest: s > 0 ? 0 : Math.PI, damping, stiffness, drag, quadratic, strength, angle_deg, impulse, angle, friction };
 }
 
-export function sum(values) {
-  return values.reduce((total, value) => total + value, 0);
-}
+export const sum = (values) => values.reduce((total, value) => total + value, 0);
 
 // The state (x, angles, x', rates, work) at rest in equilibrium; `lead` coordinates stand before the angles.
 export function atRest(system) {

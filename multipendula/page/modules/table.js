@@ -19,6 +19,7 @@ export class ModeTable {
     [heads.beat.hidden, heads.angle.hidden, heads.star.hidden] = [!beats, !angles, !player.rows.some((row) => row.resonant)];
     heads.frequency.textContent = damped ? "|λ|/2π (Hz)" : "f (Hz)";
     heads.damped.hidden = !damped;
+    heads.outdated.hidden = !player.known || player.isKnown;
     if (this.lines.length !== player.rows.length) {
       this.lines = player.rows.map((_, number) => this.line(number));
       body.replaceChildren(...this.lines.map(({ line }) => line));

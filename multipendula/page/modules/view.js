@@ -5,6 +5,7 @@ import { clamp } from "./numbers.js";
 import { atRest } from "./system.js";
 
 const ON = 12; // pixels
+const BESIDE = 0.1; // of a link, and of the sine between two, up to which they look like one
 const SLACK = 0.5; // of the longest pendulum, by which supports may leave the middle
 const [STEP, WEAK] = [1e-5, 1e-9]; // of a difference, over the longest pendulum; added to squares that may be 0
 
@@ -68,6 +69,17 @@ export class View {
       });
       return { joints, centres };
     });
+  }
+
+  // Whether links of two pendula lie on each other.
+  overlaps(y) {
+    const rods = this.places(y).flatMap(({ joints }, chain) => joints.slice(1).map(([x, z], i) => ({ chain, from: joints[i], step: [x - joints[i][0], z - joints[i][1]] })));
+    const lies = ({ from: [x, z], step: [p, q] }, { from: [u, v], step: [r, s] }) => {
+      const [along, aside] = [[r, s], [s, -r]].map(([a, b]) => ((x + p / 2 - u) * a + (z + q / 2 - v) * b) / (r * r + s * s));
+      const sine = (p * s - q * r) / Math.hypot(p, q) / Math.hypot(r, s);
+      return along > 0 && along < 1 && Math.abs(aside) < BESIDE && Math.abs(sine) < BESIDE;
+    };
+    return rods.some((one) => rods.some((other) => one.chain !== other.chain && lies(one, other)));
   }
 
   // The lines and outlines of supports and springs: { role, carrier, closed, points } in metres along the rail and down.
@@ -172,9 +184,7 @@ export class View {
   }
 }
 
-function middleOf(places) {
-  return places.reduce((total, { joints }) => total + joints[0][0], 0) / places.length;
-}
+const middleOf = (places) => places.reduce((total, { joints }) => total + joints[0][0], 0) / places.length;
 
 // Whether a point is inside an outline.
 function within([x, y], points) {
