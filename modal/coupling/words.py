@@ -76,12 +76,12 @@ def carrier_words(structure: Structure) -> str:
 def pendula_words(coupling: Coupling) -> Iterator[str]:
     """Return sentences on pendula, supports and springs."""
     scene, structure = coupling.scene, coupling.structure
-    count, kinds = counted(scene.n_pendula, "pendulum", "pendula"), len({(p.chain, p.ways) for p in scene.pendulum})
-    count += f" of {kinds} kinds" if kinds > 1 else ""
-    count = count.replace(" ", " equal ", 1) if scene.n_pendula > kinds == 1 else count
+    pendula, kinds = counted(scene.n_pendula, "pendulum", "pendula"), len({(p.chain, p.ways) for p in scene.pendulum})
+    pendula += f" of {kinds} kinds" if kinds > 1 else ""
+    pendula = pendula.replace(" ", " equal ", 1) if scene.n_pendula > kinds == 1 else pendula
     hanging = sum(float(np.sum(block.mass.sum(0) * block.count)) for block in coupling.rig.blocks)
     what = (
-        f"{count}, {counted(scene.n_links, 'link', 'links')} and "
+        f"{pendula}, {counted(scene.n_links, 'link', 'links')} and "
         f"{short(hanging)} kg in all, {'hangs' if scene.n_pendula == 1 else 'hang'}"
     )
     if coupling.on_cart:

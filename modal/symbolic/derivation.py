@@ -55,7 +55,7 @@ MEANINGS = {
     "m": "mass",
     "l": "length",
     "L": "length",
-    "c": "distance of the centre of mass from the upper joint",
+    "c": "distance of the centre of mass of a link from its upper joint",
     "I": "moment of inertia",
     "k": "stiffness",
     "a": "distance of the end of a spring from the joint above it",
@@ -91,9 +91,9 @@ def symbols_section(system: SymbolicStructure) -> Section:
     """What the symbols that equal numbers share stand for, in one line."""
     dampers = {spring.damping for spring in system.springs}
     letters_of: dict[str, list[str]] = {}
-    for name in sorted(system.symbols, key=str):
+    for name in sorted(system.symbols, key=lambda name: (tuple(MEANINGS).index(str(name)[0]), str(name))):
         letter, _, index = str(name).partition("_")
-        owner = "a spring" if name in dampers or letter == "k" else "a link" if letter in "mlIc" else ""
+        owner = "a spring" if name in dampers or letter == "k" else "a link" if letter in "mlI" else ""
         owner = OWNERS.get(index[:1], owner)
         meaning = "damping constant" if letter == "d" and owner else MEANINGS[letter]
         word = str(name) if "_" in index else f"${name}$"

@@ -11,6 +11,7 @@ import sympy as sp
 from modal import pair
 from modal.errors import SceneError
 from modal.exact import exact, exact_links
+from modal.modes.rows import COUNTED
 from modal.scene import ModalSupport, Pendulum, Scene, require, title_of
 from modal.scene.laws import JointPart
 from modal.scene.points import CarrierEnd, End, LinkEnd, hanging_points, joined_points
@@ -29,7 +30,8 @@ MOST_LINKS = 1000
 
 def chain(n: int, kind: str = "bob", symbolic: tuple[str, ...] = (), sigma: tuple[int, ...] = ()) -> SymbolicStructure:
     """One chain of n bobs or rods: equal ones m, l unless `symbolic` names masses or lengths."""
-    return _hanging(f"{n} {kind}{'s' if n > 1 else ''} in a chain", STILL, (_links(n, kind, symbolic, sigma),))
+    title = f"A single {kind}" if n == 1 else f"A chain of {dict(enumerate(COUNTED)).get(n, n)} {kind}s"
+    return _hanging(title, STILL, (_links(n, kind, symbolic, sigma),))
 
 
 def cart(
@@ -118,7 +120,7 @@ def structure_with(scene: Scene, letters: Letters) -> SymbolicStructure:
 
 
 def _pivot_ends(scene: Scene, letters: Letters) -> tuple[CarrierEnd, ...]:
-    """Where chains hang: with shared letters on a fixed support the distances of pivots that springs need, k·d in a row.
+    """Where chains hang: with shared letters the distances of pivots on a fixed support, multiples of d in a row.
 
     Springs that end at other places keep all places in numbers, so that both ends of one are written alike.
     """
