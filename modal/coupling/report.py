@@ -79,7 +79,12 @@ def _columns(coupling: Coupling, rows: Sequence[FamilyRow]) -> Iterator[str]:
     """The meanings of the table's columns."""
     if any(row.splitting is not None for row in rows):
         rest, carriers = ("all else", "something else") if coupling.scene.is_structured else ("the cart", "the cart")
-        yield f"Each family: pendula that swing at ω with {rest} held. Δω: the shift of the mode that moves {carriers}."
+        shift = (
+            f"the shift of the mode that moves {carriers}" if coupling.reduced.d else "how far each mode lies from ω"
+        )
+        yield f"Each family: pendula that swing at ω with {rest} held. Δω: {shift}."
+        if any(family.beats and len(family.branches) > 1 for family in coupling.families):
+            yield "Beat: 2π over the difference of two Δω of the family, the slowest."
         if coupling.scene.has_damping and any(row.beat is not None for row in rows):
             yield "Δω is without dampers, the beat with them: hence it is not 2π/Δω."
     if any(row.share is not None for row in rows):
@@ -101,7 +106,9 @@ def _left_out(coupling: Coupling) -> Iterator[str]:
         extra_families = counted(len(families) - limit, "more family is", "more families are")
         yield f"{extra_families} {ELSEWHERE}, up to {rad(families[-1].omega)}."
     locking = coupling.scene.is_structured or coupling.on_cart
-    also = " Locking takes dampers and drives (`sync`)." if locking and coupling.scene.n_pendula > 1 else ""
+    also = (
+        " Synchronization requires dampers and drives; see `sync`." if locking and coupling.scene.n_pendula > 1 else ""
+    )
     yield f"Large angles are omitted: the table of modes states at which angle a frequency is 1 % off.{also}"
     if coupling.rig.spatial:
         yield "Motion across the rail is omitted: there nothing couples the pendula at small angles."

@@ -81,8 +81,8 @@ def _beats(coupling: Coupling, rows: list[FamilyRow]) -> Iterator[str]:
     row = max(beating, key=lambda row: row.beat or 0.0)
     share_words = ""
     if row.share is not None:
-        part = "all" if row.share > 1 - SHARE_GIVEN_MIN else fraction(row.share)
-        share_words = f"; halfway, {'the other has' if row.fold == 2 else 'the others hold'} {part} of the energy"
+        part = "all the energy" if row.share > 1 - SHARE_GIVEN_MIN else f"{fraction(row.share)} of the energy"
+        share_words = f"; after half a beat the other {'pendulum has' if row.fold == 2 else 'pendula have'} {part}"
         if coupling.scene.has_damping:
             who = "the other never receives" if row.fold == 2 else "the others never receive"
             share_words = (

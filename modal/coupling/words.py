@@ -24,7 +24,7 @@ from modal.report import capital, counted, listed, percent, rad, short
 from modal.structure import CarrierNumbers, Structure
 from modal.types import NOISE_OF_SUM
 
-GUIDE = " (approximate: the coupling is strong)"
+GUIDE = " (approximate: the coupling is not weak)"
 NEAR = " (approximate: another family is near)"
 SHARE_GIVEN_MIN = 1e-4
 """Format: smallest fraction of an energy that is given as a number."""
@@ -76,10 +76,12 @@ def carrier_words(structure: Structure) -> str:
 def pendula_words(coupling: Coupling) -> Iterator[str]:
     """Return sentences on pendula, supports and springs."""
     scene, structure = coupling.scene, coupling.structure
-    kinds = f" of {counted(len(coupling.names), 'kind', 'kinds')}" if scene.n_pendula > 1 else ""
+    pendula, kinds = counted(scene.n_pendula, "pendulum", "pendula"), len({(p.chain, p.ways) for p in scene.pendulum})
+    pendula += f" of {kinds} kinds" if kinds > 1 else ""
+    pendula = pendula.replace(" ", " equal ", 1) if scene.n_pendula > kinds == 1 else pendula
     hanging = sum(float(np.sum(block.mass.sum(0) * block.count)) for block in coupling.rig.blocks)
     what = (
-        f"{counted(scene.n_pendula, 'pendulum', 'pendula')}{kinds}, {counted(scene.n_links, 'link', 'links')} and "
+        f"{pendula}, {counted(scene.n_links, 'link', 'links')} and "
         f"{short(hanging)} kg in all, {'hangs' if scene.n_pendula == 1 else 'hang'}"
     )
     if coupling.on_cart:
@@ -233,7 +235,8 @@ def _pattern(family: Family, branch: FamilyBranch) -> str:
     """The pendula of two members, whether they swing alike."""
     if len(family.members) != 2 or abs(branch.pattern).min() < 0.1 * abs(branch.pattern).max():
         return ""
-    return f"its two members in {'phase' if branch.pattern[0] * branch.pattern[1] > 0 else 'antiphase'}"
+    who = "the two pendula" if family.fold == 2 else "its two groups of pendula"
+    return f"{who} swing in {'phase' if branch.pattern[0] * branch.pattern[1] > 0 else 'antiphase'}"
 
 
 def _strength(coupling: Coupling, r: str, family: Family, branch: FamilyBranch) -> Iterator[str]:
@@ -285,7 +288,7 @@ def _beats(coupling: Coupling, family: Family) -> Iterator[str]:
     share = ""
     if len(family.members) == 1:
         part = "all of it" if n == 2 else percent(4 * (n - 1) / n**2)
-        share = f"; halfway, the others hold {part} [4(N − 1)/N², N = {n}]"
+        share = f"; after half a beat the others have {part} [4(N − 1)/N², N = {n}]"
     yield (
         f"One pendulum set swinging alone in this mode recovers its energy after {short(exchange.period)} s [2π/|Δω|]"
         f"{share}. A run shorter than half of that shows only part of the exchange{guide}."

@@ -122,7 +122,7 @@ def _order(chain: NDArray[np.float64]) -> str:
     if len(chain) == 2:
         return "fast" if reversals else "slow"
     if reversals in (0, len(chain) - 1):
-        return "fastest (neighbours opposed)" if reversals else "slowest (all links agree)"
+        return "fastest (adjacent links in antiphase)" if reversals else "slowest (all links in phase)"
     return f"{reversals} node{'s' * (reversals > 1)}"
 
 

@@ -65,7 +65,7 @@ def coupling_figure(coupling: Coupling) -> Figure:
 
 
 def _of_structure(coupling: Coupling) -> Figure:
-    """A panel for each of the lowest own modes, and all levels."""
+    """A panel for each of the lowest own modes, and all frequencies."""
     panels = min(coupling.reduced.d, MODE_PANELS)
     lines, columns = -(-panels // 2), 2 if panels > 1 else 1
     figure = sheet_of_rows(lines + 2, WIDE)
@@ -93,9 +93,11 @@ def _finish(figure: Figure, coupling: Coupling) -> None:
             "the structure alone, pendula stiff": Line2D([], [], color=colour(1), ls=MARKED, lw=1.4),
         }
         limit_note = f", the lowest {MODE_PANELS} of {d}" if d > MODE_PANELS else ""
-        what = f"dynamic mass along the structure's own modes{limit_note}, and all levels"
+        what = f"dynamic mass along the structure's own modes{limit_note}, and all frequencies"
         if not d:
-            what, entries = "levels of pendula alone and together", {name: entries[name] for name in words[1:]}
+            hues = dict(zip(words[1:], (pole(), zero()), strict=True))
+            what = "frequencies of the pendula alone and together"
+            entries = {name: Line2D([], [], color=hue, lw=1.8) for name, hue in hues.items()}
     elif not coupling.on_cart:
         entries = dict(list(entries.items())[:3])
     headline(figure, title_of(coupling.scene), what)
@@ -435,7 +437,8 @@ def draw_levels(axis: Axes, coupling: Coupling, is_logarithmic: bool) -> None:
     axis.set_xticks([0.45, 2.0, 3.55][: 3 if coupling.modes else 2])
     axis.set_xticklabels(["pendula alone", "the scene", "the structure alone"][: 3 if coupling.modes else 2])
     axis.grid(visible=False)
-    axis.set_title("levels", loc="left")
+    if coupling.modes:
+        axis.set_title("frequencies", loc="left")
 
 
 def _level(axis: Axes, middle: tuple[float, float], omega: float, side: float, start: float, hue: str) -> None:

@@ -51,6 +51,20 @@ GRAVITY = 9.81
 LAGRANGIAN = equal(sp.Symbol("L"), sp.Symbol("T") - sp.Symbol("V"))
 _TARGET = re.compile(r"(chain|cart):(?:(\d{1,4})x)?(\d{1,4})")
 KINDS = ("bob", "rod")
+MEANINGS = {
+    "m": "mass",
+    "l": "length",
+    "L": "length",
+    "c": "distance of the centre of mass of a link from its upper joint",
+    "I": "moment of inertia",
+    "k": "stiffness",
+    "a": "distance of the end of a spring from the joint above it",
+    "b": "horizontal distance of pivots",
+    "d": "horizontal distance of pivots",
+    "h": "vertical distance of pivots",
+    "g": "acceleration of free fall",
+}
+OWNERS = {"c": "the cart", "s": "a support", "j": "a joint"}
 
 
 def derive(
@@ -71,6 +85,21 @@ def derive(
         "modes": lambda: modes_section(system, scene),
     }
     return (makers[name]() for name in (*SECTIONS, *ASKED_FOR) if name in show)
+
+
+def symbols_section(system: SymbolicStructure) -> Section:
+    """What the symbols that equal numbers share stand for, in one line."""
+    dampers = {spring.damping for spring in system.springs}
+    letters_of: dict[str, list[str]] = {}
+    for name in sorted(system.symbols, key=lambda name: (tuple(MEANINGS).index(str(name)[0]), str(name))):
+        letter, _, index = str(name).partition("_")
+        owner = "a spring" if name in dampers or letter == "k" else "a link" if letter in "mlI" else ""
+        owner = OWNERS.get(index[:1], owner)
+        meaning = "damping constant" if letter == "d" and owner else MEANINGS[letter]
+        word = str(name) if "_" in index else f"${name}$"
+        letters_of.setdefault(meaning + f" of {owner}" * bool(owner), []).append(word)
+    meanings = (f"{', '.join(letters)}: {meaning}" for meaning, letters in letters_of.items())
+    return Section("Symbols", [Line("; ".join(meanings))])
 
 
 def _lagrangian(system: SymbolicStructure) -> Section:
@@ -120,7 +149,8 @@ def _pivots(system: SymbolicStructure) -> Iterator[Line]:
         places.setdefault(place, []).append(p + 1)
     for place, (first, *others) in places.items():
         which = f"pendulum {first}" if not others else f"pendula {', '.join(map(str, (first, *others)))}"
-        yield Line(f"first joint of {which}, along the rail and down", sp.Tuple(*place))
+        ways = "horizontally" if all(carrier.kind == "fixed" for carrier in system.carriers) else "along the rail"
+        yield Line(f"first joint of {which}, {ways} and downwards", sp.Tuple(*place))
 
 
 def _lengths(system: SymbolicStructure) -> Iterator[Line]:

@@ -16,6 +16,7 @@ from functools import cache
 from itertools import pairwise
 from typing import Any, NamedTuple
 
+import numpy as np
 import sympy as sp
 from sympy.polys.matrices import DomainMatrix
 
@@ -186,12 +187,12 @@ def polynomial_section(system: SymbolicStructure, scene: Scene | None) -> Sectio
 
 
 def _with_place_along(system: SymbolicStructure, lines: list[Line]) -> list[Line]:
-    """The lines with λ for ω² where x is a place along the rail, without the reciprocal form, which has that letter."""
+    """The lines in ω² itself where x is a place along the rail, without the reciprocal form."""
     if not any(str(c.q).partition("_")[0] == "x" for c in system.coordinates):
         return lines
-    letters = {sp.Symbol("x"): sp.Symbol("lambda")}
+    letters = {sp.Symbol("x"): sp.Symbol("omega") ** 2}
     return [
-        Line(words.replace("$x = ω²", "$λ = ω²"), _renamed(formula, letters))
+        Line(words.replace("$x = ω²", "$ω²"), _renamed(formula, letters))
         for words, formula in lines
         if RECIPROCAL not in words
     ]
@@ -249,7 +250,7 @@ def modes_section(system: SymbolicStructure, scene: Scene | None) -> Section:
     computed_modes = [mode for mode in all_modes if isinstance(mode, ComputedMode)]
     are_computed = len(computed_modes) == len(all_modes)
     families = list(natural_modes(scene).family) if scene and are_computed else []
-    lines = _number_modes(computed_modes, families) if are_computed else map(_mode_line, all_modes)
+    lines = _number_modes(computed_modes, families) if are_computed else _name_modes(all_modes, system, scene)
     return Section("Modes", _with_place_along(system, [*lines, *_remarks(system, polynomials)]))
 
 
@@ -276,8 +277,16 @@ def _number_modes(modes: list[ComputedMode], families: list[str]) -> Iterator[Li
         yield Line("; ".join(filter(None, (f"mode {number}", name, rate))), mode.formula)
 
 
-def _mode_line(mode: ComputedMode | Line) -> Line:
-    return mode if isinstance(mode, Line) else Line(mode.label + mode.words, mode.formula)
+def _name_modes(modes: list[ComputedMode | Line], system: SymbolicStructure, scene: Scene | None) -> Iterator[Line]:
+    """The modes, those in symbols of a scene with the number and the words that the table has for its own numbers."""
+    table = natural_modes(scene.conservative) if scene and system.values and "joint" not in scene.features else None
+    for mode in modes:
+        words, formula = mode if isinstance(mode, Line) else (mode.label + mode.words, mode.formula)
+        if table and words.endswith("natural frequency"):
+            square = float(formula.rhs.subs(system.values))
+            number = int(np.abs(table.omega**2 - square).argmin())
+            words = f"mode {number + 1}; {table.family[number]}; {words}"
+        yield Line(words, formula)
 
 
 def _modes_of(eigen: EigenPolynomial, system: SymbolicStructure) -> Iterator[ComputedMode | Line]:
@@ -300,7 +309,7 @@ def _root(root: Root, eigen: EigenPolynomial) -> ComputedMode:
     unit = "√(g/l)" if eigen.polynomial.unit == "g/l" else "1/s" if grows else "rad/s"
     size = sp.sqrt(sp.Abs(square)).evalf(20)
     rate = f"{'growth rate $=' if grows else '$ω ='} {sp.N(size, 15)} {unit}$"
-    letter = sp.Symbol("x") if square else sp.Symbol("omega") ** 2  # of a rigid translation
+    letter = sp.Symbol("x") if eigen.polynomial.unit == "g/l" else sp.Symbol("omega") ** 2
     return ComputedMode(size, _heading_words(eigen), rate, equal(letter, square), grows)
 
 

@@ -16,8 +16,8 @@ scene.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -126,7 +126,7 @@ class SymbolicStructure(Displayed):
     """Carriers, chains with the points that they hang from, and springs with their two ends.
 
     In space, of one support alone, `coordinates` are those along the rail and `azimuths` what is more.  `laws` are
-    those of every joint, chain by chain, empty without any.
+    those of every joint, chain by chain, empty without any; `values` the numbers of its symbols in the file.
     """
 
     title: str
@@ -137,6 +137,7 @@ class SymbolicStructure(Displayed):
     spring_entries: tuple[JoinedSpring, ...] = ()
     spatial: bool = False
     laws: tuple[tuple[tuple[JointPart, ...], ...], ...] = ()
+    values: Mapping[Any, Any] = field(default_factory=dict)
 
     @property
     def without_laws(self) -> SymbolicStructure:

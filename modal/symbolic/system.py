@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from typing import Any
 
@@ -11,6 +11,7 @@ import sympy as sp
 from modal import pair
 from modal.errors import SceneError
 from modal.exact import exact, exact_links
+from modal.modes.rows import COUNTED
 from modal.scene import ModalSupport, Pendulum, Scene, require, title_of
 from modal.scene.laws import JointPart
 from modal.scene.points import CarrierEnd, End, LinkEnd, hanging_points, joined_points
@@ -29,7 +30,8 @@ MOST_LINKS = 1000
 
 def chain(n: int, kind: str = "bob", symbolic: tuple[str, ...] = (), sigma: tuple[int, ...] = ()) -> SymbolicStructure:
     """One chain of n bobs or rods: equal ones m, l unless `symbolic` names masses or lengths."""
-    return _hanging(f"{n} {kind}{'s' if n > 1 else ''} in a chain", STILL, (_links(n, kind, symbolic, sigma),))
+    title = f"A single {kind}" if n == 1 else f"A chain of {dict(enumerate(COUNTED)).get(n, n)} {kind}s"
+    return _hanging(title, STILL, (_links(n, kind, symbolic, sigma),))
 
 
 def cart(
@@ -74,6 +76,7 @@ class Letters:
     def __call__(self, letter: str, value: Any, place: str = "") -> Any:
         """The symbol of a number, which without sharing is named by its `place`."""
         if not self.are_shared:
+            self.values[symbol(place)] = value
             return symbol(place)
         values = self._of_letter.setdefault(letter, [])
         if value not in values:
@@ -106,11 +109,38 @@ def structure_with(scene: Scene, letters: Letters) -> SymbolicStructure:
     is_single_cart = [support.kind for support in scene.supports] == ["cart"]
     entries = zip(scene.supports, scene.support_names, strict=True)
     carriers = tuple(_carrier(support, name, () if is_single_cart else (name,), letters) for support, name in entries)
-    pivot_ends = tuple(map(_exact, hanging_points(scene)))
+    pivot_ends = _pivot_ends(scene, letters)
     chains, in_space = _chains_of(scene, letters), scene.space == "space"
     spring_entries = tuple(_joining_spring(scene, entry, ends, letters, chains) for entry, ends in joined_points(scene))
     laws = _laws_of(scene) if "law" in scene.features else ()
-    return SymbolicStructure(title_of(scene), gravity, carriers, chains, pivot_ends, spring_entries, in_space, laws)
+    values = {name: rational(value) for name, value in letters.values.items()} | {symbol("g"): rational(scene.gravity)}
+    return SymbolicStructure(
+        title_of(scene), gravity, carriers, chains, pivot_ends, spring_entries, in_space, laws, values
+    )
+
+
+def _pivot_ends(scene: Scene, letters: Letters) -> tuple[CarrierEnd, ...]:
+    """Where chains hang: with shared letters the distances of pivots on a fixed support, multiples of d in a row.
+
+    Springs that end at other places keep all places in numbers, so that both ends of one are written alike.
+    """
+    ends = tuple(map(_exact, hanging_points(scene)))
+    on_links = all(isinstance(end, LinkEnd) for _, both in joined_points(scene) for end in both)
+    if not (letters.are_shared and scene.spring and on_links and [s.kind for s in scene.supports] == ["fixed"]):
+        return ends
+    along, down = zip(*(end.where for end in ends), strict=True)
+    letter = "b" if any(spring.damping for spring in scene.spring) else "d"
+    places = zip(_distances(along, letter, letters), _distances(down, "h", letters), strict=True)
+    return tuple(end._replace(where=where) for end, where in zip(ends, places, strict=True))
+
+
+def _distances(values: Sequence[Any], letter: str, letters: Letters) -> Iterator[Any]:
+    """Coordinates as multiples of the smallest of them where they are, or each by a letter."""
+    smallest = min((abs(value) for value in values if value), default=sp.S.One)
+    is_row = all((value / smallest).is_integer for value in values)
+    for value in values:
+        unit = smallest if is_row else abs(value)
+        yield value / unit * letters(letter, unit) if value else value
 
 
 def _laws_of(scene: Scene) -> tuple[tuple[tuple[JointPart, ...], ...], ...]:

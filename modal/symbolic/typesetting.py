@@ -230,7 +230,13 @@ class _TextPrinter(_PositiveFirst, StrPrinter):  # type: ignore[misc]
 
 
 class _LatexPrinter(_PositiveFirst, LatexPrinter):  # type: ignore[misc]
-    pass
+    def _print_Mul(self, product: Any) -> str:
+        """With `long_frac_ratio`, where lines are broken, a numeric fraction alone stands before its factors."""
+        coefficient, factors = product.as_coeff_Mul()
+        is_fraction = coefficient.is_Rational and not coefficient.is_Integer and sp.denom(factors) == 1
+        if not (self._settings["long_frac_ratio"] and is_fraction) or factors.is_Add:
+            return str(super()._print_Mul(product))
+        return f"{self._print(coefficient)} {self._print(factors)}"
 
 
 def plain(formula: Any) -> str:
@@ -350,6 +356,9 @@ def _beamer(title: str, sections: list[Section]) -> str:
         r"\usepackage{amsmath}",
         r"\setbeamertemplate{navigation symbols}{}\setbeamertemplate{frametitle continuation}[from second]",
         r"% \setbeameroption{show notes} prints the speaker's notes",
+        r"\newenvironment{labelled}{\begin{minipage}{\textwidth}\raggedright",
+        r"\abovedisplayskip=3pt \abovedisplayshortskip=3pt \belowdisplayskip=3pt \belowdisplayshortskip=3pt}",
+        r"{\end{minipage}\par\medskip}",
         rf"\title{{{latex(title)}}}",
         r"\date{}",
         r"\begin{document}",
@@ -360,10 +369,10 @@ def _beamer(title: str, sections: list[Section]) -> str:
         for words, formula in section.lines:
             if formula is not None:
                 block = f"{_sentence(_escape(words))}:\n{_display(formula, 0.8 * LINE)}"
-                lines.append(f"\\begin{{minipage}}{{\\textwidth}}\n{block}\n\\end{{minipage}}\n\\par\\smallskip")
+                lines.append(f"\\begin{{labelled}}\n{block}\n\\end{{labelled}}")
         notes = [f"{_sentence(_escape(words))}." for words, formula in section.lines if formula is None]
         lines += [*(notes if len(notes) == len(section.lines) else ()), r"\end{frame}"]
-        lines += [rf"\note{{{' '.join(notes)}}}"] if notes else []
+        lines += [rf"\note{{{' '.join(notes)}}}"] if 0 < len(notes) < len(section.lines) else []
     return "\n".join([*lines, r"\end{document}"]) + "\n"
 
 

@@ -49,6 +49,7 @@ def derive(options: argparse.Namespace) -> None:
         system, scene = derivation.target(options.target, options.links, symbols, ways)
         title = system.title
         sections = list(derivation.derive(system, show or derivation.SECTIONS, noted(scene, "a derivation")))
+        sections[:0] = [derivation.symbols_section(system)] * ("equal" in symbols and bool(system.values))
     with output(options.output) as write:
         text = typesetting.typeset(title, sections, options.format)
         write(folded(text) if options.format == "text" else text)

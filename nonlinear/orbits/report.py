@@ -18,6 +18,7 @@ from nonlinear.orbits.cycles import growth
 from nonlinear.orbits.flow import ORBIT_TOLERANCE
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.orbits.special import Special
+from nonlinear.system import ends_may_meet, system_of
 
 TABLE_ROWS_MAX = 16
 """Format: rows of a table in the text: orbits of a branch, spread over it."""
@@ -173,7 +174,9 @@ def _notes(branch: Branch) -> Iterator[str]:
     if branch.is_forced and branch.returns:
         yield f"the branch leaves the range where it began, at {_place(branch, last)}: another fold may lie beyond."
     if not branch.complete:
-        yield f"the branch was followed no further than {_place(branch, last)}."
+        meets = ends_may_meet(system_of(last.scene))
+        why = ": a spring between points may pass through zero length there, where its force reverses" * meets
+        yield fill(f"the branch was followed no further than {_place(branch, last)}{why}.", line_width())
 
 
 def _missing_ends(branches: Sequence[Branch]) -> Iterator[str]:

@@ -31,8 +31,6 @@ from nonlinear.verification.motion import Comparison, ModeInMotion
 
 DIGITS_BEYOND = 1e-3
 """Format: of the error of κ, how far its digits go."""
-PERCENT_MIN = 1e-4
-"""Format: relative difference from which on it is given in per cent."""
 HEADINGS = ("mode", "ω (rad/s)", "largest (°)", "energy", "lines")
 
 
@@ -84,37 +82,33 @@ def check_verdict(check: Check) -> list[str]:
     regular = [(row, measurement) for row, measurement in runs if not measurement.irregular]
     sentences = []
     several = len(check.rows) > 1
-    what = f"the frequencies of {len(check.rows)} modes are up to" if several else "the frequency is"
+    most = "at most " if several else ""
+    what = f"the frequencies of {len(check.rows)} modes differ" if several else "the frequency differs"
     if regular:
         small, large = (choose(measurement.amplitude for _, measurement in regular) for choose in (min, max))
         off = max(abs(measurement.shift) for _, measurement in regular if measurement.amplitude == small)
-        sentences.append(f"At {degrees(small):.3g}° {what} {_off(off)} off the table.")
+        sentences.append(f"At {degrees(small):.3g}° {what} from the table by {most}{percent(off)}.")
         if large > small:
             largest_runs = [(row, measurement) for row, measurement in regular if measurement.amplitude == large]
             plain = max(abs(measurement.shift) for _, measurement in largest_runs)
             residual = max(
                 abs(measurement.shift - row.predicted_shift(measurement)) for row, measurement in largest_runs
             )
-            they, up = ("they are", "up to ") if several else ("it is", "")
-            accuracy_words = f", and {up}{_off(residual)} off ω (1 + κa²)" if isfinite(residual) else ""
-            sentences.append(f"At {degrees(large):.3g}° {they} {up}{_off(plain)} off the table{accuracy_words}.")
+            they = "they differ" if several else "it differs"
+            accuracy_words = f", and from ω (1 + κa²) by {most}{percent(residual)}" if isfinite(residual) else ""
+            sentences.append(f"At {degrees(large):.3g}° {they} from it by {most}{percent(plain)}{accuracy_words}.")
     angles = [(row.mode.linear_to_1_percent_deg, row.one_percent_deg) for row in check.rows]
     if misses := [
         abs(table_angle / run_angle - 1)
         for table_angle, run_angle in angles
         if isfinite(table_angle) and isfinite(run_angle)
     ]:
-        which = "angles at which a frequency is 1 % off are up to" if several else "angle at which it is 1 % off is"
-        sentences.append(f"The {which} {_off(max(misses))} off the table.")
+        which = "angles at which a frequency is 1 % off differ" if several else "angle at which it is 1 % off differs"
+        sentences.append(f"The {which} from the table by {most}{percent(max(misses))}.")
     if odd := sorted({row.mode.number for row, measurement in runs if measurement.irregular}):
         modes = f"{'Mode' if len(odd) == 1 else 'Modes'} {listed(list(map(str, odd)), len(odd))}"
         sentences.append(f"{modes}: irregular at large angles, where no single frequency describes the motion.")
     return sentences or ["No mode was checked."]
-
-
-def _off(share: float) -> str:
-    """A relative difference, small ones as a power of ten."""
-    return percent(share) if share >= PERCENT_MIN else f"{share:.1e}"
 
 
 def comparison_verdict(comparison: Comparison) -> list[str]:
@@ -129,7 +123,8 @@ def comparison_verdict(comparison: Comparison) -> list[str]:
     lines = [(row, row.lines[0]) for row in rows[:4] if row.lines]
     off = [abs(line.omega / row.mode.omega - 1) for row, line in lines if row.mode.omega]
     if off:
-        sentences.append(f"The strongest line of each is up to {_off(max(off))} away from the frequency in the table.")
+        most = percent(max(off))
+        sentences.append(f"The strongest line of each differs from the frequency in the table by at most {most}.")
     return sentences
 
 

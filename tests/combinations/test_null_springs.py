@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,7 @@ from nonlinear.dynamics import is_unstable_equilibrium
 from nonlinear.ensembles import find_section, find_strobes
 from nonlinear.identification import fit, read_recording
 from nonlinear.orbits import Flow, follow_forced_orbits, forced_orbit, mode_orbit, nonlinear_mode
+from nonlinear.orbits.report import _notes
 from nonlinear.postprocessing.summary import text as run_text
 from nonlinear.reduction import defect_error, simulate_truncated, superpose
 from nonlinear.system import ends_may_meet, state_at_rest, system_of
@@ -245,10 +247,13 @@ def test_a_fit_reads_coordinates_of_supports(tmp_path: Path) -> None:
 
 
 def test_both_ends_of_a_spring_meet_where_pendula_bring_them_together() -> None:
-    bobs = load("two-bobs")
+    first, second = (textbook := load("two-bobs")).pendulum
+    bobs, apart = (textbook.replace(pendulum=[first, second.replace(position=(d, 0.0))]) for d in (0.4, 2.1))
     assert ends_may_meet(system_of(bobs))
-    apart = bobs.replace(pendulum=[bobs.pendulum[0], bobs.pendulum[1].replace(position=(2.1, 0.0))])
     assert not ends_may_meet(system_of(apart))
+    last = SimpleNamespace(scene=bobs, amplitude=np.radians(23.578), omega=3.44926, cycles=0)
+    branch = SimpleNamespace(orbits=[last], special=(), is_forced=False, complete=False, variation=None)
+    assert "may pass through zero length" in " ".join(_notes(branch)).replace("\n", " ")  # type: ignore[arg-type]
     assert not ends_may_meet(system_of(load("two-swings")))
     antiphase = vary(bobs, {"pendulum[0].start.angles_deg[0]": -30.0, "pendulum[1].start.angles_deg[0]": 30.0})
     run = simulate(antiphase, 20.0)

@@ -602,7 +602,7 @@ def test_what_is_said_of_special_scenes() -> None:
     assert "no partner" in told["one"]
     assert "It has no zeros" in told["massless"]
     assert "too many to list in pairs" in told["thousand"]
-    assert "Locking takes dampers and drives" in told["space"]
+    assert "Synchronization requires dampers and drives" in told["space"]
     chains = [Pendulum(links=[Bob(mass=1, length=l)] * 25) for l in (1.0, 1.1)]
     assert "50 modes of 2 kinds are too many" in " ".join(
         coupling_report(explain(scene(Cart(mass=5.0), *chains)), words=True).split()

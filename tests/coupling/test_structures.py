@@ -304,7 +304,7 @@ def test_the_picture_has_a_panel_for_each_mode_of_the_structure() -> None:
     assert [axis.get_title(loc="left") for axis in figure.axes] == [
         "s1: two carts in phase",
         "s2: two carts in antiphase",
-        "levels",
+        "frequencies",
     ]
     figure.savefig(io.BytesIO(), format="png", dpi=40)
 

@@ -51,6 +51,9 @@ def test_two_bobs_and_a_spring() -> None:
     modes = natural_modes(scene)
     assert modes.family.tolist() == ["fixed support: in phase", "fixed support: antiphase"]
     assert modes.effective_mass.tolist() == pytest.approx([2.0, 0.0], abs=1e-15)
+    cubic = G / 6 + 2.5 * 4 / 6  # of g sin θ + ½ 2.5 sin 2θ, by which each of them swings in antiphase
+    kappa = [-1 / 16, -3 / 8 * cubic / (G + 2.5)]
+    assert natural_modes(load("two-bobs")).kappa.tolist() == pytest.approx(kappa, rel=1e-7)
 
 
 @pytest.mark.parametrize("N", [2, 5])

@@ -188,7 +188,7 @@ def test_tables(paper: Check) -> None:
     assert "7.20947810" in text
     assert text.split("\n\n")[1].startswith("At 2")
     off = max(abs(run.shift) for row in paper.rows for run in row.measurements)
-    assert f"up to {100 * off:.3g} % off the table" in text
+    assert f"from it by at most {100 * off:.3g} %" in text
     assert "rigid translation" in text
     markdown = check_table(paper, "markdown")
     assert markdown.startswith("**Two double pendula")

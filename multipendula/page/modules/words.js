@@ -51,8 +51,8 @@ export function orderIn(system, x) {
   const opposed = f.slice(1).filter((value, i) => value * f[i] < 0).length;
   if (n === 1) return "";
   if (n === 2) return opposed ? "fast" : "slow";
-  if (!opposed) return "slowest (all links agree)";
-  return opposed === n - 1 ? "fastest (neighbours opposed)" : `${opposed} node${opposed > 1 ? "s" : ""}`;
+  if (!opposed) return "slowest (all links in phase)";
+  return opposed === n - 1 ? "fastest (adjacent links in antiphase)" : `${opposed} node${opposed > 1 ? "s" : ""}`;
 }
 
 // Whether all pendula with a fair share of the energy swing with their pivots or against; "" for neither.
