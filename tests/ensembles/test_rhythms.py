@@ -204,6 +204,16 @@ def test_exponents_by_second_motions_are_those_of_tangent_equations() -> None:
     assert np.abs(exponent_of(settled, rhythm_starts(settled, 2, 52.0), 100.0, workers=1).members).max() < 0.02
 
 
+def test_exponents_of_short_runs_have_an_uncertainty() -> None:
+    """Of 5 and of 100 natural units of time."""
+    scene = load("two-bobs")
+    starts = motion_of([State(np.array([2.5, 2.0 + 0.1 * k]), np.zeros(2)) for k in range(2)])
+    for duration in (1.5, 7.0, 30.0):
+        short = exponent_of(scene, starts, duration, workers=1)
+        assert short.duration == pytest.approx(duration, rel=1e-9)
+        assert np.isfinite(short.half_width)
+
+
 def test_wilson_is_that_of_scipy() -> None:
     """At the ends and between them."""
     for count, total in ((0, 7), (3, 7), (300, 300), (17, 300)):
