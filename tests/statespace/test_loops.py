@@ -234,3 +234,14 @@ def test_the_scale_of_a_modal_coordinate_does_not_affect_the_default_loop() -> N
     assert poles[0].real.max() < 0
     assert poles[1] == pytest.approx(poles[0], rel=1e-9)
     assert gains[1] == pytest.approx(gains[0], rel=1e-9)
+
+
+def test_a_pole_without_a_certain_digit_is_not_called_level() -> None:
+    """m x'' + 1e5 x' + 1e20 x = 0 of a cart of 4 kg under a stiff loop decays, whatever its bound is."""
+    gains = {"states": ["x", "x_dot"], "rows": [[1e20, 1e5]]}
+    support, hung = Cart(mass=4.0), Pendulum(links=[Bob(mass=2.0, length=1.5)])
+    loop = ({"input": "cart_force", "gains": gains},)
+    modes = natural_modes(Scene(gravity=9.81, support=support, pendulum=[hung], feedback=loop))
+    assert np.isinf(modes.relative_error_bound[-1])
+    assert modes.eigenvalue[-1] == pytest.approx(-1e5 / 8 + 5e9j, rel=1e-9)
+    assert modes.eigenvalue[-1].real == pytest.approx(-1e5 / 8, rel=1e-3)
