@@ -113,15 +113,11 @@ def bryson_scales(scene: Scene) -> dict[str, float]:
     rate, weight = (scene.gravity / length) ** 0.5, mass * scene.gravity
     places = {"m": length, "m/s": length * rate, "m/s^2": scene.gravity}
     scales = {**places, "rad": 1.0, "rad/s": rate, "N": weight, "N m": weight * length}
+    coordinates = coordinates_of(rig.structure) if rig.structure else ()
     inertias = [M for carrier in rig.carriers if carrier.M is not None for M in np.diag(carrier.M)]
-    coordinates = (
-        [coordinate for coordinate in coordinates_of(rig.structure) if not coordinate.unit] if inertias else []
-    )
-    for coordinate, inertia in zip(coordinates, inertias, strict=True):
+    for modal, inertia in zip((each for each in coordinates if not each.unit), inertias, strict=True):
         largest = length * float(mass / inertia) ** 0.5
-        scales[coordinate.name] = largest
-        scales[coordinate.derivative(1)] = largest * rate
-        scales[coordinate.force] = weight * length / largest
+        scales |= {modal.name: largest, modal.derivative(1): largest * rate, modal.force: weight * length / largest}
     return scales
 
 
