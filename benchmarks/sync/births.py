@@ -173,7 +173,7 @@ def returned(p, y, h, sides, times):
     """The state after so many passages of the first pendulum to the right, and the last time from one to the next."""
     n, time, last = len(p.mass), 0.0, 0.0
     for _ in range(times):
-        last, time = time, 0.0
+        time = 0.0
         for _ in range(20 * STEPS):
             before, y = y, kicked(p, y, h, sides)
             time += h

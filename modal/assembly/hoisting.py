@@ -299,8 +299,5 @@ def quadratic_drags(scene: Scene) -> Floats:
     """Return the coefficient of every link (L,), in the order of the file."""
     validate_scene(scene)
     return np.concatenate(
-        [
-            np.tile([link.quadratic_drag for link in pendulum.links for _ in range(link.count)], pendulum.count)
-            for pendulum in scene.pendulum
-        ]
+        [np.tile([link.quadratic_drag for link in pendulum.chain], pendulum.count) for pendulum in scene.pendulum]
     )

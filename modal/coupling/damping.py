@@ -123,7 +123,7 @@ def negative_damping(scene: Scene, rig: Rig) -> tuple[Floats, ...]:
 
 
 def _strengths(pendulum: Pendulum) -> list[float]:
-    drives = (link.drive for link in pendulum.links for _ in range(link.count))
+    drives = (link.drive for link in pendulum.chain)
     return [drive.strength if isinstance(drive, VanDerPol) else 0.0 for drive in drives]
 
 

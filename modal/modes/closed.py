@@ -106,8 +106,12 @@ class ClosedLoops:
         return self.whole(value[chosen], whole[:n, chosen], error[chosen], residual[chosen])
 
     def whole(self, value: Complexes, shape: Complexes, error: Floats, residual: Floats) -> ClosedSolution:
-        """The solution with motions without effect first, and without growth or decay that is rounding."""
-        is_level = (value.imag != 0) & (np.abs(value.real) <= error * np.abs(value))
+        """The solution with motions without effect first, and without growth or decay that is rounding.
+
+        A value without a certain digit stays as it is: its bound tells nothing of it.
+        """
+        is_level = (value.imag != 0) & (error < UNCERTAIN)
+        is_level[is_level] = np.abs(value.real[is_level]) <= error[is_level] * np.abs(value[is_level])
         free = np.eye(len(self.M))[:, ~self.feels[: len(self.M)]]
         zero = np.zeros(free.shape[1])
         values = np.append(zero, np.where(is_level, 1j * value.imag, value))

@@ -204,7 +204,7 @@ def _chains_with_angles(modes: Modes, shape: Shape) -> Iterator[tuple[_Chain, Co
         m, l, c, I = (values[:, column] for values in (arrays.mass, arrays.length, arrays.centre, arrays.inertia))
         J, sigma, damping, drag = (getattr(arrays, name)[:, column] for name in ("rotor", "sigma", "damping", "drag"))
         size = copies * arrays.n
-        follows = [float(link.is_uniform) for link in pendulum.links for _ in range(link.count)]
+        follows = [float(link.is_uniform) for link in pendulum.chain]
         chain = _Chain(m, l, c, I, J, sigma, damping, drag, np.array(follows))
         yield chain, angles[at : at + size].reshape(copies, arrays.n)
         at += size

@@ -105,12 +105,14 @@ def signal_words(name: str) -> str:
     ('θ₁₂', 'tip of pendulum 1', 'floor2', 'support acceleration')
     >>> signal_words("theta_1_2_relative"), signal_words("acceleration_along_1_1@0.5")
     ('relative θ₁₂', 'acceleration along link 1 of pendulum 1 at 0.5 m')
+    >>> signal_words("force"), signal_words("force_1_2"), signal_words("x")
+    ('force', 'force on link 2 of pendulum 1', 'cart position')
     """
     match = SIGNAL.fullmatch(name)
     place = match[2].split("_")[1:] if match else []
     kind = f"{match[1]}{match[3] or ''}" if match else ""
     kind = f"{kind}_end" if kind in {"x", "y"} and place else kind
-    if match and kind in SIGNALS:
+    if match and kind in SIGNALS and (place or "{link}" not in SIGNALS[kind]):
         owners = [f"{owner} {number}" for owner, number in zip(("pendulum", "link"), place, strict=False)]
         words = SIGNALS[kind].format(angle=angle_symbol(*place or ("",)), link=" of ".join(owners[::-1]))
         return f"{words} at {match[4]} m" if match[4] else words
@@ -143,9 +145,12 @@ def column_name(column: str) -> str:
 
     >>> column_name("omega_2_rad_per_s"), column_name("first_turn_1_2_s"), column_name("beat_2_s")
     ('ω₂', 'first turn of θ₁₂', 'beat of mode 2')
+    >>> column_name("omega_10a_rad_per_s"), column_name("theta_1_2_deg")
+    ('ω₁₀a', 'θ₁₂')
     """
     name = column_words(column)[0]
-    name = re.sub(r"^omega (\d+)$", lambda match: "ω" + match[1].translate(SUBSCRIPTS), name)
+    name = re.sub(r"^omega (\d+[a-z]*)$", lambda match: "ω" + match[1].translate(SUBSCRIPTS), name)
+    name = re.sub(r"^theta (\d+) (\d+)$", lambda match: angle_symbol(match[1], match[2]), name)
     name = re.sub(r"^beat (\d+)", r"beat of mode \1", name)
     name = re.sub(r" (\d+) (\d+)$", lambda match: f" of {angle_symbol(match[1], match[2])}", name)
     return COLUMNS.get(name, name)

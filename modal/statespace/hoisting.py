@@ -32,7 +32,7 @@ from modal.report import Form, ReportColumn, ReportTable, Result, short
 from modal.scene import Fixed, Pendulum, Scene
 from modal.scene.length_laws import LengthLaw, integrated_law, limited_law, profile_law, superposed
 from modal.scene.records import read_record
-from modal.scene.signal_names import SUBSCRIPTS, angle_symbol
+from modal.scene.signal_names import SUBSCRIPTS, angle_symbol, column_label
 from modal.statespace.inertia import refuse_no_inertia
 from modal.statespace.model import without_carrier
 from modal.statespace.reduction import heavier, joined_pendula
@@ -86,7 +86,7 @@ class Along(Result):
         names = [("time_s", "t (s)")]
         places = [(p + 1, i + 1) for p, i in self.links]
         names += [(f"length_{p}_{i}_m", f"l{angle_symbol(p, i)[1:]} (m)") for p, i in places]
-        names += [(f"omega_{name}_rad_per_s", f"ω{name.translate(SUBSCRIPTS)} (rad/s)") for name in self.names]
+        names += [(key, column_label(key)) for key in (f"omega_{name}_rad_per_s" for name in self.names)]
         names += [(f"swing_{name}", f"swing{name.translate(SUBSCRIPTS)}") for name in self.names]
         return [ReportColumn(itemgetter(k), key, heading, ".6g") for k, (key, heading) in enumerate(names)]
 

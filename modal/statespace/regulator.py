@@ -22,6 +22,7 @@ from modal.scene import Scene
 from modal.scene.doors import checked
 from modal.scene.records import read_gains
 from modal.scene.signal_names import signal_label
+from modal.statespace.geometry import coordinates_of
 from modal.statespace.model import state_space
 from modal.statespace.signals import Signal
 from modal.types import NOISE_OF_SUM, Complexes, Floats
@@ -57,10 +58,12 @@ class Regulator(Displayed):
         names = ", ".join(map(signal_label, self.inputs))
         poles = ", ".join(brief(pole) for pole in self.poles.tolist() if pole.imag >= 0)
         signals, weights = (*self.states, *self.inputs), (*np.diag(self.Q).tolist(), *np.diag(self.R).tolist())
-        largest = {signal.unit: brief(weight**-0.5) for signal, weight in zip(signals, weights, strict=True)}
-        scales = ", ".join(f"{value} {unit}" for unit, value in largest.items())
-        rule = f"; by default weights that count as equal {scales} (Bryson's rule)" if self.is_default else ""
-        return f"gains of {names} on {len(self.states)} states; poles of the loop {poles} 1/s{rule}"
+        words = f"gains of {names} on {len(self.states)} states; poles of the loop {poles} 1/s"
+        if not self.is_default:
+            return words
+        largest = {_kind(signal): brief(weight**-0.5) for signal, weight in zip(signals, weights, strict=True)}
+        scales = ", ".join(f"{value} {kind}" for kind, value in largest.items())
+        return f"{words}; by default weights that count as equal {scales} (Bryson's rule)"
 
 
 @checked
@@ -74,7 +77,7 @@ def regulator(scene: Scene, inputs: tuple[str, ...] = (), weights: tuple[str, st
     model = state_space(plant, inputs)
     if weights is None:
         scales = bryson_scales(plant)
-        Q, R = (np.diag([scales[x.unit] ** -2.0 for x in signals]) for signals in (model.states, model.inputs))
+        Q, R = (np.diag([scales[_kind(x)] ** -2.0 for x in signals]) for signals in (model.states, model.inputs))
     else:
         sides = zip(weights, (model.states, model.inputs), strict=True)
         Q, R = (_read_weights(path, [signal.name for signal in signals]) for path, signals in sides)
@@ -95,16 +98,32 @@ def regulator(scene: Scene, inputs: tuple[str, ...] = (), weights: tuple[str, st
 
 
 def bryson_scales(scene: Scene) -> dict[str, float]:
-    """The value of each unit that counts as much as 1 rad.
+    """The value of each unit that counts as much as 1 rad, and of each coordinate of a modal support by its signals.
+
+    A modal coordinate counts as l √(m/M_ii), where its rate has the kinetic energy of m (without the supports whose
+    masses are unknown) at √(g l): its scale does not affect the motion.
 
     >>> from modal import Bob, Pendulum, Scene
     >>> bryson_scales(Scene(gravity=9.0, pendulum=[Pendulum(links=[Bob(mass=2.0, length=1.0)])]))["N m"]
     18.0
     """
-    length, weight = max(link.length for link in scene.links()), rig_of(scene).total_mass * scene.gravity
-    rate = (scene.gravity / length) ** 0.5
+    rig, length = rig_of(scene), max(link.length for link in scene.links())
+    hanging = sum(float(np.sum(block.mass.sum(0) * block.count)) for block in rig.blocks)
+    mass = hanging + sum(float(carrier.mass) for carrier in rig.carriers if carrier.M is None)
+    rate, weight = (scene.gravity / length) ** 0.5, mass * scene.gravity
     places = {"m": length, "m/s": length * rate, "m/s^2": scene.gravity}
-    return {**places, "rad": 1.0, "rad/s": rate, "N": weight, "N m": weight * length}
+    scales = {**places, "rad": 1.0, "rad/s": rate, "N": weight, "N m": weight * length}
+    coordinates = coordinates_of(rig.structure) if rig.structure else ()
+    inertias = [M for carrier in rig.carriers if carrier.M is not None for M in np.diag(carrier.M)]
+    for modal, inertia in zip((each for each in coordinates if not each.unit), inertias, strict=True):
+        largest = length * float(mass / inertia) ** 0.5
+        scales |= {modal.name: largest, modal.derivative(1): largest * rate, modal.force: weight * length / largest}
+    return scales
+
+
+def _kind(signal: Signal) -> str:
+    """What a signal shares its scale with: its unit, or its name on a modal support, whose coordinates differ."""
+    return signal.name if signal.unit.startswith("1") else signal.unit
 
 
 def _read_weights(path: str, names: Sequence[str]) -> Floats:

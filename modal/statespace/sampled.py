@@ -68,6 +68,15 @@ class SampledLoops(ClosedLoops):
         return np.concatenate((place, place | rate))
 
     @cached_property
+    def rates(self) -> Floats:
+        """[[A, B], [0, 0]] of (q, q', held inputs)."""
+        n, forces = len(self.M), np.array([loop.push for loop in self.loops]).T
+        rates = np.zeros((2 * n + len(self.loops), 2 * n + len(self.loops)))
+        rates[:n, n : 2 * n] = np.eye(n)
+        rates[n : 2 * n] = np.linalg.solve(self.linear.M, np.hstack((-self.linear.K, -self.linear.D, forces)))
+        return rates
+
+    @cached_property
     @np.errstate(all="ignore")
     def monodromy(self) -> Floats:
         """The transition (S, S) over a period of (q, q', inputs), those of each loop the last first."""
@@ -77,14 +86,9 @@ class SampledLoops(ClosedLoops):
         ends = states + np.cumsum([loop.entry.delayed_samples + 1 for loop in self.loops])
         refuse_beyond(LARGEST_DAMPED, int(ends[-1]), "samples and delays of feedback")
         moving = np.append(np.arange(states), ends - 1)
-        rates = np.zeros((len(moving), len(moving)))
-        forces = np.array([loop.push for loop in self.loops]).T
-        rates[: states // 2, states // 2 : states] = np.eye(states // 2)
-        right = np.hstack((-self.linear.K, -self.linear.D, forces))
-        rates[states // 2 : states] = np.linalg.solve(self.linear.M, right)
         end = lcm(*counts)
         instants = sorted({time for count in counts for time in range(0, end, count)})
-        flows = {span: scipy.linalg.expm(rates * tick * span) for span in set(np.diff([*instants, end]).tolist())}
+        flows = {span: scipy.linalg.expm(self.rates * tick * span) for span in set(np.diff([*instants, end]).tolist())}
         P = np.eye(int(ends[-1]))
         for time, following in pairwise([*instants, end]):
             for loop, count, first, last in zip(self.loops, counts, [states, *ends], ends, strict=False):
@@ -118,7 +122,7 @@ class SampledLoops(ClosedLoops):
             turns = np.round((turning * T - np.angle(z)) / (2 * np.pi)) * (z.imag > 0)
             value = (np.log(np.abs(z)) + 1j * (np.angle(z) + 2 * np.pi * np.nan_to_num(turns))) / T
             rounding = 4 * len(inner) * EPS * condition[chosen] * np.linalg.norm(inner, 2)
-            turned = 1 + T * np.abs(value).max(initial=0.0)  # the exponential errs as it turns
+            turned = 1 + T * np.abs(np.linalg.eigvals(self.rates)).max()  # the exponential errs as the plant turns
             error = EPS + rounding * turned / np.abs(z * T * value)
         shapes = np.where(value.imag < 0, motion[:n].conj(), motion[:n]) / self.unit[:, None]
         upper = np.asarray(np.where(value.imag < 0, value.conj(), value) / self.rate, dtype=complex)

@@ -249,9 +249,18 @@ def modes_section(system: SymbolicStructure, scene: Scene | None) -> Section:
     all_modes = [mode for eigen in polynomials for mode in _modes_of(eigen, system)]
     computed_modes = [mode for mode in all_modes if isinstance(mode, ComputedMode)]
     are_computed = len(computed_modes) == len(all_modes)
-    families = list(natural_modes(scene).family) if scene and are_computed else []
+    families = _certain_families(scene) if scene and are_computed else []
     lines = _number_modes(computed_modes, families) if are_computed else _name_modes(all_modes, system, scene)
     return Section("Modes", _with_place_along(system, [*lines, *_remarks(system, polynomials)]))
+
+
+def _certain_families(scene: Scene) -> list[str]:
+    """What the table calls each of its modes, empty where it has no certain digit: symbols and integers do."""
+    modes = natural_modes(scene)
+    return [
+        family if np.isfinite(error) else ""
+        for family, error in zip(modes.family.tolist(), modes.relative_error_bound.tolist(), strict=True)
+    ]
 
 
 class ComputedMode(NamedTuple):
@@ -272,7 +281,7 @@ def _number_modes(modes: list[ComputedMode], families: list[str]) -> Iterator[Li
         numbers.append(numbers[-1] + (not is_same))
     has_families = len(families) == numbers[-1]
     for number, mode in zip(numbers, ordered, strict=True):
-        name = families[number - 1] if has_families else mode.label.removesuffix("; ")
+        name = (families[number - 1] if has_families else "") or mode.label.removesuffix("; ")
         rate = "" if mode.words == name else mode.words
         yield Line("; ".join(filter(None, (f"mode {number}", name, rate))), mode.formula)
 

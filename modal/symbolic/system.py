@@ -242,7 +242,7 @@ def _chains_of(scene: Scene, letters: Letters) -> tuple[Chain, ...]:
 
 
 def _chain_of(pendulum: Pendulum, tails: Sequence[str], letters: Letters) -> Chain:
-    links = [link for link in pendulum.links for _ in range(link.count)]
+    links = pendulum.chain
     mass, length, centre, inertia, _, rotor, sigma = map(list, zip(*exact_links(pendulum), strict=True))
     for i, link in enumerate(links):
         if "masses" in letters:

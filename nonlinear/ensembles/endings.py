@@ -18,7 +18,7 @@ import numpy as np
 from modal.report import Displayed
 from modal.scene import Scene
 from modal.types import Floats
-from nonlinear.chaos.lyapunov import TRANSIENT, Exponent
+from nonlinear.chaos.lyapunov import BLOCKS, TRANSIENT, Exponent
 from nonlinear.ensembles.running import ensemble
 from nonlinear.orbits.cycles import Beginning
 from nonlinear.orbits.floquet import CIRCLE_EXCESS_MAX
@@ -234,11 +234,11 @@ def exponent_of(scene: Scene, starts: Motion, duration: float, **options: Any) -
     """The largest exponents λ of motions over a duration (s) after half of it, by second motions [Benettin1980a].
 
     Each begins 1e-6 in natural units from the first, and is brought back to that again and again, every 50 units of
-    time, while ln |v| gains what the distance has grown.  It is then in the direction that grows fastest; `options` are
-    those of `ensemble`, by which both run, many times faster than with tangent equations.
+    time or more often, while ln |v| gains what the distance has grown.  It is then in the direction that grows fastest;
+    `options` are those of `ensemble`, by which both run, many times faster than with tangent equations.
     """
     system, count = system_of(scene), len(starts.links)
-    thirds = ceil(duration * natural_rate(system) / 100)
+    thirds = max(ceil(duration * natural_rate(system) / 100), BLOCKS // 2 + 1)  # each block has a part
     times = np.linspace(0.0, (1 + TRANSIENT) * duration, 3 * thirds + 1)
     first = [starts.links, starts.link_rates, starts.cart, starts.cart_rate, starts.supports, starts.support_rates]
     asides = np.random.default_rng(0).normal(size=starts.links.shape)

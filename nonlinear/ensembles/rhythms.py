@@ -11,6 +11,7 @@ enclosed between two values.  The share of starts that end in a rhythm has Wilso
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -131,12 +132,18 @@ class Rhythm(Displayed):
 
 
 class ValueRhythms(NamedTuple):
-    """The rhythms at a value, the most frequent first, and which rhythm each start ends in, -1 for undecided."""
+    """The rhythms at a value, the most frequent first, and the number of undecided starts."""
 
     value: float
     rhythms: tuple[Rhythm, ...]
     undecided: int
-    of_start: tuple[int, ...]
+
+    def counts(self) -> Counter[str]:
+        """The numbers of starts that end in rhythms of each name, and of those that are undecided."""
+        counts = Counter({UNDECIDED: self.undecided})
+        for rhythm in self.rhythms:
+            counts[rhythm.name] += rhythm.count
+        return counts
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -275,17 +282,21 @@ class RhythmMap(Drawable, Result):
                 return f"{event.name} is last seen between {low} and {high}: what follows is undecided."
             what, side = ("begins", "below") if event.is_birth else ("ends", "beyond")
             return f"{event.name} {what} between {low} and {high}: {side} that the motion becomes {event.successor}."
-        place = f"{self._with_unit(event.value, 8)} ({event.kind})"
-        if event.kind in ("Neimark–Sacker", "doubling", "branch point") and self._has_orbit(event.name):
-            return f"{event.name} {'becomes stable' if event.is_birth else 'loses stability'} at {place}."
-        return f"{event.name} {'appears' if event.is_birth else 'disappears'} at {place}."
+        words = self.change_words(event.name, event.kind, is_birth=event.is_birth)
+        return f"{event.name} {words} at {self._with_unit(event.value, 8)} ({event.kind})."
 
     def _with_unit(self, value: float, digits: int) -> str:
         """A value of the number with its unit."""
         unit = self.variation.unit
         return f"{value:.{digits}g}" + ("°" if unit in ("°", "deg") else f" {unit}".rstrip())
 
-    def _has_orbit(self, name: str) -> bool:
+    def change_words(self, name: str, kind: str, *, is_birth: bool) -> str:
+        """What happens to a rhythm at a located event: an orbit may live on unstable, a beat ends."""
+        if kind in ("Neimark–Sacker", "doubling", "branch point") and self.has_orbit(name):
+            return "becomes stable" if is_birth else "loses stability"
+        return "appears" if is_birth else "disappears"
+
+    def has_orbit(self, name: str) -> bool:
         """Whether a rhythm is periodic: its orbit goes on where it loses stability."""
         return any(rhythm.orbit for value in self.values for rhythm in value.rhythms if rhythm.name == name)
 
@@ -407,7 +418,7 @@ class RhythmGrid(Drawable, Result):
 
 def _most_words(at: ValueRhythms, members: int) -> str:
     """The most frequent outcome at a value, with its share (%), and how many are undecided."""
-    shares = [(rhythm.count, rhythm.name) for rhythm in at.rhythms[:1] if rhythm.count] + [(at.undecided, UNDECIDED)]
-    most, *others = sorted((share for share in shares if share[0]), key=lambda share: -share[0])
-    words = [f"{name} {100 * count / members:.3g}" for count, name in (most, *others)]
-    return f"{words[0]} ({words[1]})" if others else words[0]
+    frequent = [(name, count) for name, count in at.counts().most_common() if count]
+    first = next((name for name, _ in frequent if name != UNDECIDED), UNDECIDED)
+    words = [f"{name} {100 * count / members:.3g}" for name, count in frequent if name in (first, UNDECIDED)]
+    return f"{words[0]} ({words[1]})" if len(words) > 1 else words[0]

@@ -18,7 +18,6 @@ from nonlinear.plotting.sweeps import edges, outline
 
 if TYPE_CHECKING:
     from nonlinear.ensembles import RhythmGrid, RhythmMap
-    from nonlinear.ensembles.rhythms import ValueRhythms
 
 
 def rhythm_figure(rhythms: RhythmMap) -> Figure:
@@ -60,10 +59,8 @@ def border_words(maps: Sequence[RhythmMap], name: str, kind: str, is_birth: bool
     """What happens to a rhythm at a border as the number grows: orbits may live on unstable, beats end."""
     if kind == "enclosed":
         return f"{name} {'begins' if is_birth else 'ends'} here (between two computed values)"
-    rhythms = [rhythm for row in maps for value in row.values for rhythm in value.rhythms if rhythm.name == name]
-    if kind == "fold" or not any(rhythm.orbit for rhythm in rhythms):
-        return f"{name} {'appears' if is_birth else 'disappears'} ({kind})"
-    return f"{name} {'becomes stable' if is_birth else 'loses stability'} ({kind})"
+    row = next((row for row in maps if row.has_orbit(name)), maps[0])
+    return f"{name} {row.change_words(name, kind, is_birth=is_birth)} ({kind})"
 
 
 def _mark(axis: Axes, marks: Sequence[tuple[float, str, str]]) -> None:
@@ -87,7 +84,8 @@ def grid_figure(grid: RhythmGrid) -> Figure:
     hues = [*(colour(k % HUES) for k in range(len(grid.names))), rest()]
     first, second = grid.axes
     x, y = (np.clip(edges(each), min(each.values), max(each.values)) for each in (first, second))
-    shares = np.array([[_shares(at, names, row.members) for at in row.values] for row in grid.maps])
+    counts = [[[at.counts()[name] for name in names] for at in row.values] for row in grid.maps]
+    shares = np.array(counts) / grid.maps[0].members
     for row, low, high in zip(shares, y[:-1], y[1:], strict=True):
         parts = np.pad(row.cumsum(axis=1), ((0, 0), (1, 0))).T
         heights = low * (high / low) ** parts if second.log else low + (high - low) * parts
@@ -115,9 +113,3 @@ def grid_figure(grid: RhythmGrid) -> Figure:
     notes = "each cell is divided by the shares of the starts; lines are computed along each row"
     key(figure, handles, columns=2, notes=notes.partition(";")[0] if not grid.borders() else notes)
     return figure
-
-
-def _shares(at: ValueRhythms, names: list[str], members: int) -> list[float]:
-    """The shares of starts that end in each rhythm, the last one undecided."""
-    counts = [sum(rhythm.count for rhythm in at.rhythms if rhythm.name == name) for name in names[:-1]]
-    return [count / members for count in (*counts, at.undecided)]

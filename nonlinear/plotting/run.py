@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -85,11 +86,8 @@ def run_figure(trajectory: Trajectory) -> Figure:
     if len(trajectory.times) < 2:
         raise ComputationError("a run with a single sample cannot be drawn")
     smooth = _smooth(trajectory)
-    panels, notes = [*_carrier_panels(smooth), *_prescribed_panels(smooth)], list[str]()
-    try:
-        panels += _feedback_panels(smooth)
-    except ComputationError:
-        notes = ["no sampled feedback drawn: samples of the run are too far apart"]
+    feedback, notes = _feedback_panels(smooth)
+    panels = [*_carrier_panels(smooth), *_prescribed_panels(smooth), *feedback]
     figure = sheet_of_rows(max(5 + len(panels), 6) / 2, WIDE)
     rows = 6 if len(panels) < 2 else 2 * (2 + len(panels))
     grid = figure.add_gridspec(rows, 2, width_ratios=(3, 2))
@@ -164,23 +162,34 @@ def _carrier_panels(trajectory: Trajectory) -> list[_CurvePanel]:
     return [_CurvePanel("Structure", words[unit], curves) for unit, curves in carriers.items()]
 
 
-def _feedback_panels(trajectory: Trajectory) -> list[_CurvePanel]:
-    """The inputs of feedback loops, a panel for each unit; those that act on one place are added."""
-    system, times, exerted = trajectory.system, trajectory.times, dict[str, dict[str, Floats]]()
+def _feedback_panels(trajectory: Trajectory) -> tuple[list[_CurvePanel], list[str]]:
+    """The inputs of feedback loops, a panel for each unit, and notes; loops that act on one place are added."""
+    system, exerted, notes = trajectory.system, dict[str, dict[str, Floats]](), list[str]()
     if not system.loops:
-        return []
-    layout, held = Layout.of(system, works=False), HeldInputs(system.loops)
+        return [], notes
+    states, held_inputs = Layout.of(system, works=False).rows(trajectory.motion).T, iter(list[Floats]())
+    try:
+        held_inputs = iter(_held_inputs(trajectory))
+    except ComputationError:
+        notes = ["no sampled feedback drawn: samples of the run are too far apart"]
+    for loop, acting in zip(loops_of(trajectory.scene), system.loops, strict=True):
+        values = next(held_inputs, None) if acting.sample_time else input_of(acting, states)
+        if values is not None:
+            curves, name = exerted.setdefault(loop.signal.unit, {}), signal_words(loop.signal.name)
+            curves[name] = curves.get(name, 0.0) + values
+    labels = {unit: f"{QUANTITIES.get(unit, 'generalized force')} ({unit})" for unit in exerted}
+    return [_CurvePanel("Feedback", labels[unit], curves) for unit, curves in exerted.items()], notes
+
+
+def _held_inputs(trajectory: Trajectory) -> Iterable[Floats]:
+    """What each sampled loop exerts (T,); ComputationError where the run has too few samples to tell."""
+    system, times, held = trajectory.system, trajectory.times, HeldInputs(trajectory.system.loops)
     if system.is_sampled:
         samples = held.begin(float(times[0]), float(times[-1]))
-        sampled_states = layout.rows(resample(times, trajectory.motion, np.array(samples)))
-        for time, state in zip(samples, sampled_states, strict=True):
+        states = Layout.of(system, works=False).rows(resample(times, trajectory.motion, np.array(samples)))
+        for time, state in zip(samples, states, strict=True):
             held.take(time, state.tolist())
-    states, held_inputs = layout.rows(trajectory.motion).T, iter(held.beside(times))
-    for loop, acting in zip(loops_of(trajectory.scene), system.loops, strict=True):
-        values = next(held_inputs) if acting.sample_time else input_of(acting, states)
-        curves, name = exerted.setdefault(loop.signal.unit, {}), signal_words(loop.signal.name)
-        curves[name] = curves.get(name, 0.0) + values
-    return [_CurvePanel("Feedback", f"{QUANTITIES[unit]} ({unit})", curves) for unit, curves in exerted.items()]
+    return held.beside(times)
 
 
 def _prescribed_panels(trajectory: Trajectory) -> list[_CurvePanel]:
@@ -209,7 +218,7 @@ def _draw_panel(axis: Axes, times: Floats, panel: _CurvePanel) -> None:
         has_band = draw_curves(axis, [(times, values[k]) for k in numbers], names=labels, bands=True)
     part = f": {stand_for} of {len(names)}" if stand_for < len(names) else ""
     set_frame(axis, "time (s)", panel.label, panel.title + part)
-    if np.ptp(values, axis=1).max() < STILL_METRES:
+    if panel.label.endswith("(m)") and np.ptp(values, axis=1).max() < STILL_METRES:
         axis.set_ylim(values[0][0] - 1, values[0][0] + 1)
     legend(axis, least_count=2 if panel.title == "Cart" and not has_band else 1)
 

@@ -81,12 +81,7 @@ def validate_axes(axes: Sequence[Variation]) -> None:
 
 def label(column: str) -> str:
     """An axis label for a column."""
-    return f"{name_of(column)} ({column_words(column)[1] or NUMBER})"
-
-
-def name_of(column: str) -> str:
-    """Return the name of a column in a figure: ω₁ or words."""
-    return re.sub(r"^omega (\d+[a-z]+)$", r"ω$_{\1}$", column_name(column))
+    return f"{column_name(column)} ({column_words(column)[1] or NUMBER})"
 
 
 # ------------------------------------------------------------------------------------------------------- curves
@@ -104,7 +99,7 @@ def _curves(sweep: Sweep, columns: list[str]) -> Figure:
         curves = [(np.array(variation.values), np.where(np.isfinite(y), y, np.nan)) for y in values]
         _range(axis, np.array([y for _, y in curves]), kind)
         log = ("x" if variation.log else "") + ("y" if axis.get_yscale() == "log" else "")
-        draw_curves(axis, curves, names=[name_of(name) for name in names], log=log, marker=".", ms=4.0)
+        draw_curves(axis, curves, names=[column_name(name) for name in names], log=log, marker=".", ms=4.0)
         if len(names) > 1:
             legend(axis, 4)
         axis.set(ylabel=label(kind if len(names) > 1 else names[0]))

@@ -62,7 +62,7 @@ class Excitation:
 
 def excitation_of(pendula: Sequence[Pendulum]) -> Excitation | None:
     """The kicks of pendula with equally many links, one column each; None if there are none."""
-    drives = [[link.drive for link in pendulum.links for _ in range(link.count)] for pendulum in pendula]
+    drives = [[link.drive for link in pendulum.chain] for pendulum in pendula]
     numbers = [
         [(drive.impulse, radians(drive.angle_deg)) if isinstance(drive, Escapement) else (0.0, 0.0) for drive in chain]
         for chain in drives

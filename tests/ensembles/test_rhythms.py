@@ -209,7 +209,7 @@ class FakeRuns:
 def test_a_rhythm_is_followed_to_where_it_ends(reach: float) -> None:
     """Also where only short steps keep it; a Neimark–Sacker point there is its end."""
     begun = Rhythm("beat", 3, 10, state=State(np.zeros(2), np.zeros(2), 0.0))
-    values = [ValueRhythms(0.0, (begun,), 0, ()), ValueRhythms(0.2, (), 0, ()), ValueRhythms(1.0, (), 0, ())]
+    values = [ValueRhythms(0.0, (begun,), 0), ValueRhythms(0.2, (), 0), ValueRhythms(1.0, (), 0)]
     runs = FakeRuns(reach, "in phase")
     complete, (death,) = continued(runs.groups, values, [])
     assert [[r.count for r in value.rhythms] for value in complete] == [[3], [0], []]
@@ -270,6 +270,16 @@ def test_exponents_by_second_motions_are_those_of_tangent_equations() -> None:
     assert pairs.members[-1] == pytest.approx(tangent.members[-1], rel=0.2)
     settled = vary(METRONOMES, {"support.mass": HEAVY})
     assert np.abs(exponent_of(settled, rhythm_starts(settled, 2, 52.0), 100.0, workers=1).members).max() < 0.02
+
+
+def test_exponents_of_short_runs_have_an_uncertainty() -> None:
+    """Of 5 and of 100 natural units of time."""
+    scene = load("two-bobs")
+    starts = motion_of([State(np.array([2.5, 2.0 + 0.1 * k]), np.zeros(2)) for k in range(2)])
+    for duration in (1.5, 7.0, 30.0):
+        short = exponent_of(scene, starts, duration, workers=1)
+        assert short.duration == pytest.approx(duration, rel=1e-9)
+        assert np.isfinite(short.half_width)
 
 
 def test_wilson_is_that_of_scipy() -> None:
@@ -352,7 +362,7 @@ def test_two_numbers_are_a_grid_of_verdicts() -> None:
 def test_a_minority_is_not_the_most_frequent() -> None:
     """Undecided starts are named where they are most, and every cell is divided; the interval of 3 of 10 is uneven."""
     variation, second = parse_variations(["support.mass=0.1:0.12:2", "support.damping=0.01:0.02:2"])
-    value = ValueRhythms(0.1, (Rhythm("in phase", 3, 10),), 7, ())
+    value = ValueRhythms(0.1, (Rhythm("in phase", 3, 10),), 7)
     row = RhythmMap(METRONOMES, variation, (value, value), (), 10, 52.0, 100.0, 7)
     grid = RhythmGrid(METRONOMES, (variation, second), (row, row))
     text, bars = grid.report(), grid.plot().axes[0].patches

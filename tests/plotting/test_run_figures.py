@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from scipy.signal import periodogram
 
 import modal
-from modal import Bob, Cart, Pendulum, Scene
+from modal import Bob, Cart, ModalSupport, Pendulum, Scene
 from modal.errors import ComputationError
 from modal.plotting import save
 from modal.plotting.layout import headline
@@ -195,3 +195,23 @@ def test_the_forces_of_loops_are_drawn_and_change_the_momentum_by_their_integral
     assert np.abs(drawn_rates - trajectory.motion.link_rates[:, 0]).max() < 1e-3
     coarse = run_figure(simulate(scene, 4.0, output=5))
     assert "no sampled feedback drawn" in coarse.get_supxlabel()
+    loops = [axis.get_ylabel() for axis in coarse.axes if axis.get_title(loc="left") == "Feedback"]
+    assert loops == ["force (N)", "torque (N m)"]  # of the loops without samples
+
+
+def test_a_force_on_a_modal_coordinate_is_drawn() -> None:
+    frame = ModalSupport(name="frame", M=((2.0,),), K=((50.0,),), points=(((1.0,), (0.0,)),))
+    hung = Pendulum(on="frame[0]", links=[Bob(mass=1.0, length=1.0)], start={"angles_deg": [30.0]})
+    loop = {"input": "frame_1_force", "output": "theta_1_1", "gain": 2.0}
+    trajectory = simulate(Scene(gravity=9.81, support=frame, pendulum=[hung], feedback=[loop]), 1.0)
+    axis = panel(run_figure(trajectory), "Feedback")
+    assert axis.get_ylabel() == "generalized force (1)"
+    assert axis.lines[0].get_ydata()[0] == pytest.approx(-2.0 * np.radians(30.0))
+
+
+def test_the_small_torque_of_a_light_pendulum_is_no_rounding() -> None:
+    hung = Pendulum(links=[Bob(mass=1e-9, length=0.01)], start={"angles_deg": [1.0]})
+    loop = {"input": "joint_torques", "output": "theta_1_1", "gain": 1e-12}
+    axis = panel(run_figure(simulate(Scene(gravity=9.81, pendulum=[hung], feedback=[loop]), 1.0)), "Feedback")
+    low, high = axis.get_ylim()
+    assert high - low < 2 * np.ptp(np.asarray(axis.lines[0].get_ydata(), dtype=float))

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from modal import Bob, Cart, Pendulum, load, natural_modes
+from modal import Bob, Cart, ModalSupport, Pendulum, load, natural_modes
 from modal.errors import ComputationError, SceneError
 from modal.modes.energies import mode_energies
 from modal.modes.sensitivity import sensitivities
-from modal.scene import Scene, scene_from
+from modal.scene import Scene, dump, scene_from
 from modal.scene.feedback import Feedback
 from modal.statespace import frequency_response, minimal, modal_gains, state_space, to_modal_form
 from modal.statespace.regulator import regulator
@@ -198,3 +198,50 @@ def test_a_loop_that_is_a_spring_neither_grows_nor_decays() -> None:
     assert held.damping_ratio.tolist() == [0.0, 0.0]
     with pytest.raises(SceneError, match="shares of energy do not support loops"):
         mode_energies(held)
+
+
+def test_weights_may_leave_states_without_cost(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Only the place of the cart costs: zeros on the diagonal of Q."""
+    scene = Scene(gravity=9.81, support=Cart(mass=4.0), pendulum=[Pendulum(links=[Bob(mass=2.0, length=1.5)])])
+    plant = state_space(scene)
+    names = [signal.name for signal in plant.states]
+    (tmp_path / "Q.csv").write_text(",".join(names) + "\n" + ",".join(str(int(name == "x")) for name in names) + "\n")
+    (tmp_path / "R.csv").write_text("cart_force\n1\n")
+    dump(scene, tmp_path / "cart.toml")
+    weights = f"{tmp_path / 'Q.csv'},{tmp_path / 'R.csv'}"
+    assert main(["response", str(tmp_path / "cart.toml"), "--gains", "--lqr", "--weights", weights]) == 0
+    assert "poles of the loop" in capsys.readouterr().err
+    design = regulator(scene, (), (str(tmp_path / "Q.csv"), str(tmp_path / "R.csv")))
+    assert "Bryson" not in design.words()
+    assert design.K[0, 0] == pytest.approx(1.0, rel=1e-9)
+    # The poles are the stable roots of det(R + G(−s)ᵀ Q G(s)) = 0.
+    Q, B = np.diag([float(name == "x") for name in names]), plant.B
+    for pole in design.poles:
+        there, mirrored = (np.linalg.solve(s * np.eye(len(names)) - plant.A, B) for s in (pole, -pole))
+        assert abs(1 + (mirrored.T @ Q @ there)[0, 0]) < 1e-9
+
+
+def test_the_scale_of_a_modal_coordinate_does_not_affect_the_default_loop() -> None:
+    """A floor of 2 kg on 50 N/m in metres, and the same in units of 0.1 m, where M and K are 0.02 and 0.5."""
+    poles, gains = [], []
+    for unit in (1.0, 0.1):
+        frame = ModalSupport(name="frame", M=((2.0 * unit**2,),), K=((50.0 * unit**2,),), points=(((unit,), (0.0,)),))
+        hung = Pendulum(on="frame[0]", links=[Bob(mass=1.0, length=2.0)])
+        design = regulator(Scene(gravity=9.81, support=frame, pendulum=[hung]))
+        poles.append(design.poles)
+        gains.append(design.K * [[1 / unit, 1.0, 1 / unit, 1.0]] / unit)
+        assert "frame" in design.words()
+    assert poles[0].real.max() < 0
+    assert poles[1] == pytest.approx(poles[0], rel=1e-9)
+    assert gains[1] == pytest.approx(gains[0], rel=1e-9)
+
+
+def test_a_pole_without_a_certain_digit_is_not_called_level() -> None:
+    """m x'' + 1e5 x' + 1e20 x = 0 of a cart of 4 kg under a stiff loop decays, whatever its bound is."""
+    gains = {"states": ["x", "x_dot"], "rows": [[1e20, 1e5]]}
+    support, hung = Cart(mass=4.0), Pendulum(links=[Bob(mass=2.0, length=1.5)])
+    loop = ({"input": "cart_force", "gains": gains},)
+    modes = natural_modes(Scene(gravity=9.81, support=support, pendulum=[hung], feedback=loop))
+    assert np.isinf(modes.relative_error_bound[-1])
+    assert modes.eigenvalue[-1] == pytest.approx(-1e5 / 8 + 5e9j, rel=1e-9)
+    assert modes.eigenvalue[-1].real == pytest.approx(-1e5 / 8, rel=1e-3)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import mpmath
 import numpy as np
 import pytest
 
@@ -69,6 +70,25 @@ def test_a_trolley_whose_place_nothing_feels_has_the_pole_zero_and_moves_with_it
     assert np.abs(swing - modes.eigenvalue[-1]).min() < 1e-12
     shape = modes.shape(len(modes) - 1)
     assert abs((4.0 + MASS) * shape.cart + MASS * LENGTH * shape.angles[0]) > 1e-3 * abs(shape.cart)  # a force acts
+
+
+@pytest.mark.parametrize("T", [0.2, 20.0, 2e3, 2e5])
+def test_the_error_bound_holds_where_the_load_swings_often_between_samples(T: float) -> None:
+    """Against z² − (tr Φ − 3 c) z + … of the swing alone in 50 digits."""
+    brake = {"input": "cart_force", "output": "theta_dot_1_1", "gain": -3.0, "sample_time": T}
+    modes = natural_modes(on_cart(brake))
+    pole, bound = complex(modes.eigenvalue[-1]), modes.relative_error_bound[-1]
+    with mpmath.workdps(50):
+        push, square = mpmath.mpf(-1) / (4 * mpmath.mpf(LENGTH)), mpmath.mpf(GRAVITY) * 6 / (4 * mpmath.mpf(LENGTH))
+        omega = mpmath.sqrt(square)
+        c, s = mpmath.cos(omega * mpmath.mpf(T)), mpmath.sin(omega * mpmath.mpf(T))
+        step = mpmath.matrix([[c, s / omega + 3 * push * (1 - c) / square], [-omega * s, c + 3 * push * s / omega]])
+        half = (step[0, 0] + step[1, 1]) / 2
+        z = half + mpmath.sqrt(half**2 - mpmath.det(step))
+        turns = mpmath.nint((pole.imag * T - mpmath.arg(z)) / (2 * mpmath.pi))
+        exact = (mpmath.log(z) + 2j * mpmath.pi * turns) / mpmath.mpf(T)
+        error = float(abs(exact - pole) / abs(exact))
+    assert error <= bound < 1e-4
 
 
 def _by_hand(T: float, gains: list[float]) -> Any:

@@ -16,6 +16,7 @@ from modal import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene, matrices, natura
 from modal.exact import of_scene
 from modal.symbolic import SymbolicStructure, chain, coordinate, derive, derive_lagrangian, symbolic_structure, vanishes
 from modal.symbolic import symbolic as symbolic_polynomial
+from modal.symbolic.eigen import modes_section
 from modal.symbolic.lagrangian import equations, vector_equations
 from modal.symbolic.system import cart
 
@@ -190,3 +191,12 @@ def test_no_digit_of_a_neutral_rest_is_shown(support: Fixed | Cart) -> None:
     assert [row.is_uncertain for row in rows] == [False, True][-len(rows) :]
     assert rows[-1].family == "beyond double precision"
     assert all(row.multiplicity == 1 for row in rows)
+
+
+def test_an_exact_zero_is_not_beyond_double_precision() -> None:
+    """Of the same bob: the frequency in integers is 0 exactly, where the table has no digit."""
+    bob = Pendulum(links=(Bob(mass=0.5, length=0.4, stiffness=2.0),), equilibrium=("up",))
+    scene = Scene(gravity=10.0, pendulum=[bob])
+    assert natural_modes(scene).family.tolist() == ["beyond double precision"]
+    lines = [line.words for line in modes_section(symbolic_structure(scene), scene).lines]
+    assert lines == ["mode 1; $ω = 0 rad/s$"]
