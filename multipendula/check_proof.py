@@ -239,7 +239,7 @@ SPRING = {"between": None, "kind": "linear", "stiffness": 0, "damping": 0}
 
 
 def blocks_of(data: Data) -> list[Sums]:
-    """The parts that move with the supports, and every pendulum that moves while its support is still.
+    """The parts that move with the supports, and pendula that move while their supports are still.
 
     Of N equal pendula that hang together, the sum moves with the support, like one N times as
     heavy; N - 1 differences leave it still, and so does, in space, all motion across the rail.

@@ -127,7 +127,7 @@ def test_text_is_returned_where_it_is_asked_for(capsys: pytest.CaptureFixture[st
     assert repr(text).startswith("mode,omega")
     assert repr(mp.scenes("chain-1")).startswith("title")
     assert mp.table("chain-1", output=tmp_path / "t.md").omega.size == 1
-    assert (tmp_path / "t.md").read_text("utf-8").startswith("**Chain")
+    assert (tmp_path / "t.md").read_text("utf-8").startswith("**A single bob")
     assert mp.explain("paper-cart-2", output=tmp_path / "e.json").scene == mp.load("paper-cart-2")
     assert (tmp_path / "e.json").read_text("utf-8").startswith("{")
     assert capsys.readouterr().out == ""

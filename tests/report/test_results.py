@@ -185,7 +185,7 @@ def test_columns_of_a_branch_are_its_orbits() -> None:
     for k, orbit in enumerate(branch.orbits):
         assert columns["omega_rad_per_s"][k] == pytest.approx(2 * np.pi / orbit.period)
         assert columns["largest_angle_deg"][k] == pytest.approx(np.degrees(orbit.amplitude))
-    assert repr(branch.orbits[0]).startswith('Periodic orbit of "Chain of 1')
+    assert repr(branch.orbits[0]).startswith('Periodic orbit of "A single bob')
 
 
 def test_columns_of_basins_are_the_map() -> None:
