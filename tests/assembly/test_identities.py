@@ -164,7 +164,8 @@ def calls(job: Callable[[], object], *functions: Any) -> Counter[str]:
 def test_arrays_and_modes_are_handed_on() -> None:
     """Each is built once for the motion and once for the modes of a scene; one more pair is of its undamped modes.
 
-    The method is chosen once.
+    Each of the two orbits that decide whether the prediction is certain has its own equations. The method is chosen
+    once.
     """
     counted = rig_of, system_of, natural_modes, choose
     double = load("paper-cart-2").replace(title="a scene of which nothing is kept")
@@ -172,7 +173,7 @@ def test_arrays_and_modes_are_handed_on() -> None:
     assert counts == {"system_of": 1, "rig_of": 2, "natural_modes": 1, "choose": 1}
     clocks = load("metronomes").replace(title="clocks of which nothing is kept")
     counts = calls(lambda: study_synchronization(clocks, 2.0), *counted)
-    assert counts == {"system_of": 2, "rig_of": 4, "natural_modes": 2, "choose": 1}
+    assert counts == {"system_of": 4, "rig_of": 6, "natural_modes": 2, "choose": 1}
 
 
 def test_a_limit_cycle_beside_a_prediction_has_one_set_of_equations() -> None:
