@@ -53,7 +53,7 @@ def continued(
             present = {rhythm.name for rhythm in complete[there].rhythms}
             lost = {r.name: r for r in reversed(complete[here].rhythms) if r.state and r.name not in present}
             for rhythm in lost.values():
-                way = Way(groups, rhythm, complete[here].value, complete[there].value)
+                way = RhythmContinuation(groups, rhythm, complete[here].value, complete[there].value)
                 if lasting := way.lasting_rhythm():
                     complete[there] = complete[there]._replace(rhythms=(*complete[there].rhythms, lasting))
                 else:
@@ -62,8 +62,8 @@ def continued(
 
 
 @dataclass
-class Way:
-    """The way of a rhythm from a value at which it is known, `near`, to a `target` at which no start ends in it.
+class RhythmContinuation:
+    """The continuation of a rhythm from a value `near`, at which it is known, to a `target` at which no start ends in it.
 
     It was not seen at `stop`, where it goes over into the `successor`.
     """
@@ -72,6 +72,7 @@ class Way:
     rhythm: Rhythm
     near: float
     target: float
+    tries: int = 60
 
     def __post_init__(self) -> None:
         self.stop, self.successor = self.target, ""
@@ -80,21 +81,25 @@ class Way:
         self.smallest = (1e-3 if self.rhythm.exponent is None else 0.05) * abs(self.target - self.near)
 
     def lasting_rhythm(self) -> Rhythm | None:
-        """The rhythm at the target, in which no start was seen to end, None where it ends on the way."""
-        value, tried_from = self.target, np.nan
-        while abs(self.stop - self.near) > self.smallest or tried_from != self.near:
+        """The rhythm at the target, in which no start was seen to end, None where it ends on the way.
+
+        Steps double where the rhythm lasts and are halved where it is lost; after `tries` of them its end is undecided.
+        """
+        step = self.target - self.near
+        for _ in range(self.tries):
+            value = self.near + step if abs(step) < abs(self.target - self.near) else self.target
             group = self._group_at(value)
             if name_of(group) == self.rhythm.name:
                 self.near, self.rhythm = value, replace(rhythm_without_orbit(group, self.rhythm.total), count=0)
                 if value == self.target:
                     return self.rhythm
-                if value == self.stop:  # it was too far away from where it was tried before
-                    self.stop = self.target
-            else:
-                self.stop, self.successor, tried_from = value, name_of(group), self.near
-            value = (self.near + self.stop) / 2
+                step *= 2
+                continue
+            self.stop, self.successor = value, name_of(group)
             if abs(self.stop - self.near) <= self.smallest:
-                value = self.stop
+                return None
+            step = (self.stop - self.near) / 2
+        self.successor = UNDECIDED
         return None
 
     def _group_at(self, value: float) -> EndingGroup:

@@ -239,6 +239,7 @@ def _value_of(
     members: int,
 ) -> ValueRhythms:
     """The rhythms at a value: groups of one orbit together, and stable orbits in which no start ends."""
+    ends = np.full(members, -1)
     rhythms: list[Rhythm] = []
     here = [(number, orbit) for number, branch in enumerate(branches) if (orbit := branch.at(value))]
     endings: dict[int, list[EndingGroup]] = {number: [] for number, _ in here}
@@ -249,7 +250,9 @@ def _value_of(
         matches = [number for number, orbit in here if beginning and is_same_orbit(beginning.orbit, orbit)]
         if matches:
             endings[matches[0]].append(group)
+            ends[list(group.members)] = matches[0]
             continue
+        ends[list(group.members)] = len(branches) + len(rhythms)
         rhythms.append(rhythm_without_orbit(group, members))
     for number, orbit in here:
         starts = sum(len(group.members) for group in endings[number])
@@ -260,7 +263,7 @@ def _value_of(
         rhythms.append(Rhythm(names[number], starts, members, copies, orbit, number, orbit.period))
     rhythms.sort(key=lambda rhythm: -rhythm.count)
     undecided = sum(len(group.members) for group in groups if group.name == UNDECIDED)
-    return ValueRhythms(value, tuple(rhythms), undecided)
+    return ValueRhythms(value, tuple(rhythms), undecided, tuple(ends.tolist()))
 
 
 def _branch_names(branches: Sequence[StableOrbits]) -> list[str]:

@@ -132,11 +132,12 @@ class Rhythm(Displayed):
 
 
 class ValueRhythms(NamedTuple):
-    """The rhythms at a value, the most frequent first, and the number of undecided starts."""
+    """The rhythms at a value, the most frequent first, and the group in which each start ends, -1 for undecided."""
 
     value: float
     rhythms: tuple[Rhythm, ...]
     undecided: int
+    of_start: tuple[int, ...] = ()
 
     def counts(self) -> Counter[str]:
         """The numbers of starts that end in rhythms of each name, and of those that are undecided."""

@@ -215,11 +215,19 @@ def test_a_rhythm_is_followed_to_where_it_ends(reach: float) -> None:
     assert [[r.count for r in value.rhythms] for value in complete] == [[3], [0], []]
     assert death.between
     assert death.between[0] <= 0.3 < death.between[1] < death.between[0] + 1e-3
-    assert runs.calls < 80
+    assert runs.calls < 60
     _, (marked,) = continued(runs.groups, values, [("Neimark–Sacker", 0.3)])
     assert (marked.kind, marked.value, marked.between) == ("Neimark–Sacker", 0.3, None)
     _, (unknown,) = continued(FakeRuns(reach, "undecided").groups, values, [])
     assert unknown.kind == "undecided"
+
+
+def test_a_rhythm_that_only_shortest_steps_keep_is_given_up() -> None:
+    """Each run may last thousands of periods, so their number is limited, and the end is then undecided."""
+    begun = Rhythm("beat", 3, 10, state=State(np.zeros(2), np.zeros(2), 0.0))
+    runs = FakeRuns(0.002, "in phase")
+    _, (death,) = continued(runs.groups, [ValueRhythms(0.0, (begun,), 0), ValueRhythms(1.0, (), 0)], [])
+    assert (death.kind, runs.calls) == ("undecided", 60)
 
 
 def test_what_is_beside_an_unstable_orbit_is_not_counted() -> None:
