@@ -63,7 +63,7 @@ def continued(
 
 @dataclass
 class RhythmContinuation:
-    """The continuation of a rhythm from a value `near`, at which it is known, to a `target` at which no start ends in it.
+    """The continuation of a rhythm from a value `near`, at which it is known, to a `target` where no start ends in it.
 
     It was not seen at `stop`, where it goes over into the `successor`.
     """
