@@ -283,7 +283,7 @@ class SecularEquation:
     def pulled(self, modes: tuple[int, int], *, with_dampers: bool = False) -> Any:
         """F of some own modes halfway between their frequencies: how the coordinate, and dampers, shift their ω².
 
-        Raise LinAlgError if there is no other inertia.
+        It fails with a LinAlgError if there is no other inertia.
         """
         at = list(modes)
         omega = self.reduced.fixed_base.omega[at]

@@ -192,7 +192,7 @@ class ReducedPencil:
     def pulled(self, modes: tuple[int, int], *, with_dampers: bool = False) -> Any:
         """F of two own modes halfway between their frequencies, with dampers or without.
 
-        Raise LinAlgError if nothing else resists.
+        It fails with a LinAlgError if nothing else resists.
         """
         x = float(self.reduced.fixed_base.omega[list(modes)].prod())
         return self.reduced.pulled(modes, x, self.D if with_dampers else None)

@@ -304,7 +304,7 @@ class ReducedStructure:
     def elimination(self, numbers: Sequence[int], x: float) -> Floats:
         """Return the contribution of the others to K − xM of the coordinates `numbers`.
 
-        Raise LinAlgError if x is an eigenvalue of the others alone.
+        It fails with a LinAlgError if x is an eigenvalue of the others alone.
         """
         return np.asarray(self._schur(self.K - x * self.M, numbers))
 
