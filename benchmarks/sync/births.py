@@ -16,12 +16,13 @@ import argparse
 import json
 import sys
 from collections.abc import Iterator
-from math import cos, pi, sin, sqrt
+from math import pi, sqrt
 from pathlib import Path
 from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
+from clockwork import Clocks, G, kicked, stepped
 from numba import njit
 
 from modal import Bob, Cart, Pendulum, Scene
@@ -32,7 +33,6 @@ from nonlinear.ensembles import RhythmMap, find_rhythms, workers_at
 FINE, EVERY = 61, 10  # values of the sweep, and each of how many is one of the map
 STEPS, PERIODS, STARTS = 128, 250, 12  # steps a period, periods a start runs, starts at a value of the map
 MEMBERS, LIMIT = 24, 400.0  # of the map, s
-G = 9.81
 DIFFERENCE, CLOSED = 1e-4, 1e-9  # of Newton's method: step of differences, largest residual of a fixed point
 PERIOD_ERROR = 2e-6  # relative, of the steps taken here
 
@@ -67,108 +67,24 @@ def random_scene(seed: int) -> tuple[Scene, str, float]:
     return Scene(gravity=G, support=cart, pendulum=pendula), f"{path}={low:.6g}:{high:.6g}", largest
 
 
-class Numbers(NamedTuple):
-    """Those of a scene: one of each for a pendulum, then those of the cart."""
-
-    mass: np.ndarray
-    length: np.ndarray
-    damper: np.ndarray
-    strength: np.ndarray
-    limit: np.ndarray
-    impulse: np.ndarray
-    base: float
-    base_damper: float
-    base_spring: float
-
-    @property
-    def period(self) -> float:
-        """Of small swings of the first pendulum (s)."""
-        return 2 * pi * sqrt(self.length[0] / G)
-
-
-def numbers_of(scene: Scene) -> Numbers:
-    """Read from the scene."""
+def clocks_of(scene: Scene) -> Clocks:
+    """The numbers of a scene of bobs."""
     links = [pendulum.links[0] for pendulum in scene.pendulum]
     drives = [link.drive for link in links]
     columns = (
         [link.mass for link in links],
-        [link.length for link in links],
+        [link.mass * link.length for link in links],
+        [link.mass * link.length**2 for link in links],
         [link.damping for link in links],
         [getattr(drive, "strength", 0.0) for drive in drives],
         np.radians([drive.angle_deg for drive in drives]),
         [getattr(drive, "impulse", 0.0) for drive in drives],
     )
     cart = scene.support
-    return Numbers(*map(np.array, columns), cart.mass, cart.damping, cart.stiffness)
+    return Clocks(*map(np.array, columns), cart.mass, cart.damping, cart.stiffness)
 
 
-@njit(cache=True)
-def coupled(p, y, rates):
-    """Adds the cart's acceleration to rates, whose entries n : 2n are those of pendula on a still cart."""
-    n = len(p.mass)
-    mass = p.base
-    for i in range(n):
-        mass += p.mass[i] * (1 - cos(y[i]) ** 2)
-        rates[2 * n + 1] -= p.mass[i] * p.length[i] * cos(y[i]) * rates[n + i]
-    rates[2 * n + 1] /= mass
-    for i in range(n):
-        rates[n + i] -= cos(y[i]) * rates[2 * n + 1] / p.length[i]
-
-
-@njit(cache=True)
-def rate(p, y, rates):
-    """The time derivative of y = (θ_1 … θ_N, θ_1' … θ_N', x, x')."""
-    n = len(p.mass)
-    rates[2 * n] = y[2 * n + 1]
-    rates[2 * n + 1] = -p.base_damper * y[2 * n + 1] - p.base_spring * y[2 * n]
-    for i in range(n):
-        s, w = sin(y[i]), y[n + i]
-        torque = (p.strength[i] * (1 - (y[i] / p.limit[i]) ** 2) - p.damper[i]) * w
-        rates[i] = w
-        rates[n + i] = torque / (p.mass[i] * p.length[i] ** 2) - G * s / p.length[i]
-        rates[2 * n + 1] += p.mass[i] * p.length[i] * s * w * w
-    coupled(p, y, rates)
-
-
-@njit(cache=True)
-def stepped(p, y, h):
-    """The state after a step of the classical Runge–Kutta method."""
-    a, b, c, d = np.empty((4, len(y)))
-    rate(p, y, a)
-    rate(p, y + h / 2 * a, b)
-    rate(p, y + h / 2 * b, c)
-    rate(p, y + h * c, d)
-    return y + h / 6 * (a + 2 * (b + c) + d)
-
-
-@njit(cache=True)
-def kicked(p, y, h, sides):
-    """The same of clocks that are kicked where they pass `sides` times the limit, and then on the other side."""
-    n = len(p.mass)
-    while True:
-        after, earliest, clock = stepped(p, y, h), h, -1
-        for i in range(n):
-            if p.impulse[i] == 0.0:
-                continue
-            before, over = sides[i] * y[i] - p.limit[i], sides[i] * after[i] - p.limit[i]
-            if before < 0 <= over and h * before / (before - over) < earliest:
-                earliest, clock = h * before / (before - over), i
-        if clock < 0:
-            return after
-        part = earliest
-        for _ in range(6):  # Newton's method for the time of passing
-            y_then = stepped(p, y, part)
-            part -= (sides[clock] * y_then[clock] - p.limit[clock]) / (sides[clock] * y_then[n + clock])
-        y, jump = stepped(p, y, part), np.zeros(len(y))
-        jump[n + clock] = sides[clock] * p.impulse[clock] / (p.mass[clock] * p.length[clock] ** 2)
-        coupled(p, y, jump)
-        y[n:] += jump[n:]
-        y[clock] = sides[clock] * p.limit[clock]
-        sides[clock] *= -1
-        h -= part
-
-
-@njit(cache=True)
+@njit
 def returned(p, y, h, sides, times):
     """The state after so many passages of the first pendulum to the right, and the last time from one to the next."""
     n, time, last = len(p.mass), 0.0, 0.0
@@ -187,7 +103,7 @@ def returned(p, y, h, sides, times):
     return y, last
 
 
-@njit(cache=True)
+@njit
 def sides_at(p, y):
     """Where clocks that swing beyond their limit are kicked next."""
     n = len(p.mass)
@@ -219,10 +135,10 @@ class FixedPoint(NamedTuple):
         return "doubling" if largest.real < 0 else "fold or branch point"
 
 
-def fixed_point(p: Numbers, y: np.ndarray) -> FixedPoint | None:
+def fixed_point(p: Clocks, y: np.ndarray) -> FixedPoint | None:
     """The fixed point of the return near a state on the section, None where Newton's method finds none."""
-    n, h = len(p.mass), p.period / STEPS
-    unit = np.concatenate((np.ones(n), np.full(n, 2 * pi / p.period), (p.length[0], p.length[0] * 2 * pi / p.period)))
+    n, h, length = len(p.mass), p.period / STEPS, p.first[0] / p.mass[0]
+    unit = np.concatenate((np.ones(n), np.full(n, 2 * pi / p.period), length * np.array([1, 2 * pi / p.period])))
     columns = [i for i in range(1, 2 * n + 2) if i != 2 * n or p.base_spring]
     y = y.copy()
     y[0] = 0.0
@@ -257,7 +173,7 @@ class End(NamedTuple):
     kind: str
 
 
-def orbits_at(p: Numbers, random: np.random.Generator, largest_deg: float) -> Iterator[FixedPoint]:
+def orbits_at(p: Clocks, random: np.random.Generator, largest_deg: float) -> Iterator[FixedPoint]:
     """The stable orbits that starts come near to."""
     n, omega = len(p.mass), 2 * pi / p.period
     for _ in range(STARTS):
@@ -276,7 +192,7 @@ def is_near(point: FixedPoint, other: FixedPoint, gap: float) -> bool:
 
 
 def followed(
-    parts: list[Numbers], begin: int, point: FixedPoint, direction: int
+    parts: list[Clocks], begin: int, point: FixedPoint, direction: int
 ) -> tuple[dict[int, FixedPoint], tuple[int, int, str] | None]:
     """The stable orbits from one on to one side, and between which places and how they end."""
     points, place = {begin: point}, begin
@@ -296,7 +212,7 @@ def followed(
 def swept(scene: Scene, variation: Variation, largest_deg: float) -> tuple[list[dict[int, FixedPoint]], set[End]]:
     """The branches of stable orbits by place, copies among equal pendula included, and where they end."""
     values = variation.values
-    parts = [numbers_of(vary(scene, {variation.path: value})) for value in values]
+    parts = [clocks_of(vary(scene, {variation.path: value})) for value in values]
     branches, ends, random = list[dict[int, FixedPoint]](), set[End](), np.random.default_rng(3)
     for begin in range(0, len(values), EVERY):
         for point in orbits_at(parts[begin], random, largest_deg):

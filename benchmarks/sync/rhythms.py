@@ -21,12 +21,12 @@ import argparse
 import sys
 from dataclasses import replace
 from itertools import pairwise
-from math import cos, pi, radians, sin, sqrt
+from math import pi, radians
 from operator import eq
 from time import perf_counter
-from typing import NamedTuple
 
 import numpy as np
+from clockwork import Clocks, kicked, stepped
 from numba import njit, prange
 
 from modal import load
@@ -39,107 +39,27 @@ MASSES, BESIDE_THE_BORDER = (0.05, 0.06, 0.08, 0.12, 0.2), (0.065, 0.07)  # kg; 
 BEAMS = (4.5, 5.0, 5.34, 5.36, 6.0, 10.0, 14.0, 18.0, 22.0, 26.0, 26.66, 26.7)  # kg
 LEAST_SHARE = 0.99
 
-G = 9.81
 STEPS, PERIODS, WINDOWS = 60, 64, 64  # steps in a small period, small periods in a window, windows at most
 IN_PHASE, ANTIPHASE, BEAT, DRIFTING, UNDECIDED = range(5)
 NAMES = ("in phase", "antiphase", "beat", "drifting", "undecided")
 
 
-class Clocks(NamedTuple):
-    """The numbers of the equations; kicks of an `impulse` (N m s) where an angle leaves ±`limit` (rad), where given."""
-
-    base: float
-    base_damper: float
-    mass: float
-    first: float
-    moment: float
-    damper: float
-    strength: float
-    impulse: float
-    limit: float
-
-    @property
-    def step(self) -> float:
-        """Of the integration (s)."""
-        return 2 * pi / sqrt(G * self.first / self.moment) / STEPS
-
-
 def metronomes(base: float) -> Clocks:
     """The shipped ones on a base of this mass (kg)."""
-    return Clocks(base, 0.01, 0.025, 0.025 * 0.02, 1e-5 + 0.025 * 0.02**2, 1e-6, 2e-5, 0.0, radians(26))
+    numbers = 0.025, 0.025 * 0.02, 1e-5 + 0.025 * 0.02**2, 1e-6, 2e-5, radians(26), 0.0
+    return Clocks(*(np.full(2, number) for number in numbers), base, 0.01, 0.0)
 
 
 def huygens(beam: float) -> Clocks:
     """The shipped ones on a beam of this mass (kg)."""
-    return Clocks(beam, 4.0, 0.082, 0.082 * 0.14, 0.082 * 0.14**2, 1.35e-4, 0.0, 2.9e-5, radians(3))
+    numbers = 0.082, 0.082 * 0.14, 0.082 * 0.14**2, 1.35e-4, 0.0, radians(3), 2.9e-5
+    return Clocks(*(np.full(2, number) for number in numbers), beam, 4.0, 0.0)
 
 
-@njit(cache=True)
-def coupled(p, y, rates):
-    """The base's acceleration from the accelerations on a still base, rates[N : 2N], which it changes in place."""
-    n = len(y) // 2
-    mass = p.base + n * p.mass
-    for i in range(n):
-        rates[2 * n] -= p.first * cos(y[i]) * rates[n + i]
-        mass -= (p.first * cos(y[i])) ** 2 / p.moment
-    rates[2 * n] /= mass
-    for i in range(n):
-        rates[n + i] -= p.first * cos(y[i]) * rates[2 * n] / p.moment
-
-
-@njit(cache=True)
-def rate(p, y, rates):
-    """The time derivative of y = (θ_1 … θ_N, θ_1' … θ_N', x')."""
-    n = len(y) // 2
-    rates[2 * n] = -p.base_damper * y[2 * n]
-    for i in range(n):
-        s, w = sin(y[i]), y[n + i]
-        torque = (p.strength * (1 - (y[i] / p.limit) ** 2) - p.damper) * w - G * p.first * s
-        rates[i], rates[n + i] = w, torque / p.moment
-        rates[2 * n] += p.first * s * w * w
-    coupled(p, y, rates)
-
-
-@njit(cache=True)
-def stepped(p, y, h):
-    """The state after a step of the classical Runge–Kutta method."""
-    a, b, c, d = np.empty((4, len(y)))
-    rate(p, y, a)
-    rate(p, y + h / 2 * a, b)
-    rate(p, y + h / 2 * b, c)
-    rate(p, y + h * c, d)
-    return y + h / 6 * (a + 2 * (b + c) + d)
-
-
-@njit(cache=True)
-def kicked(p, y, h, sides):
-    """The same of clocks that are kicked when they pass `sides` times the limit, which is where each is kicked next."""
-    n = len(y) // 2
-    while True:
-        after, earliest, clock = stepped(p, y, h), h, -1
-        for i in range(n):
-            before, over = min(sides[i] * y[i] - p.limit, 0.0), sides[i] * after[i] - p.limit
-            if over >= 0 and h * before / (before - over - 1e-300) < earliest:
-                earliest, clock = h * before / (before - over - 1e-300), i
-        if clock < 0:
-            return after
-        part = earliest
-        for _ in range(6):  # Newton's method for the time of passing
-            y_then = stepped(p, y, part)
-            part -= (sides[clock] * y_then[clock] - p.limit) / (sides[clock] * y_then[n + clock])
-        y, jump = stepped(p, y, part), np.zeros(len(y))
-        jump[n + clock] = sides[clock] * p.impulse / p.moment
-        coupled(p, y, jump)
-        y[n:] += jump[n:]
-        y[clock] = sides[clock] * p.limit
-        sides[clock] *= -1
-        h -= part
-
-
-@njit(cache=True)
+@njit
 def window(p, y, h, turned, ranges):
     """The state after the next window, the largest |θ_i − θ_1| in it, and the range (N, 2) of each unwrapped phase."""
-    n, largest = len(y) // 2, 0.0
+    n, largest = len(p.mass), 0.0
     omega = 2 * pi / (STEPS * h)
     ranges[:, 0], ranges[:, 1] = np.inf, -np.inf
     for step in range(PERIODS * STEPS):
@@ -155,10 +75,10 @@ def window(p, y, h, turned, ranges):
     return y, largest
 
 
-@njit(cache=True)
+@njit
 def ending(p, h, y):
     """What a start ends in."""
-    n = len(y) // 2
+    n = len(p.mass)
     turned, ranges = np.zeros(n), np.zeros((n, 2))
     before, steady = np.inf, 0
     for _ in range(WINDOWS):
@@ -177,16 +97,16 @@ def ending(p, h, y):
     return UNDECIDED
 
 
-@njit(cache=True, parallel=True)
+@njit(parallel=True)
 def endings(p, h, starts):
-    """What every start (S, 2N + 1) ends in."""
+    """What every start (S, 2N + 2) ends in."""
     ends = np.zeros(len(starts), dtype=np.int64)
     for member in prange(len(starts)):
         ends[member] = ending(p, h, starts[member])
     return ends
 
 
-@njit(cache=True)
+@njit
 def spreads(p, h, y, sides):
     """The largest |θ_2 − θ_1| of two clocks in each of some parts of a run, each longer than they beat."""
     largest = np.zeros(8)
@@ -200,12 +120,12 @@ def spreads(p, h, y, sides):
 def is_stable_in_phase(beam: float) -> bool:
     """Whether a small difference between two of Huygens' clocks in phase on a beam (kg) decays, and they swing on."""
     p, sides = huygens(beam), -np.ones(2)
-    y, _ = spreads(p, p.step, np.array([0.1, 0.1, 0.0, 0.0, 0.0]), sides)
-    amplitudes = np.hypot(y[:2], y[2:4] / sqrt(G * p.first / p.moment))
-    if amplitudes.max() < p.limit:
+    y, _ = spreads(p, p.period / STEPS, np.array([0.1, 0.1, 0.0, 0.0, 0.0, 0.0]), sides)
+    amplitudes = np.hypot(y[:2], y[2:4] * p.period / (2 * pi))
+    if amplitudes.max() < p.limit[0]:
         return False
     y[1], y[3] = y[0] + 1e-4, y[2]
-    _, largest = spreads(p, p.step, y, sides)
+    _, largest = spreads(p, p.period / STEPS, y, sides)
     return bool(largest[-1] < largest[1] and largest.max() < 1e-2)
 
 
@@ -226,12 +146,12 @@ def compare(count: int, masses: tuple[float, ...]) -> float:
         rhythms = find_rhythms(scene, variation, members=count, crew=crew)
     mapped = perf_counter() - begun
     motion = rhythm_starts(scene, count, rhythms.largest_deg)
-    starts = np.ascontiguousarray(np.column_stack((motion.links, motion.link_rates, np.zeros(count))))
+    starts = np.ascontiguousarray(np.column_stack((motion.links, motion.link_rates, np.zeros((count, 2)))))
     endings(metronomes(1.0), 1.0, starts[:0])  # compiles
     mine, begun = [], perf_counter()
     for mass in masses:
         p = metronomes(mass)
-        mine.append([NAMES[end] for end in endings(p, p.step, starts)])
+        mine.append([NAMES[end] for end in endings(p, p.period / STEPS, starts)])
     solved = perf_counter() - begun
     theirs = [names_of(at) for at in rhythms.values]
     shares = [sum(map(eq, *pair)) / count for pair in zip(mine, theirs, strict=True)]

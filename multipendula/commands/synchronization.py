@@ -100,7 +100,7 @@ def _film(study: SynchronizationStudy, name: str, theme: str) -> None:
 def _branches(scene: Scene, options: argparse.Namespace) -> Branches | PopulationDiagram:
     from modal.scene.parameters import parse_variations
     from nonlinear.synchronization import branches_csv, branches_text, follow_branches, has_patterns
-    from nonlinear.synchronization.report import branches_json
+    from nonlinear.synchronization.branch_report import branches_json
 
     (variation,) = parse_variations(options.vary)
     if has_patterns(scene):

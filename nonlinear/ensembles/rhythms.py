@@ -28,7 +28,7 @@ from modal.types import Floats
 from nonlinear.ensembles.endings import UNDECIDED
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.synchronization.attractors import orbit_amplitudes
-from nonlinear.synchronization.report import AveragedThreshold, averaged_thresholds
+from nonlinear.synchronization.branch_report import AveragedThreshold, averaged_thresholds
 from nonlinear.system import State
 
 
@@ -255,8 +255,13 @@ class RhythmMap(Drawable, Result):
             )
         yield "starts (%) that end in each rhythm, with the 95 % interval:"
         yield ReportTable(columns, rows)
-        if any(cell == "" or cell.startswith("0 (") for row in rows for cell in row[1:]):
-            yield "blank: not found there; 0: it exists, found by continuation, and no start ended in it"
+        cells = [cell for row in rows for cell in row[1:]]
+        meanings = {
+            "blank: not found there": "" in cells,
+            "0: it exists, found by continuation, and no start ended in it": any(c.startswith("0 (") for c in cells),
+        }
+        if any(meanings.values()):
+            yield "; ".join(words for words, is_present in meanings.items() if is_present)
         if words := [*map(self.event_words, self.births), *map(self._averaged_words, self.averaged)]:
             yield "\n".join(words)
         yield "\n".join(self._footnotes())

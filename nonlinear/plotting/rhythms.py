@@ -36,6 +36,7 @@ def rhythm_figure(rhythms: RhythmMap) -> Figure:
         )
         low, high = 100 * np.array(ends).T
         axis.fill_between(values, low, high, where=is_there, color=colour(number % HUES), alpha=0.2, lw=0)
+        axis.vlines(values[is_there], low[is_there], high[is_there], color=colour(number % HUES), alpha=0.5, lw=1)
     undecided = 100 * np.array([value.undecided / rhythms.members for value in rhythms.values])
     handles = [Line2D([], [], marker="o", ms=3, color=colour(k % HUES), label=name) for k, name in enumerate(names)]
     if undecided.any():

@@ -7,24 +7,23 @@ energy; the branches of configurations along a parameter, and a report.
 
 Equal pendula on the supports of a structure are populations: which of them lock (`populations`), which perturbations
 leave the motions in which they all do the same (`sectors`), and where (`thresholds`). Start with `study`; `phases`
-measures, `continuation` follows branches, `report` words both.
+measures, `continuation` follows branches, `report` and `branch_report` word them.
 """
 
 from nonlinear.synchronization.attractors import Ending, ending_of, ending_orbit, orbit_amplitudes, rhythm_of
+from nonlinear.synchronization.branch_report import (
+    AveragedThreshold,
+    averaged_thresholds,
+    branches_csv,
+    branches_text,
+)
 from nonlinear.synchronization.continuation import Branches, EquilibriumBranch, follow_branches
 from nonlinear.synchronization.modal_energy import Survival, find_survival
 from nonlinear.synchronization.patterns import agreement, rhythm_name
 from nonlinear.synchronization.phases import ENDING, Phases, phases_of
 from nonlinear.synchronization.population_report import diagram_csv, diagram_text
 from nonlinear.synchronization.populations import PopulationPhases, population_phases
-from nonlinear.synchronization.report import (
-    AveragedThreshold,
-    averaged_thresholds,
-    branches_csv,
-    branches_text,
-    sync_record,
-    sync_text,
-)
+from nonlinear.synchronization.report import sync_record, sync_text
 from nonlinear.synchronization.sectors import SymmetricMotion, symmetric_motions
 from nonlinear.synchronization.study import SynchronizationStudy, study_synchronization, theory_of_scene
 from nonlinear.synchronization.thresholds import (

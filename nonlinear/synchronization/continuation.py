@@ -151,7 +151,7 @@ class Branches(TextResult):
     scene: Scene
     variation: Variation
     branches: tuple[EquilibriumBranch, ...]
-    writer = "nonlinear.synchronization.report:branches_text"
+    writer = "nonlinear.synchronization.branch_report:branches_text"
 
     @property
     def changes(self) -> tuple[tuple[Change, int], ...]:

@@ -36,10 +36,10 @@ from nonlinear.synchronization import (
     follow_branches,
     phases_of,
 )
+from nonlinear.synchronization.branch_report import branches_json
 from nonlinear.synchronization.certificates import certified_orbit
 from nonlinear.synchronization.continuation import Walk
 from nonlinear.synchronization.patterns import own_amplitudes
-from nonlinear.synchronization.report import branches_json
 from nonlinear.system import State
 
 GRAVITY, ANGLE = 9.81, 5.0
