@@ -174,8 +174,6 @@ def relative_equilibrium(equations: AveragedEquations, z: Complexes) -> Relative
     for _ in range(NEWTON_ROUNDS_MAX):
         flow, slope = _linearize(equations, z, turning, bands)
         residual = np.where(active, flow, 0.0)
-        if not (np.all(np.isfinite(residual)) and np.all(np.isfinite(slope))):
-            return None
         if np.abs(residual).max() <= RATE_RESIDUAL_MAX * np.abs(equations.omega * z).max():
             return RelativeEquilibrium(equations, z, turning, *_rates(equations, z, slope[:, : 2 * len(z)], len(bands)))
         step, change = _step(equations, z, residual, slope, bands)
@@ -254,7 +252,7 @@ def _sizes(equations: AveragedEquations, z: Complexes) -> Floats:
 def _step(
     averaged_equations: AveragedEquations, z: Complexes, residual: Complexes, slope: Floats, bands: Ints
 ) -> tuple[Complexes, Floats]:
-    """Newton's step of z and Ω, the shortest one that keeps the phase of every band."""
+    """Newton's step of z and Ω, the shortest one that keeps the phase of every band; NaN if numbers overflow."""
     count, size, scale = len(z), np.abs(z).max(), averaged_equations.omega.max()
     turns = np.array([np.where(averaged_equations.band == band, 1j * z, 0.0) for band in bands]).T
     turns /= np.linalg.norm(turns, axis=0)
@@ -264,10 +262,11 @@ def _step(
     active = np.isin(averaged_equations.band, bands)
     is_free = np.concatenate((active, active, np.ones(len(bands), dtype=bool)))
     right = -np.concatenate((residual.real, residual.imag, np.zeros(len(bands)))) / (scale * size)
-    step, change = np.zeros(len(is_free)), np.zeros(len(averaged_equations.centre))
-    step[is_free] = np.linalg.lstsq(
-        equations[np.ix_(is_free, is_free)], right[is_free], rcond=np.sqrt(np.finfo(float).eps)
-    )[0]
+    matrix, change = equations[np.ix_(is_free, is_free)], np.zeros(len(averaged_equations.centre))
+    if not (np.all(np.isfinite(matrix)) and np.all(np.isfinite(right))):
+        return np.full(count, np.nan, dtype=complex), change
+    step = np.zeros(len(is_free))
+    step[is_free] = np.linalg.lstsq(matrix, right[is_free], rcond=np.sqrt(np.finfo(float).eps))[0]
     change[bands] = scale * step[2 * count :]
     return np.asarray(size * (step[:count] + 1j * step[count : 2 * count])), change
 
