@@ -16,7 +16,7 @@ from modal.errors import MultipendulaError, SceneError
 from modal.report import finite, silent
 from modal.scene import Scene, describe
 from modal.scene.doors import checked, checked_index, checked_number
-from modal.scene.parameters import Variation, parse_variations, vary
+from modal.scene.parameters import Variation, parse_variations, validate_variations, vary
 from modal.types import Crew, map_by_crew
 from nonlinear.ensembles.endings import (
     LIMIT_PERIODS,
@@ -217,6 +217,7 @@ def find_rhythm_grid(
     """The rhythms over two numbers, borders along the first; `options` are those of `find_rhythms`."""
     if len(axes) != 2:
         raise SceneError([f"axes: a grid has two numbers, not {len(axes)}"])
+    validate_variations(scene, axes)
     first, second = axes
     count = len(first.values)
     maps = []

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import scipy
 
+from modal.errors import SceneError
 from modal.scene import load
 from modal.scene.parameters import parse_variations, vary
 from modal.types import Floats
@@ -365,6 +366,8 @@ def test_two_numbers_are_a_grid_of_verdicts() -> None:
     assert "in phase 100" in grid.report()
     assert "2 starts, the same at every value" in grid.report()
     assert grid.plot().axes
+    with pytest.raises(SceneError, match="mass: is varied twice"):
+        find_rhythm_grid(METRONOMES, (axes[0], axes[0]))
 
 
 def test_a_minority_is_not_the_most_frequent() -> None:
