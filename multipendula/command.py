@@ -184,22 +184,30 @@ def picture_file(what: str = "") -> tuple[Takes, ...]:
 class Command(NamedTuple):
     """A command under a topic of `multipendula --help`.
 
-    `details` follow the docstring of `run` on its page.  On the screen of -h
-    are the `main` options, five at most, and the first three `examples`.  Tests run all of these in order.
+    It is called as the function `run`, whose docstring is the text of its page: a line, then the details.  On the
+    screen of -h are the `main` options, five at most, and the first three `examples`.  Tests run all of these in order.
     """
 
-    name: str
     topic: str
     run: Callable[[argparse.Namespace], Any]
     takes: tuple[Takes, ...]
     main: tuple[str, ...]
-    details: str
     examples: Examples
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+        return self.run.__name__
 
     @property
     def summary(self) -> str:
         """Its purpose, on one line."""
-        return (self.run.__doc__ or "").strip()
+        return (self.run.__doc__ or "").partition("\n")[0]
+
+    @property
+    def details(self) -> str:
+        """What its page says after that."""
+        return " ".join((self.run.__doc__ or "").split()).removeprefix(self.summary).lstrip()
 
     @property
     def options(self) -> tuple[Option, ...]:

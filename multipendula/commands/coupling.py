@@ -16,7 +16,15 @@ MAP = "`multipendula sync {} --vary NUMBER=FIRST:LAST:COUNT --map` shows which l
 
 
 def explain(options: argparse.Namespace) -> Coupling:
-    """Explain how the cart or the structure couples the pendula: verdict, table of families, figure."""
+    """Explain how the cart or the structure couples the pendula: verdict, table of families, figure.
+
+    First the verdict: what couples the pendula, how strongly, and the slowest beat. Then one table of the families
+    of modes, and what both neglect. With --words everything is explained in sentences, every number with its
+    formula: the dynamic mass of the cart at each frequency, which modes leave the cart at rest and which move it,
+    the exchange of energy, the limits of a massless and of an immense cart, and the damping of each mode. For a
+    structure: its own modes and their dynamic mass, what each family moves, and the exchange through it and through
+    springs.
+    """
     from modal.coupling import coupling_report, explain
     from modal.scene import load
 
@@ -31,7 +39,6 @@ def explain(options: argparse.Namespace) -> Coupling:
 
 COMMANDS = (
     Command(
-        name="explain",
         topic="coupling and synchronization",
         run=explain,
         main=("--words", "--format", "--output"),
@@ -40,14 +47,6 @@ COMMANDS = (
             formats("text", "markdown", "json"),
             "--words, every number with its formula",
             *report_file("text", "markdown", "json"),
-        ),
-        details=(
-            "First the verdict: what couples the pendula, how strongly, and the slowest beat. Then one table of the "
-            "families of modes, and what both neglect. With --words everything is explained in sentences, every "
-            "number with its formula: the dynamic mass of the cart at each frequency, which modes leave the cart at "
-            "rest and which move it, the exchange of energy, the limits of a massless and of an immense cart, and the "
-            "damping of each mode. For a structure: its own modes and their dynamic mass, what each family moves, "
-            "and the exchange through it and through springs."
         ),
         examples=(
             ("explain paper-cart-2", "what couples two double pendula: families of modes and beats"),

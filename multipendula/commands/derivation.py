@@ -25,7 +25,12 @@ TARGET = (
 
 
 def derive(options: argparse.Namespace) -> None:
-    """Derive equations of motion, matrices, eigen-polynomial and modes in symbols."""
+    """Derive equations of motion, matrices, eigen-polynomial and modes in symbols.
+
+    The whole derivation from the Lagrangian to the modes, to read or to paste into lecture notes. For a few links
+    every step is confirmed by a second method. paper:000, paper:001 and paper:002 give a paper's equations as
+    printed and corrected.
+    """
     from modal.errors import SceneError
     from modal.report import folded
     from modal.symbolic import derivation, typesetting
@@ -107,7 +112,11 @@ def _take_apart(options: argparse.Namespace, show: tuple[str, ...]) -> None:
 
 
 def enclose(options: argparse.Namespace) -> tuple[Enclosure, ...]:
-    """Print a proved enclosure of every natural frequency, to any number of digits."""
+    """Print a proved enclosure of every natural frequency, to any number of digits.
+
+    Two decimal numbers between which each frequency provably lies, by ball arithmetic. Needs the extra `certified`
+    and a scene without dampers and joint laws. For a growing mode the growth rate is enclosed.
+    """
     from modal.exact import enclose
     from modal.report import folded
     from modal.scene import load
@@ -126,7 +135,6 @@ def enclose(options: argparse.Namespace) -> tuple[Enclosure, ...]:
 
 COMMANDS = (
     Command(
-        name="derive",
         topic="symbols and proof",
         run=derive,
         main=("--show", "--symbolic", "--equilibrium", "--format", "--output"),
@@ -149,11 +157,6 @@ COMMANDS = (
             *text_file("text", "latex", "markdown", "beamer", drawn=True, more=("tikz",)),
             THEME,
         ),
-        details=(
-            "The whole derivation from the Lagrangian to the modes, to read or to paste into lecture notes. For a few "
-            "links every step is confirmed by a second method. paper:000, paper:001 and paper:002 give a paper's "
-            "equations as printed and corrected."
-        ),
         examples=(
             ("derive chain:3", "three bobs: Lagrangian, equations, M and K, polynomial, modes"),
             ("derive chain:2 --symbolic masses,lengths --format latex", "with a symbol for every mass and length"),
@@ -166,15 +169,10 @@ COMMANDS = (
         ),
     ),
     Command(
-        name="enclose",
         topic="symbols and proof",
         run=enclose,
         main=("--digits", "--output"),
         takes=(SCENE, "--digits: a relative width of 10^-N (default 30)", *text_file(kind="txt")),
-        details=(
-            "Two decimal numbers between which each frequency provably lies, by ball arithmetic. Needs the extra "
-            "`certified` and a scene without dampers and joint laws. For a growing mode the growth rate is enclosed."
-        ),
         examples=(
             ("enclose chain-3", "30 digits, proved"),
             ("enclose paper-cart-2 --digits 50", "50 digits"),

@@ -53,7 +53,14 @@ def strobed(transient: str) -> tuple[str, ...]:
 
 
 def basins(options: argparse.Namespace) -> Basins | None:
-    """Map the outcome for a grid of initial conditions: attractor, time to the first flip, Lyapunov exponent."""
+    """Map the outcome for a grid of initial conditions: attractor, time to the first flip, Lyapunov exponent.
+
+    Every start of a grid is simulated, thousands at a time. In a scene with drives the map shows which steady
+    oscillation of sync each reaches; in any other scene, when a link first turns over the top, or how fast a small
+    error grows. For a scene driven by a sine, --measure attractor gives the periodic motion that each start
+    reaches, named by its period and its largest angle. A random sample is re-run individually, and the largest
+    difference is reported.
+    """
     from nonlinear.ensembles import begins_in_mode, find_basins, grid_of
 
     scene = _scene(options)
@@ -66,7 +73,13 @@ def basins(options: argparse.Namespace) -> Basins | None:
 
 
 def section(options: argparse.Namespace) -> PoincareSection | StroboscopicSection | None:
-    """Compute the Poincaré section of a scene at an energy, or of a driven one once per period, from many motions."""
+    """Compute the Poincaré section of a scene at an energy, or of a driven one once per period, from many motions.
+
+    Motions of one energy start at random points of the section, and every crossing is recorded, including the
+    start: closed curves are regular motion, clouds chaos. A scene driven by sines, through forces or its support,
+    is instead sampled once per common period of the drives, at --phase-deg: a motion of that period is one point,
+    one of p periods p points, and a strange attractor is chaos.
+    """
     scene = _scene(options)
     return (_strobes if scene.is_forced else _crossings)(options, scene)
 
@@ -105,7 +118,13 @@ def names_of(options: argparse.Namespace) -> list[str]:
 
 
 def spread(options: argparse.Namespace) -> Spread | None:
-    """Propagate tolerances of a scene's numbers to its frequencies and its motion by Monte Carlo."""
+    """Propagate tolerances of a scene's numbers to its frequencies and its motion by Monte Carlo.
+
+    Numbers are drawn within their tolerances, given as standard deviations or as intervals, or from the covariance
+    of a fit; shift:PLACE=WIDTH is drawn once and added to all numbers of a place. The report has quantiles of every
+    frequency, bands of the motion with --duration, and which number matters most. In --format csv each line is a
+    member, with its angles at every sample of the motion.
+    """
     from modal.errors import SceneError
     from nonlinear.sweeps import find_spread
 
@@ -178,7 +197,6 @@ def _engine(options: argparse.Namespace, members: int) -> Iterator[dict[str, Any
 
 COMMANDS = (
     Command(
-        name="basins",
         topic="coupling and synchronization",
         run=basins,
         main=("--vary", "--measure", "--duration", "--output"),
@@ -191,13 +209,6 @@ COMMANDS = (
             *COMPUTED,
             formats(*FORMATS),
             *report_file(*FORMATS),
-        ),
-        details=(
-            "Every start of a grid is simulated, thousands at a time. In a scene with drives the map shows which "
-            "steady oscillation of sync each reaches; in any other scene, when a link first turns over the top, or how "
-            "fast a small error grows. For a scene driven by a sine, --measure attractor gives the periodic motion "
-            "that each start reaches, named by its period and its largest angle. A random sample is re-run "
-            "individually, and the largest difference is reported."
         ),
         examples=(
             (
@@ -218,7 +229,6 @@ COMMANDS = (
         ),
     ),
     Command(
-        name="section",
         topic="motion",
         run=section,
         main=("--energy", "--crossing", "--members", "--duration", "--output"),
@@ -235,13 +245,6 @@ COMMANDS = (
             formats(*FORMATS),
             *report_file(*FORMATS),
         ),
-        details=(
-            "Motions of one energy start at random points of the section, and every crossing is recorded, including "
-            "the start: closed curves are regular motion, clouds chaos. A scene driven by sines, through forces or "
-            "its support, is instead sampled once per common period of the drives, at --phase-deg: a motion of that "
-            "period "
-            "is one point, one of p periods p points, and a strange attractor is chaos."
-        ),
         examples=(
             ("section chain-2 --energy 10 --members 6 --duration 20 -o section.png", "a double pendulum at 10 J"),
             (
@@ -255,7 +258,6 @@ COMMANDS = (
         ),
     ),
     Command(
-        name="spread",
         topic="motion",
         run=spread,
         main=("--uncertain", "--covariance", "--duration", "--members", "--output"),
@@ -271,12 +273,6 @@ COMMANDS = (
             *COMPUTED,
             formats(*FORMATS),
             *report_file(*FORMATS),
-        ),
-        details=(
-            "Numbers are drawn within their tolerances, given as standard deviations or as intervals, or from the "
-            "covariance of a fit; shift:PLACE=WIDTH is drawn once and added to all numbers of a place. The report has "
-            "quantiles of every frequency, bands of the motion with --duration, and which number matters most. In "
-            "--format csv each line is a member, with its angles at every sample of the motion."
         ),
         examples=(
             (

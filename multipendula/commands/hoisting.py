@@ -47,7 +47,12 @@ DRIVES = ("cart_force", "cart_acceleration")
 
 
 def hoist(options: argparse.Namespace) -> Along | None:
-    """Print lengths and frequencies along a hoist, and the residual swing after combined hoisting and travel."""
+    """Print lengths and frequencies along a hoist, and the residual swing after combined hoisting and travel.
+
+    For a scene in which ropes change their length: the lengths and the frequencies at each time, and how a slow
+    hoist changes the swing of each mode. With --travel the linear model, which varies in time, is integrated for a
+    cart that travels meanwhile, with and without an input shaper.
+    """
     from modal.errors import SceneError
     from modal.scene import load
     from modal.statespace.hoisting import frequencies_along
@@ -108,7 +113,6 @@ def _written(along: Along, left: tuple[Residual, ...], options: argparse.Namespa
 
 COMMANDS = (
     Command(
-        name="hoist",
         topic="control",
         run=hoist,
         main=("--travel", "--over", "--kind", "--samples", "--output"),
@@ -129,11 +133,6 @@ COMMANDS = (
             "--count (default 1)",
             formats("text", "csv", "json"),
             *report_file("text", "csv", "json"),
-        ),
-        details=(
-            "For a scene in which ropes change their length: the lengths and the frequencies at each time, and how a "
-            "slow hoist changes the swing of each mode. With --travel the linear model, which varies in time, is "
-            "integrated for a cart that travels meanwhile, with and without an input shaper."
         ),
         examples=(
             ("hoist hoisting-crane", "frequencies of the shipped crane along its hoist"),

@@ -61,7 +61,14 @@ OF_FITTED_MOTIONS = (
 
 
 def fit(options: argparse.Namespace) -> Fit | ModeFit | None:
-    """Fit parameters to measured motions or modes, with error bars, and report what the data do not determine."""
+    """Fit parameters to measured motions or modes, with error bars, and report what the data do not determine.
+
+    Sensors are angles, rates, the cart, places of links' ends and accelerations along and across links. The initial
+    state of every segment, an offset of each sensor and its delay are fitted along with the free numbers. --free
+    same:PLACE is one number for several places, shift:PLACE one that is added to each of theirs. Numbers that the
+    data do not determine are held at the scene's values and named. Standard deviations allow for correlated
+    residuals, and sentences at the end say what the model lacks. The --workers share the laws of --compare.
+    """
     from modal.identification import has_modes
     from modal.scene import load
 
@@ -139,7 +146,15 @@ def _recording(options: argparse.Namespace, scene: Scene | None) -> Recording:
 
 
 def poles(options: argparse.Namespace) -> Identified | Assurance:
-    """Find frequencies, damping ratios and shapes in measured motions; with a scene, compare them with its modes."""
+    """Find frequencies, damping ratios and shapes in measured motions; with a scene, compare them with its modes.
+
+    Free decays are realized by the eigensystem realization algorithm (Juang & Pappa 1985), and the poles then
+    fitted to the records themselves; for responses to random excitation the correlations are realized instead.
+    Frequencies are natural frequencies, as in the table of modes. The picture shows which poles are stable over its
+    order. With --scene, every measured mode is paired with the computed one most similar to it, without shapes with
+    that of the nearest frequency: the modal assurance criterion (MAC) is 1 where two shapes are equal up to a
+    factor, and 0 where they are orthogonal.
+    """
     from modal.errors import SceneError
     from modal.identification import has_modes, poles_table
     from modal.scene import load
@@ -203,7 +218,6 @@ def _tell_of_unused(columns: Sequence[str]) -> None:
 
 COMMANDS = (
     Command(
-        name="fit",
         topic="measurements",
         run=fit,
         main=("--free", "--output", "--report", "--picture", "--compare"),
@@ -224,14 +238,6 @@ COMMANDS = (
             *CREW,
             formats("text", "json"),
         ),
-        details=(
-            "Sensors are angles, rates, the cart, places of links' ends and accelerations along and across links. "
-            "The initial state of every segment, an offset of each sensor and its delay are fitted along with the free "
-            "numbers. --free same:PLACE is one number for several places, shift:PLACE one that is added to each of "
-            "theirs. Numbers that the data do not determine are held at the scene's values and named. Standard "
-            "deviations allow for correlated residuals, and sentences at the end say what the model lacks. The "
-            "--workers share the laws of --compare."
-        ),
         examples=(
             ("simulate chain-2 --duration 8 -o run.csv", "a motion to fit, in place of a measured one"),
             (
@@ -242,7 +248,6 @@ COMMANDS = (
         ),
     ),
     Command(
-        name="poles",
         topic="measurements",
         run=poles,
         main=("--output", "--identified-modes", "--scene", "--excitation", "--format"),
@@ -256,14 +261,6 @@ COMMANDS = (
             formats("text", "csv", "json"),
             "--identified-modes",
             *report_file("text", "csv", "json"),
-        ),
-        details=(
-            "Free decays are realized by the eigensystem realization algorithm (Juang & Pappa 1985), and the poles "
-            "then fitted to the records themselves; for responses to random excitation the correlations are realized "
-            "instead. Frequencies are natural frequencies, as in the table of modes. The picture shows which poles are "
-            "stable over its order. With --scene, every measured mode is paired with the computed one most similar to "
-            "it, without shapes with that of the nearest frequency: the modal assurance criterion (MAC) is 1 where two "
-            "shapes are equal up to a factor, and 0 where they are orthogonal."
         ),
         examples=(
             (

@@ -13,7 +13,14 @@ KINDS = ("html",)
 
 
 def play(options: argparse.Namespace) -> None:
-    """Write a page to play with: the scene swings there, changes as you drag it, and shows its modes."""
+    """Write a page to play with: the scene swings there, changes as you drag it, and shows its modes.
+
+    One HTML file that any browser opens, without a server or a network. Drag a mass, a length or the cart's mass
+    and the table follows; choose a mode and it swings; pull a bob and the full equations run next to the linear
+    prediction. A saved run plays with speed, step and scrub controls. Scenes in the plane of at most 60 links,
+    structures of at most 40 coordinates with those of links, scenes with dry friction or forces of at most 12;
+    without hoists, constant forces or damping ratios.
+    """
     from modal.scene import kind_of, whole_file
     from multipendula.page import page
     from nonlinear.integration import validate
@@ -45,19 +52,10 @@ def _shown(name: str) -> tuple[dict[str, Any], dict[str, Any] | None]:
 
 COMMANDS = (
     Command(
-        name="play",
         topic="motion",
         run=play,
         main=("--output",),
         takes=(RUN, main_file("the page", KINDS, ".html")),
-        details=(
-            "One HTML file that any browser opens, without a server or a network. Drag a mass, a length or the cart's "
-            "mass and the table follows; choose a mode and it swings; pull a bob and the full equations run next to "
-            "the linear prediction. A saved run plays with speed, step and scrub controls. Scenes in the plane of at "
-            "most "
-            "60 links, structures of at most 40 coordinates with those of links, scenes with dry friction or forces of "
-            "at most 12; without hoists, constant forces or damping ratios."
-        ),
         examples=(
             ("play paper-cart-2 -o page.html", "two double pendula on a cart, to play with"),
             ("play ship-crane -o ship.html", "a ship that rolls under its crane: drag the hull"),

@@ -32,7 +32,15 @@ LONG_CHAIN = 2000
 
 
 def table(options: argparse.Namespace) -> Modes | None:
-    """Print the table of modes."""
+    """Print the table of modes.
+
+    One row per mode: frequency and period, multiplicity, description, participation of the cart, modal effective
+    mass (on a free cart with the cart held), the angle up to which the linear frequency is accurate to 1 %, and a
+    bound on the relative error. Dampers and drag add damping ratios, an inverted equilibrium growth rates; dry
+    friction is neglected, except in the damping ratio that --amplitude adds. Columns that do not apply to the scene
+    are omitted. A narrow terminal omits, in this order, the bound, shares and masses, participation, multiplicity,
+    period, 1 % angle and frequency in Hz, and names them; a pipe or a file gets all.
+    """
     from modal.errors import SceneError
     from modal.modes import tables
     from modal.report import limit
@@ -80,7 +88,12 @@ def _list_places(options: argparse.Namespace) -> None:
 
 
 def shapes(options: argparse.Namespace) -> Figure | None:
-    """Draw the mode shapes, or film the modes."""
+    """Draw the mode shapes, or film the modes.
+
+    One panel per mode, drawn with the largest angle that you choose. For a repeated frequency one shape of each
+    kind is shown. For more than 12 pendula, angles are drawn against the number of the pendulum. In a film (GIF,
+    MP4 with the extra `video`, HTML) every mode swings once a loop, whatever its period, and the loop has no seam.
+    """
     form = picture(options.output, kinds=PICTURES + FILMS)
     modes, numbers = _modes(options)
     about(noted(modes.scene, "mode shapes"))
@@ -103,7 +116,11 @@ def shapes(options: argparse.Namespace) -> Figure | None:
 
 
 def matrices(options: argparse.Namespace) -> Matrices:
-    """Print M, K and D."""
+    """Print M, K and D.
+
+    Mass, damping and stiffness matrices about the scene's equilibrium, M q'' + D q' + K q = 0, with the names of
+    the coordinates: x of the cart, then the absolute angle of every link of every copy.
+    """
     from modal.assembly import matrices as matrices_of
     from modal.assembly.linearization import matrices_table
     from modal.scene import load
@@ -138,7 +155,6 @@ def _with_progress(rows: Iterator[Mode], total: int) -> Iterable[Mode]:
 
 COMMANDS = (
     Command(
-        name="table",
         topic="modes",
         run=table,
         main=("--modes", "--columns", "--format", "--amplitude", "--output"),
@@ -162,15 +178,6 @@ COMMANDS = (
             "--prove, which `check_proof.py` re-checks",
             "--explain",
         ),
-        details=(
-            "One row per mode: frequency and period, multiplicity, description, participation of the cart, modal "
-            "effective mass (on a free cart with the cart held), the angle up to which the linear frequency is "
-            "accurate to 1 %, and a bound on the relative error. Dampers and drag add damping ratios, an inverted "
-            "equilibrium growth rates; dry friction is neglected, except in the damping ratio that --amplitude adds. "
-            "Columns that do not apply to the scene are omitted. A narrow terminal omits, in this order, the bound, "
-            "shares and masses, participation, multiplicity, period, 1 % angle and frequency in Hz, and names them; "
-            "a pipe or a file gets all."
-        ),
         examples=(
             ("table paper-cart-2", "every mode of two double pendula on a cart"),
             ("table rope --modes 1:5", "the first five modes of a rope of 1000 links"),
@@ -180,7 +187,6 @@ COMMANDS = (
         ),
     ),
     Command(
-        name="shapes",
         topic="modes",
         run=shapes,
         main=("--output", "--modes", "--amplitude", "--theme"),
@@ -191,13 +197,6 @@ COMMANDS = (
             "--modes, counted from 1 (default the first 12)",
             option("--amplitude in its drawing (default 25)", default=25.0),
         ),
-        details=(
-            "One panel per mode, drawn with the largest angle that you choose. For a repeated frequency one shape of "
-            "each kind is shown. For more than 12 pendula, angles are drawn against the number of the pendulum. In a "
-            "film (GIF, "
-            "MP4 with the extra `video`, HTML) every mode swings once a loop, whatever its "
-            "period, and the loop has no seam."
-        ),
         examples=(
             ("shapes paper-cart-2 -o shapes.png", "every mode"),
             ("shapes rope --modes 1:4 -o rope.svg", "the first four, as vector graphics"),
@@ -206,15 +205,10 @@ COMMANDS = (
         ),
     ),
     Command(
-        name="matrices",
         topic="modes",
         run=matrices,
         main=("--format", "--output"),
         takes=(SCENE, *text_file("text", "json")),
-        details=(
-            "Mass, damping and stiffness matrices about the scene's equilibrium, M q'' + D q' + K q = 0, with the "
-            "names of the coordinates: x of the cart, then the absolute angle of every link of every copy."
-        ),
         examples=(
             ("matrices chain-3", "a chain of three bobs"),
             ("matrices paper-cart-2 --format json -o paper.json", "in full precision, with coordinate names"),

@@ -46,7 +46,18 @@ OF_COMPILING = ("--compile", "--tolerance", "--format", "--output", "--quiet")
 
 
 def simulate(options: argparse.Namespace) -> Trajectory | Compilation | Tube:
-    """Simulate the motion at large angles, with checks of its accuracy."""
+    """Simulate the motion at large angles, with checks of its accuracy.
+
+    The full equations at any angle, with checks of the run: the drift of energy, momentum and constraints. The
+    initial condition is the scene's own, a mode at an amplitude, or angles at rest. A saved run is continued. With
+    --accuracy, the cheapest method that meets it is found: modes in closed form for small motions, a few modes for
+    long chains, otherwise integration; every attempt is listed, the last with evidence that its error is below
+    that. With --proved every number has a radius within which the motion provably lies; a saved run contains the
+    midpoints. numba (extra `fast`) and heyoka (extra `taylor`) are many times faster than Python once compiled,
+    which takes seconds to a minute for each form of scene: commands compile where that pays off, --compile does so
+    in advance. The scene's numbers may change afterwards, as long as none becomes or ceases to be zero; heyoka's
+    code holds for one tolerance.
+    """
     if options.compile:
         return _compile(options)
     if options.scene is None:
@@ -152,7 +163,12 @@ def _print_band(options: argparse.Namespace, estimate: Estimate) -> None:
 
 
 def plot(options: argparse.Namespace) -> Figure | None:
-    """Draw a run: angles, cart, energies, phase portrait, and spectrum with the linear frequencies."""
+    """Draw a run: angles, cart, energies, phase portrait, and spectrum with the linear frequencies.
+
+    The run is a saved one, or of a scene that is simulated first: without --duration for as long as the spectrum
+    takes to separate its modes, 100 s at most. Dotted lines in the spectrum are the frequencies of the table of
+    modes. Links that move alike share a curve; of many, some are drawn with the range of all.
+    """
     run = replace(RunOptions.of(options), resolves_modes=True)
     trajectory = run.shown(lambda: picture(options.output))
     if options.output is None:
@@ -164,7 +180,11 @@ def plot(options: argparse.Namespace) -> Figure | None:
 
 
 def animate(options: argparse.Namespace) -> None:
-    """Make a film of a run: the pendula, their trails and their energies."""
+    """Make a film of a run: the pendula, their trails and their energies.
+
+    The run is a saved one, or of a scene that is simulated first. A GIF plays everywhere, MP4 needs the extra
+    `video`, HTML is a page with controls.
+    """
     from nonlinear.plotting import animate as film
 
     trajectory = RunOptions.of(options).shown(lambda: film_form(options.output))
@@ -233,7 +253,6 @@ def _compile(options: argparse.Namespace) -> Compilation:
 
 COMMANDS = (
     Command(
-        name="simulate",
         topic="motion",
         run=simulate,
         main=("--duration", "--start", "--accuracy", "--samples", "--output"),
@@ -249,17 +268,6 @@ COMMANDS = (
             main_file("the motion; of --compile the report", (*WRITTEN, *COMPILED)),
             "--explain",
         ),
-        details=(
-            "The full equations at any angle, with checks of the run: the drift of energy, momentum and constraints. "
-            "The initial condition is the scene's own, a mode at an amplitude, or angles at rest. A saved run is "
-            "continued. With --accuracy, the cheapest method that meets it is found: modes in closed form for small "
-            "motions, a few modes for long chains, otherwise integration; every attempt is listed, the last with "
-            "evidence that its error is below that. With --proved every number has a radius within which the motion "
-            "provably lies; a saved run contains the midpoints. numba (extra `fast`) and heyoka (extra `taylor`) are "
-            "many times faster than Python once compiled, which takes seconds to a minute for each form of scene: "
-            "commands compile where that pays off, --compile does so in advance. The scene's numbers may change "
-            "afterwards, as long as none becomes or ceases to be zero; heyoka's code holds for one tolerance."
-        ),
         examples=(
             ("simulate paper-cart-3 --duration 20 -o run.npz", "from the scene's own start: level links at rest"),
             (
@@ -272,17 +280,10 @@ COMMANDS = (
         ),
     ),
     Command(
-        name="plot",
         topic="motion",
         run=plot,
         main=("--output", "--duration", "--start"),
         takes=(*motion(20.0), main_file("the figure", PICTURES, "-plot.png"), THEME),
-        details=(
-            "The run is a saved one, or of a scene that is simulated first: without --duration for as long as the "
-            "spectrum takes to separate its modes, 100 s at most. Dotted lines in the spectrum are the "
-            "frequencies of the table of modes. Links that move alike share a curve; of many, some are drawn with "
-            "the range of all."
-        ),
         examples=(
             ("simulate paper-cart-3 --duration 10 -o run.npz", "a run to draw"),
             ("plot run.npz -o run.png", "angles, cart, energies, phase portrait, spectrum"),
@@ -290,7 +291,6 @@ COMMANDS = (
         ),
     ),
     Command(
-        name="animate",
         topic="motion",
         run=animate,
         main=("--output", "--duration", "--speed", "--seconds", "--start"),
@@ -301,10 +301,6 @@ COMMANDS = (
             "--speed (default 1)",
             "--seconds (default 20)",
             THEME,
-        ),
-        details=(
-            "The run is a saved one, or of a scene that is simulated first. A GIF plays everywhere, MP4 needs the "
-            "extra `video`, HTML is a page with controls."
         ),
         examples=(
             ("simulate chain-2 --start angles:90,90 --duration 4 -o run.npz", "a run to film"),

@@ -22,7 +22,18 @@ SETTLING_PERIODS = 100
 
 
 def orbits(options: argparse.Namespace) -> tuple[Branch, ...]:
-    """Follow periodic orbits: a mode to large angles, or limit cycles along a number, with their stability."""
+    """Follow periodic orbits: a mode to large angles, or limit cycles along a number, with their stability.
+
+    With --mode, the periodic motions that begin in a mode of the table, without dampers and drives, are followed to
+    large angles: the frequency against the amplitude (backbone), and at which angle the motion loses its stability.
+    With --vary, the limit cycles of a scene with drives are followed along one number, through their folds (sync
+    --vary finds sooner where they begin and end; sweep --loci follows small motion), or the motions of a scene
+    under forces or on a moved support that repeat with the period of these; with both, the mode's orbit of one
+    amplitude. Every orbit closes in the full equations, its stability is that of its Floquet multipliers, and
+    folds, branch points, period doublings and tori are located. A branch is followed from orbit to orbit, by one
+    process; the limit cycles from one end of a range, and the branches that --enter follows, are shared among the
+    --workers.
+    """
     scene = warned(validated(options, options.output, _misfits(options)), "a periodic orbit")
     if not (options.mode or options.vary):
         options.mode = _first_mode(scene)
@@ -193,7 +204,6 @@ def _film(scene: Scene, branches: tuple[Branch, ...], options: argparse.Namespac
 
 COMMANDS = (
     Command(
-        name="orbits",
         topic="motion",
         run=orbits,
         main=("--mode", "--largest-angle", "--vary", "--format", "--output"),
@@ -216,17 +226,6 @@ COMMANDS = (
             *report_file("text", "csv", "json"),
             "--film: the last orbit next to the linear mode",
             *CREW,
-        ),
-        details=(
-            "With --mode, the periodic motions that begin in a mode of the table, without dampers and drives, are "
-            "followed to large angles: the frequency against the amplitude (backbone), and at which angle the motion "
-            "loses its stability. With --vary, the limit cycles of a scene with drives are followed along one number, "
-            "through their folds (sync --vary finds sooner where they begin and end; sweep --loci follows small "
-            "motion), or the motions of a scene under forces or on a moved support that repeat with the period of "
-            "these; with both, the mode's orbit of one amplitude. Every orbit closes in the full equations, its "
-            "stability is that of its Floquet multipliers, and folds, branch points, period doublings and tori are "
-            "located. A branch is followed from orbit to orbit, by one process; the limit cycles from one end of a "
-            "range, and the branches that --enter follows, are shared among the --workers."
         ),
         examples=(
             (

@@ -13,7 +13,12 @@ SHELLS = ("bash", "zsh", "fish", "powershell")
 
 
 def scenes(options: argparse.Namespace) -> None:
-    """List the shipped scenes, print one of them, or the JSON Schema of a scene file."""
+    """List the shipped scenes, print one of them, or the JSON Schema of a scene file.
+
+    Commands accept the name of a shipped scene in place of a file. With a name, its file is printed, as a template
+    for a scene of your own: TOML, SI units, angles in degrees from the downward vertical. With the schema, editors
+    complete scene files and mark mistakes in them: put `#:schema ./scene.schema.json` in the first line.
+    """
     from modal.errors import SceneError
     from modal.report import as_json, folded
     from modal.scene import files
@@ -37,7 +42,12 @@ def scenes(options: argparse.Namespace) -> None:
 
 
 def completion(options: argparse.Namespace) -> None:
-    """Print the script with which a shell completes this command."""
+    """Print the script with which a shell completes this command.
+
+    The shell then completes commands, options, names of scenes, files of the right kind, places in a scene and
+    values such as those of --show and --measure. Write the script to a file once and have your shell source it at
+    startup. It needs `multipendula` to be on the PATH.
+    """
     from argcomplete.shell_integration import shellcode
 
     with output(options.output) as write:
@@ -46,17 +56,10 @@ def completion(options: argparse.Namespace) -> None:
 
 COMMANDS = (
     Command(
-        name="scenes",
         topic="look",
         run=scenes,
         main=("--schema", "--output"),
         takes=(argument("name", "NAME", "print this scene's file", names, nargs="?"), "--schema", *text_file()),
-        details=(
-            "Commands accept the name of a shipped scene in place of a file. With a name, its file is printed, as a "
-            "template for a scene of your own: TOML, SI units, angles in degrees from the downward vertical. With the "
-            "schema, editors complete scene files and mark mistakes in them: put `#:schema ./scene.schema.json` in the "
-            "first line."
-        ),
         examples=(
             ("scenes", "names and titles"),
             ("scenes crane-hook", "the file of one scene"),
@@ -65,16 +68,10 @@ COMMANDS = (
         ),
     ),
     Command(
-        name="completion",
         topic=ASIDE,
         run=completion,
         main=("--output",),
         takes=(Option("shell", Flag("SHELL", "bash, zsh, fish or powershell", choices=SHELLS)), *text_file()),
-        details=(
-            "The shell then completes commands, options, names of scenes, files of the right kind, places in a scene "
-            "and values such as those of --show and --measure. Write the script to a file once and have your shell "
-            "source it at startup. It needs `multipendula` to be on the PATH."
-        ),
         examples=(
             ("completion bash -o ~/.multipendula.bash", "then `. ~/.multipendula.bash` in ~/.bashrc"),
             ("completion zsh -o ~/.multipendula.zsh", "then `. ~/.multipendula.zsh` in ~/.zshrc, after compinit"),

@@ -80,7 +80,12 @@ SIGNALS = (
 
 
 def export(options: argparse.Namespace) -> StateSpace | VaryingModel:
-    """Write a state-space model for control software, a simulator or a controller."""
+    """Write a state-space model for control software, a simulator or a controller.
+
+    z' = A z + B u, y = C z + D u about the scene's equilibrium, with a name and a unit for every state, input and
+    output; discretized with --discrete. For a scene with a hoist, A and B are sampled along it (control, mat and
+    npz only). With --start the model is that of deviations from the motion through a state.
+    """
     from modal.exports import find_format
     from modal.scene import whole_file
 
@@ -183,7 +188,15 @@ def _varying(scene: Scene, options: argparse.Namespace) -> VaryingModel:
 
 
 def response(options: argparse.Namespace) -> Gains | None:
-    """Print peaks, values at frequencies, or the gains of every mode, or draw a Bode plot or an impulse response."""
+    """Print peaks, values at frequencies, or the gains of every mode, or draw a Bode plot or an impulse response.
+
+    Where every output is largest near each mode; in a picture magnitude and phase of every output for one input,
+    accurate at any distance from the modes, or the impulse response in closed form. Peaks of damped modes have
+    their true height; a note below the picture says where infinite ones are cut. With --gains, degrees of
+    controllability and observability in place of ranks: the gain of every mode from each input and to each output,
+    relative to the largest for that signal. With --lqr, the gains K of u = -K z that minimize the integral of the
+    squared states and inputs, each relative to its own scale (Bryson's rule).
+    """
     from math import pi
 
     import numpy as np
@@ -287,7 +300,13 @@ def _regulator(options: argparse.Namespace) -> None:
 
 
 def shaper(options: argparse.Namespace) -> Shaper:
-    """Print an input shaper that suppresses residual swing in the slowest modes of a crane, or its shaped travel."""
+    """Print an input shaper that suppresses residual swing in the slowest modes of a crane, or its shaped travel.
+
+    Impulses to convolve a command with, so that the load hangs still at the end of a move (Singer & Seering 1990).
+    The output lists their times and their amplitudes, which sum to one. With --travel, a CSV file contains the
+    shaped travel: time, position, speed and acceleration of the trolley, as the motion of a support and hoist
+    --travel read them, or the force that moves it.
+    """
     from modal.errors import SceneError
     from modal.report import csv_rows, folded
     from modal.scene import load
@@ -406,7 +425,6 @@ def inputs_of(scene: Scene, options: argparse.Namespace) -> tuple[str, ...]:
 
 COMMANDS = (
     Command(
-        name="export",
         topic="control",
         run=export,
         main=("--to", "--output", "--input", "--signals", "--discrete"),
@@ -425,11 +443,6 @@ COMMANDS = (
             "angles:A,B,... (deg, at rest)",
             "--along, a model for each of its times: a run of the scene in the plane (control, mat and npz)",
         ),
-        details=(
-            "z' = A z + B u, y = C z + D u about the scene's equilibrium, with a name and a unit for every state, "
-            "input and output; discretized with --discrete. For a scene with a hoist, A and B are sampled along it "
-            "(control, mat and npz only). With --start the model is that of deviations from the motion through a state."
-        ),
         examples=(
             ("export crane-hook -o crane.mat", "for MATLAB and Octave"),
             (
@@ -445,7 +458,6 @@ COMMANDS = (
         ),
     ),
     Command(
-        name="response",
         topic="control",
         run=response,
         main=("--output", "--at", "--input", "--signals", "--gains"),
@@ -462,14 +474,6 @@ COMMANDS = (
             "--gains, instead",
             "--lqr, with --gains: written as CSV, which [[feedback]] of a scene takes",
             "--weights of --lqr (default by Bryson's rule, with the scene's own scales)",
-        ),
-        details=(
-            "Where every output is largest near each mode; in a picture magnitude and phase of every output for one "
-            "input, accurate at any distance from the modes, or the impulse response in closed form. Peaks of damped "
-            "modes have their true height; a note below the picture says where infinite ones are cut. With --gains, "
-            "degrees of controllability and observability in place of ranks: the gain of every mode from each input "
-            "and to each output, relative to the largest for that signal. With --lqr, the gains K of u = -K z that "
-            "minimize the integral of the squared states and inputs, each relative to its own scale (Bryson's rule)."
         ),
         examples=(
             ("response crane-two-loads", "peaks of every output of a crane"),
@@ -489,7 +493,6 @@ COMMANDS = (
         ),
     ),
     Command(
-        name="shaper",
         topic="control",
         run=shaper,
         main=("--kind", "--count", "--travel", "--max-acceleration", "--output"),
@@ -514,12 +517,6 @@ COMMANDS = (
             *LIMITS,
             *text_file(drawn=True),
             *picture_file(),
-        ),
-        details=(
-            "Impulses to convolve a command with, so that the load hangs still at the end of a move (Singer & Seering "
-            "1990). The output lists their times and their amplitudes, which sum to one. With --travel, a CSV file "
-            "contains the shaped travel: time, position, speed and acceleration of the trolley, as the motion of a "
-            "support and hoist --travel read them, or the force that moves it."
         ),
         examples=(
             ("shaper crane-hook", "for the slowest mode"),

@@ -28,7 +28,18 @@ ENDINGS = (*RUNS, "json", *PICTURES)
 
 
 def sweep(options: argparse.Namespace) -> Sweep | Loci | BifurcationDiagram | None:
-    """Compute measures of a scene over a parameter grid, or follow its frequencies or strobes along one parameter."""
+    """Compute measures of a scene over a parameter grid, or follow its frequencies or strobes along one parameter.
+
+    One to three numbers of a scene, named by their place in the file, are set to every combination of values, on
+    all cores. Finished points are saved next to --output or in --folder; after Ctrl-C the same command resumes.
+    With --loci the frequencies are followed by their mode shapes along one number, and crossings are distinguished
+    from veerings (orbits --vary follows motions at large angles, sync --vary the steady oscillations of a scene
+    with drives). With --strobe the motion at every value is sampled 50 times after a transient, once per period of
+    the drives: one point is a motion of that period, two or four mean that the period has doubled, many mean chaos.
+    With start.energy, --members starts are drawn at random at each energy, and quantiles of every measure are
+    reported. With --measure floquet over the amplitude and the frequency of a vertical sine, the boundaries of
+    growth are traced and drawn.
+    """
     from modal.scene import load
 
     if not options.vary:
@@ -166,7 +177,6 @@ def _strobes(options: argparse.Namespace) -> BifurcationDiagram | None:
 
 COMMANDS = (
     Command(
-        name="sweep",
         topic="coupling and synchronization",
         run=sweep,
         main=("--vary", "--measure", "--loci", "--strobe", "--output"),
@@ -188,18 +198,6 @@ COMMANDS = (
             "--share",
             "--folder",
             "--fresh",
-        ),
-        details=(
-            "One to three numbers of a scene, named by their place in the file, are set to every combination of "
-            "values, on all cores. Finished points are saved next to --output or in --folder; after Ctrl-C the same "
-            "command resumes. With --loci the frequencies are followed by their mode shapes along one number, and "
-            "crossings are distinguished from veerings (orbits --vary follows motions at large angles, sync --vary "
-            "the steady oscillations of a scene with drives). With --strobe the motion at every value is sampled 50 "
-            "times after a transient, once per period of the drives: one point is a motion of that period, two or "
-            "four mean that the period has doubled, many mean chaos. With start.energy, --members starts are drawn "
-            "at random at each energy, and quantiles of every measure are reported. With --measure "
-            "floquet over the amplitude and the frequency of a vertical sine, the boundaries of growth are traced and "
-            "drawn."
         ),
         examples=(
             (

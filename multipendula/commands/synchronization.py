@@ -36,7 +36,20 @@ MORE = "--words describes prediction and simulation in sentences."
 def sync(
     options: argparse.Namespace,
 ) -> SynchronizationStudy | Branches | PopulationDiagram | RhythmMap | RhythmGrid:
-    """Predict which mode survives in a scene with drives, simulate it, and measure which pendula synchronize."""
+    """Predict which mode survives in a scene with drives, simulate it, and measure which pendula synchronize.
+
+    For scenes with drives (van der Pol torques or escapements). Averaged equations predict the steady oscillations,
+    and which of them this start ends in and when; a simulation of the full equations then measures the same. The
+    verdict comes first: which mode wins, and from when on. With --vary every steady oscillation is followed along
+    one number of the scene instead (orbits --vary follows limit cycles of the full equations, sweep --loci the
+    frequencies of small motion). For equal pendula on the supports of a structure it says which population is
+    locked, and to which; then follow the growth rates of the motions in which every population is one pendulum, and
+    with --vary the values at which these become or cease to be stable. With --vary the oscillations found at one
+    value, and their critical values, are shared among the --workers; each is followed from value to value by one.
+    With --map the same starts run at every value until their returns to a section show which motion they reach: the
+    share of each rhythm with its 95 % interval, its orbit, and where it appears, disappears or changes its
+    stability in the full equations.
+    """
     scene = validated(options, options.output, _misfits(options))
     return (_map if options.map else _branches if options.vary else _run)(scene, options)
 
@@ -148,7 +161,6 @@ def _diagram(scene: Scene, variation: Variation, options: argparse.Namespace) ->
 
 COMMANDS = (
     Command(
-        name="sync",
         topic="coupling and synchronization",
         run=sync,
         main=("--duration", "--start", "--vary", "--film", "--output"),
@@ -173,19 +185,6 @@ COMMANDS = (
             *report_file("text", "csv", "json"),
             "--film: a stroboscopic one",
             *CREW,
-        ),
-        details=(
-            "For scenes with drives (van der Pol torques or escapements). Averaged equations predict the steady "
-            "oscillations, and which of them this start ends in and when; a simulation of the full equations then "
-            "measures the same. The verdict comes first: which mode wins, and from when on. With --vary every steady "
-            "oscillation is followed along one number of the scene instead (orbits --vary follows limit cycles of the "
-            "full equations, sweep --loci the frequencies of small motion). For equal pendula on the supports of a "
-            "structure it says which population is locked, and to which; then follow the growth rates of the motions "
-            "in which every population is one pendulum, and with --vary the values at which these become or cease to "
-            "be stable. With --vary the oscillations found at one value, and their critical values, are shared among "
-            "the --workers; each is followed from value to value by one. With --map the same starts run at every value "
-            "until their returns to a section show which motion they reach: the share of each rhythm with its 95 % "
-            "interval, its orbit, and where it appears, disappears or changes its stability in the full equations."
         ),
         examples=(
             ("sync metronomes -o sync.png --film sync.gif", "two metronomes on a light base, with a figure and a film"),

@@ -31,7 +31,13 @@ TUNED_BAND_RATIO = 1.4
 
 
 def tune(options: argparse.Namespace) -> Tuned | None:
-    """Optimize parameters for peaks, RMS, decay or residual swing, with sensitivities."""
+    """Optimize parameters for peaks, RMS, decay or residual swing, with sensitivities.
+
+    At small angles, with exact derivatives and all peaks at once, from several starts. The report compares the
+    optimum with Den Hartog's rule where it applies, and has the sensitivity to each number, the range within which
+    the objective is at most 1 % worse, the worst case of all masses ±5 %, and stroke and torque of the dampers. The
+    --workers share random starts, the last descents and the cases of masses.
+    """
     from modal.errors import SceneError
     from modal.scene import load
     from modal.tuning import tune as tuned
@@ -138,7 +144,6 @@ def _swing_words(swing: FiniteSwing, best: Tuned) -> str:
 
 COMMANDS = (
     Command(
-        name="tune",
         topic="control",
         run=tune,
         main=("--free", "--minimize", "--max", "--output", "--picture"),
@@ -171,13 +176,6 @@ COMMANDS = (
             *picture_file("the peaks, or the swing of a travel, before and after"),
             *CREW,
             formats("text", "json"),
-        ),
-        details=(
-            "At small angles, with exact derivatives and all peaks at once, from several starts. The report compares "
-            "the optimum with Den Hartog's rule where it applies, and has the sensitivity to each number, the range "
-            "within which the objective is at most 1 % worse, the worst case of all masses ±5 %, and stroke and "
-            "torque of the dampers. The "
-            "--workers share random starts, the last descents and the cases of masses."
         ),
         examples=(
             (

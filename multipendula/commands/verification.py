@@ -30,7 +30,13 @@ if TYPE_CHECKING:
 
 
 def check(options: argparse.Namespace) -> Check | Comparison:
-    """Check the table of modes against simulation: measure the frequencies at several amplitudes."""
+    """Check the table of modes against simulation: measure the frequencies at several amplitudes.
+
+    Every mode is released at several amplitudes and simulated for 40 periods; its frequency is measured and
+    compared with the table's predictions: the small-angle frequency, its shift with amplitude, and the angle at
+    which it is off by 1 %. With --general one run is projected on the modes instead, and with --proved its true
+    error is reported. The report begins with the accuracy of the predictions.
+    """
     from modal.scene import load
 
     _place(options)
@@ -100,7 +106,13 @@ def _scene(options: argparse.Namespace) -> Any:
 
 
 def chaos(options: argparse.Namespace) -> Exponent | Finding:
-    """Measure the largest Lyapunov exponent, or test what paper 000 or 001 claims about it."""
+    """Measure the largest Lyapunov exponent, or test what paper 000 or 001 claims about it.
+
+    The largest Lyapunov exponent with its uncertainty, from tangent vectors along an ensemble of starts, or an
+    upper bound if it is indistinguishable from zero. The first start is the scene's own, the others are within 0.1
+    degrees of it: to find chaos, give the scene large angles. paper:000 and paper:001 test the claims of two
+    papers. The --workers share 256 starts at a time, of a paper's study its scenes.
+    """
     _place(options)
     is_of_paper = str(options.scene).startswith("paper:")
     outcome = _claims(options) if is_of_paper else _exponent(options)
@@ -140,7 +152,12 @@ def _claims(options: argparse.Namespace) -> Finding:
 
 
 def tradeoff(options: argparse.Namespace) -> WorkPrecision | FrequencyTradeoff:
-    """Measure the time and error of every method for a motion, from linear modes to the finest integration."""
+    """Measure the time and error of every method for a motion, from linear modes to the finest integration.
+
+    Linear modes, modes with corrected frequencies, and every integrator at several tolerances, plain and compiled:
+    the cost and the error of each, and the time up to which errors can be measured, or true errors with --proved.
+    With --linear the frequencies instead: by dense matrices, to a relative error, and with every digit.
+    """
     from modal.scene import load
 
     _place(options)
@@ -177,7 +194,6 @@ def _of_frequencies(options: argparse.Namespace, scene: Scene) -> tuple[Any, str
 
 COMMANDS = (
     Command(
-        name="check",
         topic="motion",
         run=check,
         main=("--modes", "--amplitudes", "--general", "--format", "--output"),
@@ -190,13 +206,6 @@ COMMANDS = (
             formats(*REPORTS),
             *report_file(*REPORTS),
         ),
-        details=(
-            "Every mode is released at several amplitudes and simulated for 40 periods; its frequency is measured and "
-            "compared with the table's predictions: the small-angle frequency, its shift "
-            "with amplitude, and the angle at which it is off by 1 %. With --general one run is projected on the modes "
-            "instead, and with --proved its true error is reported. The report begins with the accuracy of the "
-            "predictions."
-        ),
         examples=(
             ("check chain-2 --modes 1 --amplitudes 10,30", "the slow mode at two amplitudes"),
             ("check crane-hook --modes 2 --amplitudes 20 -o check.png", "with a figure"),
@@ -204,7 +213,6 @@ COMMANDS = (
         ),
     ),
     Command(
-        name="tradeoff",
         topic="motion",
         run=tradeoff,
         main=("--duration", "--start", "--linear", "--format", "--output"),
@@ -218,12 +226,6 @@ COMMANDS = (
             formats(*REPORTS),
             *report_file(*REPORTS),
         ),
-        details=(
-            "Linear modes, modes with corrected frequencies, and every integrator at several tolerances, plain and "
-            "compiled: the cost and the error of each, and the time up to which errors can be measured, or true errors "
-            "with --proved. With --linear the frequencies instead: by dense matrices, to a relative error, and with "
-            "every digit."
-        ),
         examples=(
             ("tradeoff chain-1 --start mode:1:10 --duration 2", "every method for two seconds of a small swing"),
             ("tradeoff chain-1 --start angles:60 --duration 1 -o t.png", "with a figure: time against error"),
@@ -231,7 +233,6 @@ COMMANDS = (
         ),
     ),
     Command(
-        name="chaos",
         topic="motion",
         run=chaos,
         main=("--duration", "--members", "--quick", "--output"),
@@ -242,12 +243,6 @@ COMMANDS = (
             "--quick of a paper's study",
             *CREW,
             *report_file(),
-        ),
-        details=(
-            "The largest Lyapunov exponent with its uncertainty, from tangent vectors along an ensemble of starts, or "
-            "an upper bound if it is indistinguishable from zero. The first start is the scene's own, the others are "
-            "within 0.1 degrees of it: to find chaos, give the scene large angles. paper:000 and paper:001 test the "
-            "claims of two papers. The --workers share 256 starts at a time, of a paper's study its scenes."
         ),
         examples=(
             ("chaos chain-2 --duration 10 --members 4", "a quick estimate for a double pendulum"),

@@ -35,7 +35,16 @@ WRITTEN = (
 
 
 def vibration(options: argparse.Namespace) -> RandomResponse | ThermalNoise | ShockResponse | None:
-    """Compute the response to a shaking support or a force, at random or by a record, and thermal noise."""
+    """Compute the response to a shaking support or a force, at random or by a record, and thermal noise.
+
+    In closed form over the modes, at small angles. The PSD is interpolated by straight lines over logarithmic axes
+    and is zero outside its frequencies. The RMS of each mode alone is compared with Miles' equation; an undamped
+    mode that the noise excites has no finite RMS. CSV and JSON contain the PSDs. With --temperature, the thermal
+    noise of dampers, drag and loss angles by the fluctuation-dissipation theorem, of tip_positions by default. A
+    --record is interpolated by a spline, and every mode is followed exactly through it and for two of the slowest
+    periods after it: peaks by output and by mode, those of the modes combined by SRSS and CQC, and the effective
+    masses with the number of modes that account for 90 % of the mass.
+    """
     from modal.errors import SceneError
     from modal.vibration import random_report
 
@@ -150,7 +159,6 @@ def _report(
 
 COMMANDS = (
     Command(
-        name="vibration",
         topic="control",
         run=vibration,
         main=("--psd", "--record", "--temperature", "--signals", "--output"),
@@ -172,17 +180,6 @@ COMMANDS = (
                 default=USUAL,
             ),
             *WRITTEN,
-        ),
-        details=(
-            "In closed form over the modes, at small angles. The PSD is interpolated by straight lines over "
-            "logarithmic axes and is zero outside its frequencies. The RMS of each mode alone is compared with "
-            "Miles' equation; an undamped mode that the noise excites has no finite RMS. CSV and JSON contain the "
-            "PSDs. With "
-            "--temperature, the thermal noise of dampers, drag and loss angles by the fluctuation-dissipation theorem, "
-            "of tip_positions by default. A --record is interpolated by a spline, and every mode is followed exactly "
-            "through it and for two of the slowest periods after it: peaks by output and by mode, those of the modes "
-            "combined by SRSS and CQC, and the effective masses with the number of modes that account for 90 % of "
-            "the mass."
         ),
         examples=(
             (
