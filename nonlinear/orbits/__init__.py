@@ -5,7 +5,7 @@ and Floquet multipliers, and the special points between them.
 
     φ_T(y) = y,     multipliers: the eigenvalues of ∂φ_T/∂y
 
-Start with `modes` (`held` along a number) for conservative scenes, with `cycles` for self-excited ones and with
+Start with `modes` for conservative scenes, with `cycles` for self-excited ones and with
 `forced` under drives of a period.  `symmetric` and
 `shooting` have the equations of orbits, `flow` integrates them with their variational equations,
 `continuation` follows their solutions, `floquet` the stability, `special` where it changes, and `entering` what
@@ -35,8 +35,7 @@ from nonlinear.orbits.forced import (
     linear_response,
     require_forced_orbits,
 )
-from nonlinear.orbits.held import mode_along
-from nonlinear.orbits.modes import at_amplitude, mode_orbit, nonlinear_mode, orbit_where_off, oscillating
+from nonlinear.orbits.modes import at_amplitude, mode_along, mode_orbit, nonlinear_mode, orbit_where_off, oscillating
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.orbits.populations import PatternOrbit, free_amplitude, pattern_orbit
 from nonlinear.orbits.report import orbits_csv, orbits_record, orbits_text

@@ -15,16 +15,16 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from modal.errors import ComputationError, SceneError
+from modal.errors import ComputationError
 from modal.report import Displayed, Summary, silent
 from modal.scene import Scene, drive_period, require
 from modal.scene.doors import checked, formerly
-from modal.scene.parameters import Variation, validate_variations, variation_of, vary
+from modal.scene.parameters import Variation, variation_of, vary
 from modal.types import Floats
 from nonlinear.averaging.equilibria import NEWTON_ROUNDS_MAX
 from nonlinear.orbits.branch import Branch, Report
 from nonlinear.orbits.continuation import DENSE_BRANCH_ORBITS_MAX, STEP_MAX, relative_distance
-from nonlinear.orbits.cycles import Beginning, BranchWalk, solution
+from nonlinear.orbits.cycles import Beginning, BranchWalk, require_range, solution
 from nonlinear.orbits.flow import ORBIT_TOLERANCE, Flow
 from nonlinear.orbits.orbit import CYCLE_SAMPLES, ORBIT_RESIDUAL_MAX, Orbit
 from nonlinear.orbits.shooting import Shooting, shooting
@@ -162,9 +162,7 @@ def follow_forced_orbits(
 @checked
 def require_forced_orbits(scene: Scene, variation: Variation) -> None:
     """Raise, without computing anything, what `follow_forced_orbits` raises for this scene and variation."""
-    validate_variations(scene, [variation])
-    if len(variation.values) < 2 or variation.path.endswith("count"):
-        raise SceneError([f"{variation.path}: orbits need two or more values of a continuous parameter"])
+    require_range(scene, variation)
     shooting(scene, variation=variation, cycles=1)
 
 
