@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
+import modal
 from multipendula.command import SCENE, Command, formats, report_file
 from multipendula.commands.shared import draw_in, noted, picture, say
 
@@ -26,10 +27,9 @@ def explain(options: argparse.Namespace) -> Coupling:
     springs.
     """
     from modal.coupling import coupling_report, explain
-    from modal.scene import load
 
     picture(options.output)
-    coupling = explain(noted(load(options.scene), "the explanation of the coupling"))
+    coupling = explain(noted(modal.load(options.scene), "the explanation of the coupling"))
     draw_in(options, options.output, "modal.plotting", "coupling_figure", coupling)
     elsewhere = [MORE] * (not options.words) + [MAP.format(options.scene)] * coupling.scene.is_driven
     report = coupling_report(coupling, options.format, words=options.words, elsewhere="\n".join(elsewhere))

@@ -8,6 +8,8 @@ from contextlib import contextmanager
 from math import prod
 from typing import TYPE_CHECKING, Any, TypeVar
 
+import modal
+import nonlinear
 from modal.extend.measures import taken_by
 from multipendula.command import CREW, SCENE, Command, Option, formats, kwargs_of, option, refuse, report_file
 from multipendula.commands.runs import ELSEWHERE, start_of, tell_of_start
@@ -61,14 +63,12 @@ def basins(options: argparse.Namespace) -> Basins | None:
     reaches, named by its period and its largest angle. A random sample is re-run individually, and the largest
     difference is reported.
     """
-    from nonlinear.ensembles import begins_in_mode, find_basins, grid_of
-
     scene = _scene(options)
-    axes = grid_of(scene, options.vary or ())
-    if begins_in_mode(scene, axes):
+    axes = nonlinear.ensembles.grid_of(scene, options.vary or ())
+    if nonlinear.ensembles.begins_in_mode(scene, axes):
         tell_of_start("every member begins in the shape of the first mode that swings")
     with _engine(options, prod(len(axis.values) for axis in axes)) as more:
-        outcome = find_basins(scene, options.duration, vary=axes, measure=options.measure, **more)
+        outcome = nonlinear.ensembles.find_basins(scene, options.duration, vary=axes, measure=options.measure, **more)
     return _show(options, "basins_figure", outcome)
 
 
@@ -85,30 +85,24 @@ def section(options: argparse.Namespace) -> PoincareSection | StroboscopicSectio
 
 
 def _crossings(options: argparse.Namespace, scene: Scene) -> PoincareSection | None:
-    from nonlinear.ensembles import find_section
-    from nonlinear.system import has_start
-
     refuse(options, "needs a scene that is driven by a sine: a force or a moved support", *BY_STROBES)
     members = options.members or SECTION_MEMBERS
     with _engine(options, members) as more:
-        section = find_section(
+        section = nonlinear.ensembles.find_section(
             scene, options.duration, energy=options.energy, crossing=options.crossing, members=members, **more
         )
-    if options.energy is None and not has_start(scene):
+    if options.energy is None and not nonlinear.system.has_start(scene):
         tell_of_start("its energy is that of the first mode that swings", "--energy chooses another")
     return _show(options, "section_figure", section)
 
 
 def _strobes(options: argparse.Namespace, scene: Scene) -> StroboscopicSection | None:
-    from nonlinear.ensembles import find_strobes
-    from nonlinear.system import has_start
-
     refuse(options, "needs a scene that keeps its energy; of this one the section is stroboscopic", *BY_ENERGY)
-    if not has_start(scene):
+    if not nonlinear.system.has_start(scene):
         tell_of_start("motions begin around the shape of its first mode that swings")
     with _engine(options, options.members or SECTION_MEMBERS) as more:
         how = kwargs_of(options, "--members", "--phase-deg", "--spread", "--settle", "--seed")
-        strobes = find_strobes(scene, options.duration, of=names_of(options), **how, **more)
+        strobes = nonlinear.ensembles.find_strobes(scene, options.duration, of=names_of(options), **how, **more)
     return _show(options, "strobes_figure", strobes)
 
 
@@ -125,13 +119,12 @@ def spread(options: argparse.Namespace) -> Spread | None:
     frequency, bands of the motion with --duration, and which number matters most. In --format csv each line is a
     member, with its angles at every sample of the motion.
     """
-    from modal.errors import SceneError
     from nonlinear.sweeps import find_spread
 
     scene = _scene(options)
     members, seed = options.members or 1000, 5 if options.seed is None else options.seed
     if options.folder and not options.duration:
-        raise SceneError(["--folder: needs --duration, since frequencies alone are not stored"])
+        raise modal.SceneError(["--folder: needs --duration, since frequencies alone are not stored"])
     uncertain = options.uncertain or ([] if options.covariance else _all_numbers(scene))
     with _engine(options, members) as more:
         more["measures"] = options.measure or ()
@@ -143,20 +136,16 @@ def spread(options: argparse.Namespace) -> Spread | None:
 
 def _all_numbers(scene: Scene) -> list[str]:
     """A tolerance for every number that a scene is made of."""
-    from modal.scene import scene_numbers
-
-    numbers = [f"{number.place}=1%" for number in scene_numbers(scene) if number.is_physical]
+    numbers = [f"{number.place}=1%" for number in modal.scene.scene_numbers(scene) if number.is_physical]
     remark(f"a standard deviation of 1 % of all {len(numbers)} numbers; --uncertain PLACE=WIDTH sets others")
     return numbers
 
 
 def _scene(options: argparse.Namespace) -> Scene:
     """The scene, once the picture's name is right."""
-    from modal.scene import load
-
     in_a_folder(options.output)
     picture(options.output)
-    return load(options.scene)
+    return modal.load(options.scene)
 
 
 def _show(options: argparse.Namespace, figure: str, outcome: Made) -> Made | None:
@@ -180,10 +169,8 @@ def tell_of_share(options: argparse.Namespace) -> bool:
 
 def refuse_homeless(options: argparse.Namespace) -> None:
     """Raise SceneError for a share without a folder."""
-    from modal.errors import SceneError
-
     if options.share and not options.folder:
-        raise SceneError(["--share: needs --folder"])
+        raise modal.SceneError(["--share: needs --folder"])
 
 
 @contextmanager

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
+import modal
 from multipendula.command import SCENE, Command, formats, option, refuse, report_file
 from multipendula.commands.shared import draw_in, made, noted, picture, remark, say
 from multipendula.completion import words
@@ -53,8 +54,6 @@ def hoist(options: argparse.Namespace) -> Along | None:
     hoist changes the swing of each mode. With --travel the linear model, which varies in time, is integrated for a
     cart that travels meanwhile, with and without an input shaper.
     """
-    from modal.errors import SceneError
-    from modal.scene import load
     from modal.statespace.hoisting import frequencies_along
 
     picture(options.output)
@@ -62,8 +61,10 @@ def hoist(options: argparse.Namespace) -> Along | None:
     if options.travel is None:
         refuse(options, "needs --travel METRES", "--kind", "--count")
     if options.travel and options.drive == DRIVES[0]:
-        raise SceneError([f"--drive {options.drive}: a travel prescribes the motion of its cart: leave out --travel"])
-    scene = load(options.scene)
+        raise modal.SceneError(
+            [f"--drive {options.drive}: a travel prescribes the motion of its cart: leave out --travel"]
+        )
+    scene = modal.load(options.scene)
     noted(scene.at(0.0), "mode shapes")
     drive = options.drive or DRIVES[bool(options.travel)]
     along = frequencies_along(scene, options.samples, drive)

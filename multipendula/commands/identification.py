@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import modal
+import nonlinear
 from multipendula.command import (
     CREW,
     SCENE,
@@ -70,24 +72,21 @@ def fit(options: argparse.Namespace) -> Fit | ModeFit | None:
     residuals, and sentences at the end say what the model lacks. The --workers share the laws of --compare.
     """
     from modal.identification import has_modes
-    from modal.scene import load
 
     if options.free is None:
-        raise missing(load(options.scene), "--free", "")
+        raise missing(modal.load(options.scene), "--free", "")
     return (_fit_modes if any(map(has_modes, options.data)) else _fit_motions)(options)
 
 
 def _fit_modes(options: argparse.Namespace) -> ModeFit:
-    from modal.errors import SceneError
     from modal.identification import fit_modes, mode_fit_json, mode_fit_text, read_modes
-    from modal.scene import load
 
     refuse(options, f"applies to measured motions, and {options.data[0]} contains modes", *OF_FITTED_MOTIONS)
     if len(options.data) > 1:
-        raise SceneError(["measured modes are read from a single file"])
+        raise modal.SceneError(["measured modes are read from a single file"])
     picture(options.picture, "--picture")
     in_a_folder(options.output, options.report, options.picture)
-    scene = load(options.scene)
+    scene = modal.load(options.scene)
     measured = read_modes(scene, options.data[0])
     _tell_of_unused(measured.unused)
     fitted = fit_modes(scene, measured, listed(options.free), priors=options.prior or (), loss=options.loss)
@@ -101,15 +100,13 @@ def _fit_modes(options: argparse.Namespace) -> ModeFit:
 
 def _fit_motions(options: argparse.Namespace) -> Fit | None:
     from modal.identification import find_parameters
-    from modal.scene import load
     from nonlinear.identification import compare, fit_json, fit_text
     from nonlinear.identification import fit as fitted
-    from nonlinear.integration import validate
 
-    scene, draws = load(options.scene), options.bootstrap or 0
+    scene, draws = modal.load(options.scene), options.bootstrap or 0
     free = listed(options.free)
     more = kwargs_of(options, "--scale", "--shift", "--loss", "--prior", "--window")
-    _, recording, *_ = validate(
+    _, recording, *_ = nonlinear.integration.validate(
         lambda: find_parameters(scene, free, options.prior or ()),
         lambda: _recording(options, scene),
         lambda: picture(options.picture, "--picture"),
@@ -155,16 +152,14 @@ def poles(options: argparse.Namespace) -> Identified | Assurance:
     that of the nearest frequency: the modal assurance criterion (MAC) is 1 where two shapes are equal up to a
     factor, and 0 where they are orthogonal.
     """
-    from modal.errors import SceneError
     from modal.identification import has_modes, poles_table
-    from modal.scene import load
 
     picture(options.output)
     in_a_folder(options.output, options.identified_modes)
-    scene = noted(load(options.scene)) if options.scene else None
+    scene = noted(modal.load(options.scene)) if options.scene else None
     if any(map(has_modes, options.data)):
         if scene is None or len(options.data) > 1:
-            raise SceneError([f"{options.data[0]}: contains modes: give a single such file, and --scene SCENE"])
+            raise modal.SceneError([f"{options.data[0]}: contains modes: give a single such file, and --scene SCENE"])
         refuse(options, f"applies to measured motions, and {options.data[0]} contains modes", *OF_MOTIONS)
         return _compare(options, scene, None)
     identified, title = _identified(options)
@@ -195,12 +190,11 @@ def _identified(options: argparse.Namespace) -> tuple[Identified, str]:
 def _compare(options: argparse.Namespace, scene: Scene, table: str | None) -> Assurance:
     """MAC matrix, pairs and errors of frequencies of the modes in a table, or else in the file."""
     from modal.identification import assurance_table, compare_modes, parse_modes, read_modes
-    from modal.modes import natural_modes
 
     (name, *_) = options.data
     measured = read_modes(scene, name) if table is None else parse_modes(scene, name, table)
     _tell_of_unused(measured.unused)
-    comparison = compare_modes(natural_modes(scene), measured)
+    comparison = compare_modes(modal.natural_modes(scene), measured)
     draw_in(options, options.output, "modal.plotting", "assurance_figure", comparison)
     say(assurance_table(comparison, options.format), options.format)
     return comparison

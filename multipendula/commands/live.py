@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+import modal
+import nonlinear
 from multipendula.command import RUN, Command, main_file
 from multipendula.commands.runs import recorded
 from multipendula.commands.shared import in_a_folder, made, remark
@@ -21,17 +23,15 @@ def play(options: argparse.Namespace) -> None:
     structures of at most 40 coordinates with those of links, scenes with dry friction or forces of at most 12;
     without hoists, constant forces or damping ratios.
     """
-    from modal.scene import kind_of, whole_file
     from multipendula.page import page
-    from nonlinear.integration import validate
 
-    *_, (data, recording) = validate(
-        lambda: kind_of(options.output, KINDS, "-o "),
+    *_, (data, recording) = nonlinear.integration.validate(
+        lambda: modal.scene.kind_of(options.output, KINDS, "-o "),
         lambda: in_a_folder(options.output),
         lambda: _shown(options.scene),
     )
     content = page(data, recording).encode()
-    with whole_file(options.output) as stream:
+    with modal.scene.whole_file(options.output) as stream:
         stream.write(content)
     made(options.output, f"{len(content) / 1000:.0f} kB, open it in any browser")
     if recording and recording["samples"] < recording["of"]:
@@ -40,13 +40,11 @@ def play(options: argparse.Namespace) -> None:
 
 
 def _shown(name: str) -> tuple[dict[str, Any], dict[str, Any] | None]:
-    from modal.scene import load
     from multipendula.page import recording_of, scene_data
-    from nonlinear import files as recordings
 
     if not recorded(name):
-        return scene_data(load(name)), None
-    trajectory = recordings.load(name)
+        return scene_data(modal.load(name)), None
+    trajectory = nonlinear.files.load(name)
     return scene_data(trajectory.scene), recording_of(trajectory)
 
 

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
+import modal
 from multipendula.command import SCENE, THEME, Command, main_file, option, text_file
 from multipendula.commands.shared import about, bar, chosen, drawn, large, made, noted, output, picture
 from multipendula.completion import words
@@ -41,20 +42,18 @@ def table(options: argparse.Namespace) -> Modes | None:
     are omitted. A narrow terminal omits, in this order, the bound, shares and masses, participation, multiplicity,
     period, 1 % angle and frequency in Hz, and names them; a pipe or a file gets all.
     """
-    from modal.errors import SceneError
-    from modal.modes import tables
     from modal.report import limit
 
     if options.places:
         _list_places(options)
         return None
     if options.shapes and options.format != "json":
-        raise SceneError(["--shapes: needs --format json"])
+        raise modal.SceneError(["--shapes: needs --format json"])
     modes, every = _modes(options, options.relative_error)
     rest = limit() if options.format == "text" and options.output is None else None
     numbers = every[: rest.rows] if rest else every
     rows = list(_with_progress(modes.rows(numbers), len(numbers)))
-    starred = f"{tables.GUIDE} (`--orbits` computes it)"
+    starred = f"{modal.modes.tables.GUIDE} (`--orbits` computes it)"
     stds = proofs = None
     if options.orbits or options.covariance or options.prove:
         from multipendula.commands.evidence import evidence
@@ -64,7 +63,7 @@ def table(options: argparse.Namespace) -> Modes | None:
         more = {"shapes": options.shapes, "starred": starred, "amplitude_deg": options.amplitude, "stds": stds}
         more |= {"proofs": proofs, "sensitive": options.sensitivities, "energies": options.energies}
         more |= {"chosen": options.columns or "", "elsewhere": ELSEWHERE, "left": len(every) - len(numbers)}
-        write(tables.table(modes, rows, options.format, **more))
+        write(modal.modes.tables.table(modes, rows, options.format, **more))
     if options.explain:
         from modal.modes.solution_report import report_solution
 
@@ -75,15 +74,13 @@ def table(options: argparse.Namespace) -> Modes | None:
 
 def _list_places(options: argparse.Namespace) -> None:
     """The numbers of the scene by their places."""
-    from modal.errors import SceneError
     from modal.report import folded
-    from modal.scene import load
     from modal.scene.number_names import numbers_table
 
     if options.format not in REPORTS:
-        raise SceneError([f"--format {options.format}: --places takes {', '.join(REPORTS)}"])
+        raise modal.SceneError([f"--format {options.format}: --places takes {', '.join(REPORTS)}"])
     with output(options.output) as write:
-        text = numbers_table(load(options.scene), options.format)
+        text = numbers_table(modal.load(options.scene), options.format)
         write(folded(text) if options.format == "text" else text)
 
 
@@ -121,12 +118,10 @@ def matrices(options: argparse.Namespace) -> Matrices:
     Mass, damping and stiffness matrices about the scene's equilibrium, M q'' + D q' + K q = 0, with the names of
     the coordinates: x of the cart, then the absolute angle of every link of every copy.
     """
-    from modal.assembly import matrices as matrices_of
     from modal.assembly.linearization import matrices_table
-    from modal.scene import load
 
-    scene = about(noted(load(options.scene), "mode shapes"))
-    dense = matrices_of(scene)
+    scene = about(noted(modal.load(options.scene), "mode shapes"))
+    dense = modal.matrices(scene)
     with output(options.output) as write:
         write(matrices_table(scene, dense, options.format))
     return dense
@@ -134,13 +129,10 @@ def matrices(options: argparse.Namespace) -> Matrices:
 
 def _modes(options: argparse.Namespace, accuracy: float | None = None) -> tuple[Modes, Sequence[int]]:
     """The modes, of a long chain no more than are needed, and the places of those to be shown."""
-    from modal.modes import natural_modes
-    from modal.scene import load
-
-    scene = large(load(options.scene))
+    scene = large(modal.load(options.scene))
     last = chosen(options.modes, sys.maxsize).stop
     lowest = slice(0, last) if scene.n_links > LONG_CHAIN and last < sys.maxsize else None
-    modes = natural_modes(scene, accuracy=accuracy, modes=lowest)
+    modes = modal.natural_modes(scene, accuracy=accuracy, modes=lowest)
     return modes, chosen(options.modes, len(modes))
 
 

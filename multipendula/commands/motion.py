@@ -9,6 +9,8 @@ from dataclasses import replace
 from time import perf_counter
 from typing import TYPE_CHECKING
 
+import modal
+import nonlinear
 from multipendula.command import RUN, THEME, Command, formats, kwargs_of, main_file, refuse
 from multipendula.commands.runs import RunOptions, motion, recorded, start_of, whole
 from multipendula.commands.shared import (
@@ -65,26 +67,23 @@ def simulate(options: argparse.Namespace) -> Trajectory | Compilation | Tube:
     if options.proved:
         return _enclose(options)
     from modal.report import visible
-    from modal.scene import STANDARD
-    from nonlinear import files as recordings
-    from nonlinear.integration import SimulationError
     from nonlinear.postprocessing import summary
 
     band = _banded(options)
     begun = perf_counter()
     try:
         trajectory = _trajectory(options)
-    except SimulationError as error:
+    except nonlinear.SimulationError as error:
         if options.output:
             place = _place_of_part(options.output)
-            recordings.save(error.trajectory, place)
+            nonlinear.files.save(error.trajectory, place)
             remark(f"the computed part is saved in {visible(place)}")
         raise
     spent = perf_counter() - begun
     output = _place_of_part(options.output) if options.output and trajectory.run.interrupted else options.output
     if output:
-        recordings.save(trajectory, output)
-    target = "standard output" if output == STANDARD else output
+        nonlinear.files.save(trajectory, output)
+    target = "standard output" if output == modal.scene.STANDARD else output
     if options.format == "text":
         say(f"{summary.text(trajectory, ropes=not options.quiet)}\n")
         say(f"computed in {spent:.3g} s" + (f", saved in {visible(target)}\n" if output else "\n"))
@@ -99,24 +98,21 @@ def simulate(options: argparse.Namespace) -> Trajectory | Compilation | Tube:
 
 def _trajectory(options: argparse.Namespace) -> Trajectory:
     """The run; of a scene with --accuracy, the attempts to meet it are printed first."""
-    from modal.scene import kind_of
-
     told = RunOptions.of(options)
 
     def named() -> None:
         if options.output:
-            kind_of(options.output, WRITTEN, "-o ")
+            modal.scene.kind_of(options.output, WRITTEN, "-o ")
 
     if options.accuracy is None or options.keep_modes or recorded(options.scene):
         refuse(options, "needs --accuracy RAD of a scene, --proved or --compile", "--format")
         return told.run(named)
     refuse(options, "cannot be combined with --accuracy", "--tolerance")
     from nonlinear.accuracy import advice_table
-    from nonlinear.simulation import certain
 
     advice = told.advice(named)
     say(advice_table(advice, options.format) + "\n" * (options.format == "text"), options.format)
-    return certain(advice)
+    return nonlinear.simulation.certain(advice)
 
 
 def _place_of_part(output: str) -> str:
@@ -129,18 +125,15 @@ def _place_of_part(output: str) -> str:
 
 def _banded(options: argparse.Namespace) -> Estimate | None:
     """The covariance of the scene's numbers, once the name of a picture of the band is right."""
-    from modal.errors import SceneError
-    from modal.scene import load
-
     if options.covariance is None:
         if options.band:
-            raise SceneError(["--band: needs --covariance FIT.json"])
+            raise modal.SceneError(["--band: needs --covariance FIT.json"])
         return None
     if recorded(options.scene):
-        raise SceneError([f"--covariance: needs the scene that was fitted, and {options.scene} is a saved run"])
+        raise modal.SceneError([f"--covariance: needs the scene that was fitted, and {options.scene} is a saved run"])
     if options.keep_modes:
-        raise SceneError(["--covariance: cannot be combined with --keep-modes"])
-    estimate = estimate_of(load(options.scene), options.covariance)
+        raise modal.SceneError(["--covariance: cannot be combined with --keep-modes"])
+    estimate = estimate_of(modal.load(options.scene), options.covariance)
     in_a_folder(options.band)
     picture(options.band, "--band")
     return estimate
@@ -205,34 +198,29 @@ def _take_only(options: argparse.Namespace, flag: str, *names: str) -> None:
 
 def _form_of_report(options: argparse.Namespace, kinds: Sequence[str]) -> Form:
     """The format of a report, by the name of its file unless one is requested; SceneError for other kinds of files."""
-    from modal.scene import STANDARD, kind_of
-
     form: Form = options.format
-    if not options.output or options.output == STANDARD:
+    if not options.output or options.output == modal.scene.STANDARD:
         return form
-    kind = kind_of(options.output, kinds, "-o ")
+    kind = modal.scene.kind_of(options.output, kinds, "-o ")
     return "json" if kind == "json" and not getattr(options, "format_asked", False) else form
 
 
 def _enclose(options: argparse.Namespace) -> Tube:
     """A tube that provably contains the motion; a file of a run has its midpoints."""
-    from modal.errors import SceneError
-    from modal.scene import load
-    from nonlinear import files as recordings
-    from nonlinear.integration import enclose_motion
-
     _take_only(options, "--proved", *OF_TUBES)
     if recorded(options.scene):
-        raise SceneError([f"--proved: needs a scene, and {options.scene} is a saved run"])
+        raise modal.SceneError([f"--proved: needs a scene, and {options.scene} is a saved run"])
     form = _form_of_report(options, (*WRITTEN, *COMPILED))
     in_a_folder(options.output)
-    scene, duration = load(options.scene), options.duration or 10.0
+    scene, duration = modal.load(options.scene), options.duration or 10.0
     start, how = start_of(scene, options.start), kwargs_of(options, "--samples")
     with bar(duration) as report:
-        tube = enclose_motion(scene, duration, radius=options.accuracy or 1e-10, start=start, report=report, **how)
+        tube = nonlinear.integration.enclose_motion(
+            scene, duration, radius=options.accuracy or 1e-10, start=start, report=report, **how
+        )
     is_run = options.output is not None and options.output.lower().endswith(tuple(f".{kind}" for kind in WRITTEN))
     if is_run:
-        recordings.save(tube.trajectory, options.output)
+        nonlinear.files.save(tube.trajectory, options.output)
     with output(None if is_run else options.output) as write:
         write(tube.report(form))
     return tube
@@ -240,14 +228,13 @@ def _enclose(options: argparse.Namespace) -> Tube:
 
 def _compile(options: argparse.Namespace) -> Compilation:
     """Compile what the fast integrators need for a scene, or for any, and keep it for later commands."""
-    from modal.scene import load
-    from nonlinear.ensembles import compilation_table, compile_engines
-
     _take_only(options, "--compile", *OF_COMPILING)
     form = _form_of_report(options, COMPILED)
-    compiled = compile_engines(load(options.scene) if options.scene else None, **kwargs_of(options, "--tolerance"))
+    compiled = nonlinear.compile_engines(
+        modal.load(options.scene) if options.scene else None, **kwargs_of(options, "--tolerance")
+    )
     with output(options.output) as write:
-        write(compilation_table(compiled, form))
+        write(nonlinear.ensembles.compilation_table(compiled, form))
     return compiled
 
 

@@ -6,12 +6,13 @@ import argparse
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+import modal
+import nonlinear
 from multipendula.command import CREW, SCENE, Command, formats, misfits, once, report_file
 from multipendula.commands.runs import start_of, whole
 from multipendula.commands.shared import bar, crew_of, draw_in, drawn, film_form, noted, remark, say, validated, warned
 
 if TYPE_CHECKING:
-    from modal.errors import ComputationError
     from modal.scene import Scene
     from modal.types import Crew
     from nonlinear.orbits import Branch, Special
@@ -59,14 +60,12 @@ def orbits(options: argparse.Namespace) -> tuple[Branch, ...]:
 
 def _first_mode(scene: Scene) -> int:
     """The number of the first mode that has periodic orbits."""
-    from modal.errors import SceneError
-    from modal.modes import natural_modes
     from nonlinear.orbits import oscillating
 
-    for number in range(1, len(natural_modes(scene)) + 1):
+    for number in range(1, len(modal.natural_modes(scene)) + 1):
         try:
             oscillating(scene, number)
-        except SceneError:
+        except modal.SceneError:
             continue
         remark(f"of mode {number}: --mode R follows another, --vary PLACE=VALUES orbits along a number")
         return number
@@ -106,7 +105,6 @@ def _mode(scene: Scene, options: argparse.Namespace) -> tuple[Branch, ...]:
 
 
 def _cycles(scene: Scene, options: argparse.Namespace, crew: Crew) -> tuple[Branch, ...]:
-    from modal.errors import SceneError
     from modal.scene.parameters import parse_variations
     from nonlinear.orbits import follow_cycles, follow_forced_orbits, require_cycles, require_forced_orbits
 
@@ -118,7 +116,7 @@ def _cycles(scene: Scene, options: argparse.Namespace, crew: Crew) -> tuple[Bran
         with bar(0, "branches") as report:
             return follow_forced_orbits(scene, variation, start=begun, periods=periods, report=report)
     if options.periods:
-        raise SceneError(['--periods: needs a [[force]], or a support of kind = "moved"'])
+        raise modal.SceneError(['--periods: needs a [[force]], or a support of kind = "moved"'])
     require_cycles(scene, variation)
     start = _settled(scene, variation.path, variation.values[0], options) if options.settled else None
     with bar(0, "branches") as report:
@@ -132,27 +130,23 @@ def _settled(scene: Scene, path: str, value: float, options: argparse.Namespace)
     """
     from math import ceil, pi
 
-    from modal.scene import drive_period
     from modal.scene.parameters import vary
-    from nonlinear.integration import modes_of
     from nonlinear.orbits import last_swing
-    from nonlinear.simulation import simulate
 
     here = vary(scene, {path: value})
-    slowest = min(float(omega) for omega in modes_of(here).omega if omega > 0)
+    slowest = min(float(omega) for omega in nonlinear.integration.modes_of(here).omega if omega > 0)
     duration = options.duration or SETTLING_PERIODS * 2 * pi / slowest
-    period = drive_period(here).seconds * (options.periods or 1) if here.is_forced else None
+    period = modal.scene.drive_period(here).seconds * (options.periods or 1) if here.is_forced else None
     if period:
         duration = ceil(duration / period) * period
     with bar(duration) as report:
-        run = whole(simulate(here, duration, start=start_of(here, options.start), report=report))
+        run = whole(nonlinear.simulate(here, duration, start=start_of(here, options.start), report=report))
     if period:
         return run.final, period
     return run.final, last_swing(run.times, run.motion)
 
 
 def _entered(branches: tuple[Branch, ...], crew: Crew) -> Iterator[Branch]:
-    from modal.errors import ComputationError
     from modal.types import map_by_crew
     from nonlinear.orbits import LEAVES
 
@@ -160,19 +154,18 @@ def _entered(branches: tuple[Branch, ...], crew: Crew) -> Iterator[Branch]:
     with bar(len(left), "branch") as report:
         for done, entry in enumerate(map_by_crew(_entered_at, left, crew), 1):
             report(done)
-            if isinstance(entry, ComputationError):
+            if isinstance(entry, modal.ComputationError):
                 remark(entry)
             else:
                 yield entry
 
 
-def _entered_at(left: tuple[Branch, Special]) -> Branch | ComputationError:
-    from modal.errors import ComputationError
+def _entered_at(left: tuple[Branch, Special]) -> Branch | modal.ComputationError:
     from nonlinear.orbits import leaving_branch
 
     try:
         return leaving_branch(*left)
-    except ComputationError as error:
+    except modal.ComputationError as error:
         return error
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 
+import modal
 from multipendula.command import Command, Option, argument, text_file
 from multipendula.commands.shared import is_new, output
 from multipendula.completion import names
@@ -19,12 +20,11 @@ def scenes(options: argparse.Namespace) -> None:
     for a scene of your own: TOML, SI units, angles in degrees from the downward vertical. With the schema, editors
     complete scene files and mark mistakes in them: put `#:schema ./scene.schema.json` in the first line.
     """
-    from modal.errors import SceneError
     from modal.report import as_json, folded
     from modal.scene import files
 
     if options.schema and options.name:
-        raise SceneError([f"{options.name}: the schema is that of every scene: omit the name or --schema"])
+        raise modal.SceneError([f"{options.name}: the schema is that of every scene: omit the name or --schema"])
     if is_new(options.output):
         kinds = ("json", "txt") if options.schema else ("toml", "txt") if options.name else ("txt",)
         files.kind_of(options.output, kinds, "-o ")

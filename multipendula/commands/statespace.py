@@ -6,6 +6,8 @@ import argparse
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+import modal
+import nonlinear
 from modal.exports import FORMATS, format_of_file
 from multipendula.command import (
     SCENE,
@@ -87,13 +89,12 @@ def export(options: argparse.Namespace) -> StateSpace | VaryingModel:
     npz only). With --start the model is that of deviations from the motion through a state.
     """
     from modal.exports import find_format
-    from modal.scene import whole_file
 
     target = find_format(_format(options))
     name = options.output or file_beside(options.scene, target.extension)
     model = _model_for(options)
     content = target.content(model, is_varying=not hasattr(model, "dt"))
-    with whole_file(name) as stream:
+    with modal.scene.whole_file(name) as stream:
         stream.write(content)
     inputs, outputs = map(_listed, (model.inputs, model.outputs))
     made(name, f"{len(model.states)} states; input {inputs}; output {outputs}")
@@ -113,26 +114,22 @@ def _model_for(options: argparse.Namespace) -> StateSpace | VaryingModel:
 
 def _in_motion(scene: Scene, options: argparse.Namespace) -> StateSpace | VaryingModel:
     """The model at the state of --start, or along the run of --along."""
-    from modal.errors import SceneError
     from modal.exports.text import is_moving
-    from modal.scene import require
     from multipendula.commands.runs import start_of
-    from nonlinear.files import load as load_run
     from nonlinear.postprocessing.models import model_at, models_along
-    from nonlinear.system import initial_state
 
-    require(scene, "a model along a motion")
+    modal.scene.require(scene, "a model along a motion")
     word = "--along" if options.along else "--start"
     refuse(options, f"needs the equilibrium: it cannot be combined with {word}", "--minimal", "--dominant")
     signals = inputs_of(scene, options), listed(options.signals)
     if options.along:
         refuse(options, "needs one model: it cannot be combined with --along", "--discrete", "--start")
-        run = load_run(options.along)
+        run = nonlinear.load(options.along)
         if run.scene != scene:
-            raise SceneError([f"--along {options.along}: is not a run of {options.scene}"])
+            raise modal.SceneError([f"--along {options.along}: is not a run of {options.scene}"])
         return models_along(run, *signals)
     start = start_of(scene, options.start)
-    model = model_at(scene, initial_state(scene) if start is None else start, *signals)
+    model = model_at(scene, nonlinear.initial_state(scene) if start is None else start, *signals)
     if is_moving(model):
         remark(
             "This state is not an equilibrium: the model holds at this instant, for deviations from the motion "
@@ -146,20 +143,20 @@ def _in_motion(scene: Scene, options: argparse.Namespace) -> StateSpace | Varyin
 
 def _format(options: argparse.Namespace) -> str:
     """The format that was requested, or that in which the name of the file ends, which is not that of another."""
-    from modal.errors import SceneError
     from modal.exports import find_format
-    from modal.scene import STANDARD
 
     by_name = format_of_file(options.output or "")
     if options.to is None and not by_name:
         every = [form.extension for form in FORMATS.values()]
         ends = f"the name must end in {', '.join(every[:-1])} or {every[-1]}"
         asked = f"-o {options.output}: {ends}" if options.output else f"-o FILE: is required, and {ends}"
-        raise SceneError([f"{asked}; or give --to FORMAT"])
-    if options.to and options.output != STANDARD and is_new(options.output):
+        raise modal.SceneError([f"{asked}; or give --to FORMAT"])
+    if options.to and options.output != modal.scene.STANDARD and is_new(options.output):
         extension = find_format(options.to).extension
         if not options.output.lower().endswith(extension[extension.rindex(".") :]):
-            raise SceneError([f"-o {options.output}: the name must end in {extension}, that of --to {options.to}"])
+            raise modal.SceneError(
+                [f"-o {options.output}: the name must end in {extension}, that of --to {options.to}"]
+            )
     return str(options.to or by_name)
 
 
@@ -201,9 +198,6 @@ def response(options: argparse.Namespace) -> Gains | None:
 
     import numpy as np
 
-    from modal.errors import SceneError
-    from modal.modes import natural_modes
-    from modal.scene import STANDARD, require
     from modal.statespace import impulse_table, response_table, to_modal_form
     from modal.statespace.peaks import peaks_table
 
@@ -213,23 +207,25 @@ def response(options: argparse.Namespace) -> Gains | None:
     if options.gains:
         return _gains(options)
     in_words = options.impulse and (getattr(options, "format_asked", False) or not options.output)
-    told = STANDARD if in_words and options.output == STANDARD else None
+    told = modal.scene.STANDARD if in_words and options.output == modal.scene.STANDARD else None
     capability = "an impulse response" if options.impulse else "a frequency response"
     if not told:
         picture(options.output)
     scene = scene_of(options, capability)
-    require(scene, capability)
+    modal.scene.require(scene, capability)
     model = model_of(scene, options)
     inputs, outputs = ([signal.name for signal in signals] for signals in (model.inputs, model.outputs))
     source, shown = options.source or inputs[0], listed(options.of)
     problems = [f"--from {source}: must be one of {', '.join(inputs)}"] if source not in inputs else []
     problems += [f"--of {name}: must be one of {', '.join(outputs)}" for name in shown if name not in outputs]
     if problems:
-        raise SceneError(problems)
+        raise modal.SceneError(problems)
     if options.covariance and (options.impulse or not (options.at or options.output)):
-        raise SceneError(["--covariance: gives a band to the Bode plot of -o and to --at, not to --impulse or peaks"])
+        raise modal.SceneError(
+            ["--covariance: gives a band to the Bode plot of -o and to --at, not to --impulse or peaks"]
+        )
     estimate = estimate_of(scene, options.covariance)
-    form, at = to_modal_form(natural_modes(scene), model), inputs.index(source)
+    form, at = to_modal_form(modal.natural_modes(scene), model), inputs.index(source)
     std = None
     if estimate is not None:
         from functools import partial
@@ -259,17 +255,14 @@ def response(options: argparse.Namespace) -> Gains | None:
 
 def _gains(options: argparse.Namespace) -> Gains:
     """How well every input reaches each mode and every output sees it."""
-    from modal.errors import SceneError
-    from modal.modes import natural_modes
-    from modal.scene import STANDARD
     from modal.statespace import modal_gains
 
     refuse(options, "cannot be combined with --gains", "--covariance", "--at", "--from", "--of", "--impulse")
-    if options.format != "text" or options.output not in {None, STANDARD}:
+    if options.format != "text" or options.output not in {None, modal.scene.STANDARD}:
         words = getattr(options, "format_words", f"-o {options.output}" if options.output else "--format")
-        raise SceneError([f"{words}: gains are text: give a file that ends in .txt"])
+        raise modal.SceneError([f"{words}: gains are text: give a file that ends in .txt"])
     scene = scene_of(options, "a constant linear model")
-    gains = modal_gains(natural_modes(scene), model_of(scene, options))
+    gains = modal_gains(modal.natural_modes(scene), model_of(scene, options))
     with output(options.output) as write:
         write(gains.text())
     return gains
@@ -277,19 +270,17 @@ def _gains(options: argparse.Namespace) -> Gains:
 
 def _regulator(options: argparse.Namespace) -> None:
     """Write the gains of the linear-quadratic regulator as CSV."""
-    from modal.errors import SceneError
-    from modal.scene import STANDARD
     from modal.statespace.regulator import regulator
 
     if not (options.gains and options.lqr):
-        raise SceneError(["--lqr: needs --gains" if options.lqr else "--weights: needs --gains --lqr"])
+        raise modal.SceneError(["--lqr: needs --gains" if options.lqr else "--weights: needs --gains --lqr"])
     refuse(options, "cannot be combined with --lqr", "--covariance", "--at", "--from", "--of", "--impulse", "--signals")
-    if options.output not in {None, STANDARD} or options.format == "json":
+    if options.output not in {None, modal.scene.STANDARD} or options.format == "json":
         words = getattr(options, "format_words", f"-o {options.output}" if options.output else "--format")
-        raise SceneError([f"{words}: gains of a regulator are CSV: give a file that ends in .csv"])
+        raise modal.SceneError([f"{words}: gains of a regulator are CSV: give a file that ends in .csv"])
     files = listed(options.weights)
     if options.weights and len(files) != 2:
-        raise SceneError([f"--weights {options.weights}: must be two files, Q.csv,R.csv"])
+        raise modal.SceneError([f"--weights {options.weights}: must be two files, Q.csv,R.csv"])
     scene = scene_of(options, "a constant linear model")
     if scene.feedback:
         remark("The scene's feedback is ignored: the regulator is designed for the open loop.")
@@ -307,9 +298,7 @@ def shaper(options: argparse.Namespace) -> Shaper:
     shaped travel: time, position, speed and acceleration of the trolley, as the motion of a support and hoist
     --travel read them, or the force that moves it.
     """
-    from modal.errors import SceneError
     from modal.report import csv_rows, folded
-    from modal.scene import load
     from modal.statespace import swing_words, usual_drive
 
     picture_in_place(options)
@@ -317,8 +306,8 @@ def shaper(options: argparse.Namespace) -> Shaper:
     if options.travel is None:
         refuse(options, "needs --travel METRES", "--picture")
     if options.output and not options.output.lower().endswith((".csv", ".txt")):
-        raise SceneError([f"-o {options.output}: the name must end in .csv or .txt"])
-    scene = noted(load(options.scene), "a shaper")
+        raise modal.SceneError([f"-o {options.output}: the name must end in .csv or .txt"])
+    scene = noted(modal.load(options.scene), "a shaper")
     drive = options.drive or usual_drive(scene)
     estimate = estimate_of(scene, options.covariance)
     shaped_command, promise = _shaper(scene, drive, options)
@@ -372,12 +361,11 @@ def _shaper(scene: Scene, drive: str, options: argparse.Namespace) -> tuple[Shap
 
 def _in_full(travel: ShapedTravel) -> Sequence[float]:
     """The swing after a travel in the full equations; none, and a note, where these are not integrated."""
-    from modal.errors import MultipendulaError
     from nonlinear.verification import swing_after
 
     try:
         return list(swing_after(travel))
-    except MultipendulaError as error:
+    except modal.MultipendulaError as error:
         remark(f"the swing in the full equations could not be computed: {error}")
         return ()
 
@@ -389,14 +377,11 @@ def scene_of(options: argparse.Namespace, capability: str) -> Scene:
 
 def scene_at(options: argparse.Namespace) -> Scene:
     """The scene, at the time requested if it has a hoist."""
-    from modal.errors import SceneError
-    from modal.scene import load
-
-    scene = load(options.scene)
+    scene = modal.load(options.scene)
     if options.when is None:
         return scene
     if not scene.is_hoisted:
-        raise SceneError(["--when: this scene has no hoist, so its lengths do not change"])
+        raise modal.SceneError(["--when: this scene has no hoist, so its lengths do not change"])
     return scene.at(options.when)
 
 
@@ -408,12 +393,11 @@ def model_of(scene: Scene, options: argparse.Namespace) -> StateSpace:
     count = getattr(options, "dominant", None)
     if not getattr(options, "minimal", False) and count is None:
         return state_space(scene, inputs, outputs)
-    from modal.modes import natural_modes
     from modal.statespace import minimal, truncate
 
     if count is None:
         return minimal(scene, inputs, outputs)
-    return truncate(natural_modes(scene), state_space(scene, inputs, outputs), count)
+    return truncate(modal.natural_modes(scene), state_space(scene, inputs, outputs), count)
 
 
 def inputs_of(scene: Scene, options: argparse.Namespace) -> tuple[str, ...]:

@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
+import nonlinear
 from multipendula.command import CREW, SCENE, Command, formats, misfits, option, report_file
 from multipendula.commands.runs import start_of
 from multipendula.commands.shared import (
@@ -130,7 +131,6 @@ def _map(scene: Scene, options: argparse.Namespace) -> RhythmMap | RhythmGrid:
     from math import prod
 
     from modal.scene.parameters import parse_variations
-    from nonlinear.ensembles import find_rhythm_grid, find_rhythms
 
     axes = parse_variations(options.vary)
     names = {"members": options.members, "largest_deg": options.spread, "seed": options.seed}
@@ -138,9 +138,11 @@ def _map(scene: Scene, options: argparse.Namespace) -> RhythmMap | RhythmGrid:
     how = {name: value for name, value in names.items() if value is not None}
     with crew_of(options) as crew, bar(prod(len(axis.values) for axis in axes), "value") as report:
         if len(axes) == 2:
-            outcome: RhythmMap | RhythmGrid = find_rhythm_grid(scene, axes, crew=crew, report=report, **how)
+            outcome: RhythmMap | RhythmGrid = nonlinear.ensembles.find_rhythm_grid(
+                scene, axes, crew=crew, report=report, **how
+            )
         else:
-            outcome = find_rhythms(scene, axes[0], crew=crew, report=report, **how)
+            outcome = nonlinear.ensembles.find_rhythms(scene, axes[0], crew=crew, report=report, **how)
     say(outcome.report(options.format), options.format)
     figure = "grid_figure" if len(axes) > 1 else "rhythm_figure"
     draw_in(options, options.output, "nonlinear.plotting", figure, outcome)

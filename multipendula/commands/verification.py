@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
+import modal
+import nonlinear
 from multipendula.command import CREW, SCENE, Command, formats, option, refuse, report_file, scene_argument
 from multipendula.commands.runs import ELSEWHERE, RunOptions, motion, recorded, start_of
 from multipendula.commands.shared import (
@@ -37,10 +39,8 @@ def check(options: argparse.Namespace) -> Check | Comparison:
     which it is off by 1 %. With --general one run is projected on the modes instead, and with --proved its true
     error is reported. The report begins with the accuracy of the predictions.
     """
-    from modal.scene import load
-
     _place(options)
-    scene = load(_scene(options))
+    scene = modal.load(_scene(options))
     outcome: Check | Comparison
     outcome, table, figure = _general(options, scene) if options.general else _mode_by_mode(options, scene)
     say(table(outcome, options.format), options.format)
@@ -51,7 +51,6 @@ def check(options: argparse.Namespace) -> Check | Comparison:
 
 
 def _mode_by_mode(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, str]:
-    from modal.modes import natural_modes
     from nonlinear.verification import AMPLITUDES_DEG, check_table
     from nonlinear.verification import check as checked
 
@@ -61,18 +60,17 @@ def _mode_by_mode(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, 
         "--proved",
         *(f"--{name.replace('_', '-')}" for name in RunOptions.of(options).given),
     )
-    numbers = chosen(options.modes, len(natural_modes(scene)))
+    numbers = chosen(options.modes, len(modal.natural_modes(scene)))
     with bar(len(numbers), "mode") as report:
         outcome = checked(scene, list(numbers), options.amplitudes or AMPLITUDES_DEG, report=report)
     return outcome, check_table, "check_figure"
 
 
 def _general(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, str]:
-    from modal.scene import require
     from nonlinear.verification import compare, comparison_table
 
     refuse(options, "cannot be combined with --general", "--modes", "--amplitudes")
-    require(scene, "a comparison with modes")
+    modal.scene.require(scene, "a comparison with modes")
     trajectory = RunOptions.of(options).shown()
     if options.proved:
         _judge(trajectory)
@@ -81,12 +79,11 @@ def _general(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, str]:
 
 def _judge(trajectory: Trajectory) -> None:
     """A note on the true error of a run, by a tube that provably contains the motion."""
-    from nonlinear.integration import enclose_motion
     from nonlinear.integration.tubes import at_most
 
     times = trajectory.times - trajectory.times[0]
     with bar(float(times[-1]), "s", "proof") as report:
-        tube = enclose_motion(
+        tube = nonlinear.integration.enclose_motion(
             trajectory.scene, float(times[-1]), output=times, start=trajectory.motion[0], report=report
         )
     remark(f"proved: no angle of the run is off by more than {at_most(tube.distance(trajectory).max())} rad")
@@ -98,10 +95,8 @@ def _place(options: argparse.Namespace) -> None:
 
 
 def _scene(options: argparse.Namespace) -> Any:
-    from modal.errors import SceneError
-
     if recorded(options.scene):
-        raise SceneError([f"{options.scene}: is a saved run, and this command needs a scene"])
+        raise modal.SceneError([f"{options.scene}: is a saved run, and this command needs a scene"])
     return options.scene
 
 
@@ -126,13 +121,11 @@ def chaos(options: argparse.Namespace) -> Exponent | Finding:
 
 
 def _exponent(options: argparse.Namespace) -> Exponent:
-    from modal.errors import SceneError
-    from modal.scene import load
     from nonlinear.chaos import TRANSIENT, lyapunov_exponent, usual_duration
 
     if options.quick:
-        raise SceneError(["--quick: works with paper:000 and paper:001 only"])
-    scene = warned(load(_scene(options)), "a Lyapunov exponent")
+        raise modal.SceneError(["--quick: works with paper:000 and paper:001 only"])
+    scene = warned(modal.load(_scene(options)), "a Lyapunov exponent")
     duration = options.duration or usual_duration(scene)
     members, start = options.members or 16, start_of(scene, None, elsewhere=ELSEWHERE)
     with crew_of(options) as crew, bar((1 + TRANSIENT) * duration) as report:
@@ -141,11 +134,10 @@ def _exponent(options: argparse.Namespace) -> Exponent:
 
 
 def _claims(options: argparse.Namespace) -> Finding:
-    from modal.errors import SceneError
     from nonlinear.chaos import measure, study
 
     if options.duration or options.members:
-        raise SceneError([f"{options.scene}: has its own --duration and --members; --quick makes it short"])
+        raise modal.SceneError([f"{options.scene}: has its own --duration and --members; --quick makes it short"])
     chosen = study(options.scene.removeprefix("paper:"), quick=options.quick)
     with crew_of(options) as crew, bar(len(chosen.cases), "scene") as report:
         return measure(chosen, report, crew=crew)
@@ -158,10 +150,8 @@ def tradeoff(options: argparse.Namespace) -> WorkPrecision | FrequencyTradeoff:
     the cost and the error of each, and the time up to which errors can be measured, or true errors with --proved.
     With --linear the frequencies instead: by dense matrices, to a relative error, and with every digit.
     """
-    from modal.scene import load
-
     _place(options)
-    scene = load(_scene(options))
+    scene = modal.load(_scene(options))
     comparison: WorkPrecision | FrequencyTradeoff
     comparison, text = (_of_frequencies if options.linear else _of_motion)(options, scene)
     say(text, options.format)

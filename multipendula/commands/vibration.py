@@ -7,6 +7,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+import modal
 from multipendula.command import SCENE, Command, option, picture_file, refuse, text_file
 from multipendula.commands.shared import about, draw_in, listed, noted, output, picture_in_place, remark
 from multipendula.completion import words
@@ -45,7 +46,6 @@ def vibration(options: argparse.Namespace) -> RandomResponse | ThermalNoise | Sh
     periods after it: peaks by output and by mode, those of the modes combined by SRSS and CQC, and the effective
     masses with the number of modes that account for 90 % of the mass.
     """
-    from modal.errors import SceneError
     from modal.vibration import random_report
 
     if options.record is not None:
@@ -54,9 +54,9 @@ def vibration(options: argparse.Namespace) -> RandomResponse | ThermalNoise | Sh
     if options.temperature is not None:
         return _thermal(options)
     if options.psd is None:
-        raise SceneError(["give --psd CSV, --temperature KELVIN, or both; or --record CSV"])
+        raise modal.SceneError(["give --psd CSV, --temperature KELVIN, or both; or --record CSV"])
     if options.at:
-        raise SceneError(["--at: applies to thermal noise: give --temperature KELVIN"])
+        raise modal.SceneError(["--at: applies to thermal noise: give --temperature KELVIN"])
 
     response: RandomResponse = _report(options, partial(_random, options), random_report, "random_figure")
     return response
@@ -64,14 +64,14 @@ def vibration(options: argparse.Namespace) -> RandomResponse | ThermalNoise | Sh
 
 def _white_level(text: str, unit: str) -> float:
     """A number above 0, or 0 for the name of a file; SceneError for any other number."""
-    from modal.errors import SceneError
-
     try:
         level = float(text)
     except ValueError:
         return 0.0
     if not 0 < level < float("inf"):
-        raise SceneError([f"--psd {text}: must be a number of {unit} above 0, or a file with frequency_hz and psd"])
+        raise modal.SceneError(
+            [f"--psd {text}: must be a number of {unit} above 0, or a file with frequency_hz and psd"]
+        )
     return level
 
 
@@ -104,15 +104,13 @@ def _random(options: argparse.Namespace, scene: Scene, **outputs: tuple[str, ...
 
 def _thermal(options: argparse.Namespace) -> ThermalNoise | None:
     """The thermal noise, with the response to a PSD next to it where there is one."""
-    from modal.errors import SceneError
-    from modal.scene import load
     from modal.vibration import thermal_noise, thermal_report
     from modal.vibration.random import INPUT
 
     if options.psd is None and options.input != INPUT:
-        raise SceneError([f"--input {options.input}: is the input of a PSD: give --psd CSV"])
+        raise modal.SceneError([f"--input {options.input}: is the input of a PSD: give --psd CSV"])
     picture_in_place(options)
-    scene = about(noted(load(options.scene), "thermal noise"))
+    scene = about(noted(modal.load(options.scene), "thermal noise"))
     outputs = listed(options.signals) or ("tip_positions",)
     noise, beside = thermal_noise(scene, options.temperature, outputs), None
     if options.psd is not None:
@@ -126,7 +124,6 @@ def _thermal(options: argparse.Namespace) -> ThermalNoise | None:
 
 def _shock(options: argparse.Namespace) -> ShockResponse:
     """The response of every mode and output to a record of the support's motion, and its peaks."""
-    from modal.scene import RecordMotion
     from modal.scene.records import read_record
     from modal.scene.tables import parse_where
     from modal.vibration import shock_report, shock_response
@@ -135,7 +132,7 @@ def _shock(options: argparse.Namespace) -> ShockResponse:
     columns = parse_where(options.column or (), COLUMNS)
 
     def respond(scene: Scene, **outputs: tuple[str, ...]) -> Any:
-        motion = RecordMotion(**read_record(options.record, columns=columns), baseline=options.baseline)
+        motion = modal.scene.RecordMotion(**read_record(options.record, columns=columns), baseline=options.baseline)
         return shock_response(scene, motion, **outputs)
 
     response: ShockResponse = _report(options, respond, shock_report, "shock_figure")
@@ -146,10 +143,8 @@ def _report(
     options: argparse.Namespace, respond: Callable[..., Any], written: Callable[[Any, Any], str], figure: str
 ) -> Any:
     """The response of the scene as a report and as a picture, whose name is judged before anything is computed."""
-    from modal.scene import load
-
     picture_in_place(options)
-    scene = about(noted(load(options.scene)))
+    scene = about(noted(modal.load(options.scene)))
     response = respond(scene, **({"outputs": listed(options.signals)} if options.signals else {}))
     draw_in(options, options.picture, "modal.plotting.vibration", figure, response)
     with output(options.output) as write:
