@@ -25,6 +25,19 @@ def explain(options: argparse.Namespace) -> Coupling:
     the exchange of energy, the limits of a massless and of an immense cart, and the damping of each mode. For a
     structure: its own modes and their dynamic mass, what each family moves, and the exchange through it and through
     springs.
+
+    Examples
+    --------
+    explain paper-cart-2
+        what couples two double pendula: families of modes and beats
+    explain paper-cart-2 --words
+        the same in sentences, with formulas
+    explain metronomes -o coupling.png
+        with a figure
+    explain crane-two-loads --format markdown
+        the energy exchange of two different loads
+    explain two-swings -o coupling.png
+        two populations of metronomes on swings joined by a spring
     """
     from modal.coupling import coupling_report, explain
 
@@ -47,13 +60,6 @@ COMMANDS = (
             formats("text", "markdown", "json"),
             "--words, every number with its formula",
             *report_file("text", "markdown", "json"),
-        ),
-        examples=(
-            ("explain paper-cart-2", "what couples two double pendula: families of modes and beats"),
-            ("explain paper-cart-2 --words", "the same in sentences, with formulas"),
-            ("explain metronomes -o coupling.png", "with a figure"),
-            ("explain crane-two-loads --format markdown", "the energy exchange of two different loads"),
-            ("explain two-swings -o coupling.png", "two populations of metronomes on swings joined by a spring"),
         ),
     ),
 )

@@ -31,6 +31,19 @@ def derive(options: argparse.Namespace) -> None:
     The whole derivation from the Lagrangian to the modes, to read or to paste into lecture notes. For a few links
     every step is confirmed by a second method. paper:000, paper:001 and paper:002 give a paper's equations as
     printed and corrected.
+
+    Examples
+    --------
+    derive chain:3
+        three bobs: Lagrangian, equations, M and K, polynomial, modes
+    derive chain:2 --symbolic masses,lengths --format latex
+        with a symbol for every mass and length
+    derive paper:002 --show 4,11
+        two equations of a paper, as printed and corrected
+    derive chain:3 --show hamiltonian
+        Hamilton's equations, which join neighbours only
+    derive paper-cart-2 --show freebody --names paper -o parts.svg
+        its links taken apart, in 000's letters
     """
     from modal.report import folded
     from modal.symbolic import derivation, typesetting
@@ -114,6 +127,13 @@ def enclose(options: argparse.Namespace) -> tuple[Enclosure, ...]:
 
     Two decimal numbers between which each frequency provably lies, by ball arithmetic. Needs the extra `certified`
     and a scene without dampers and joint laws. For a growing mode the growth rate is enclosed.
+
+    Examples
+    --------
+    enclose chain-3
+        30 digits, proved
+    enclose paper-cart-2 --digits 50
+        50 digits
     """
     from modal.exact import enclose
     from modal.report import folded
@@ -154,25 +174,11 @@ COMMANDS = (
             *text_file("text", "latex", "markdown", "beamer", drawn=True, more=("tikz",)),
             THEME,
         ),
-        examples=(
-            ("derive chain:3", "three bobs: Lagrangian, equations, M and K, polynomial, modes"),
-            ("derive chain:2 --symbolic masses,lengths --format latex", "with a symbol for every mass and length"),
-            ("derive paper:002 --show 4,11", "two equations of a paper, as printed and corrected"),
-            ("derive chain:3 --show hamiltonian", "Hamilton's equations, which join neighbours only"),
-            (
-                "derive paper-cart-2 --show freebody --names paper -o parts.svg",
-                "its links taken apart, in 000's letters",
-            ),
-        ),
     ),
     Command(
         topic="symbols and proof",
         run=enclose,
         main=("--digits", "--output"),
         takes=(SCENE, "--digits: a relative width of 10^-N (default 30)", *text_file(kind="txt")),
-        examples=(
-            ("enclose chain-3", "30 digits, proved"),
-            ("enclose paper-cart-2 --digits 50", "50 digits"),
-        ),
     ),
 )

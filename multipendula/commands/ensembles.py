@@ -62,6 +62,18 @@ def basins(options: argparse.Namespace) -> Basins | None:
     error grows. For a scene driven by a sine, --measure attractor gives the periodic motion that each start
     reaches, named by its period and its largest angle. A random sample is re-run individually, and the largest
     difference is reported.
+
+    Examples
+    --------
+    basins chain-2 --duration 2 --vary 'pendulum[0].start.angles_deg[0]=-170:170:12' --vary
+    'pendulum[0].start.angles_deg[1]=-170:170:12' -o turns.png
+        when a double pendulum first turns over, from 144 starts
+    basins chain-2 --measure lyapunov --duration 2 --vary 'pendulum[0].start.angles_deg[0]=0:170:6' --vary
+    'pendulum[0].start.angles_deg[1]=0:170:6' --format csv
+        a map of the exponent, as a table
+    basins shaken-pendulum --measure attractor --vary 'pendulum[0].start.angles_deg[0]=-60:60:4' --vary
+    'pendulum[0].start.rates_deg[0]=-90:90:4' -o attractors.png
+        small and large steady swings under one drive
     """
     scene = _scene(options)
     axes = nonlinear.ensembles.grid_of(scene, options.vary or ())
@@ -79,6 +91,15 @@ def section(options: argparse.Namespace) -> PoincareSection | StroboscopicSectio
     start: closed curves are regular motion, clouds chaos. A scene driven by sines, through forces or its support,
     is instead sampled once per common period of the drives, at --phase-deg: a motion of that period is one point,
     one of p periods p points, and a strange attractor is chaos.
+
+    Examples
+    --------
+    section chain-2 --energy 10 --members 6 --duration 20 -o section.png
+        a double pendulum at 10 J
+    section driven-pendulum --settle 20 --members 8 --duration 120 -o strobes.png
+        the strange attractor of a driven pendulum
+    section chain-2 --energy 2 --crossing 'theta[1,2]=0' --members 2 --duration 5 --format csv
+        as a table
     """
     scene = _scene(options)
     return (_strobes if scene.is_forced else _crossings)(options, scene)
@@ -118,6 +139,13 @@ def spread(options: argparse.Namespace) -> Spread | None:
     of a fit; shift:PLACE=WIDTH is drawn once and added to all numbers of a place. The report has quantiles of every
     frequency, bands of the motion with --duration, and which number matters most. In --format csv each line is a
     member, with its angles at every sample of the motion.
+
+    Examples
+    --------
+    spread paper-cart-2 --uncertain support.mass=2% --uncertain 'pendulum[*].links[*].length=0.01' -o spread.png
+        two tolerances, with a figure
+    spread paper-cart-1 --uncertain gravity=9.78:9.83 --members 100 --duration 2 --format json
+        an interval, and bands of two seconds of motion
     """
     from nonlinear.sweeps import find_spread
 
@@ -197,23 +225,6 @@ COMMANDS = (
             formats(*FORMATS),
             *report_file(*FORMATS),
         ),
-        examples=(
-            (
-                "basins chain-2 --duration 2 --vary 'pendulum[0].start.angles_deg[0]=-170:170:12' "
-                "--vary 'pendulum[0].start.angles_deg[1]=-170:170:12' -o turns.png",
-                "when a double pendulum first turns over, from 144 starts",
-            ),
-            (
-                "basins chain-2 --measure lyapunov --duration 2 --vary 'pendulum[0].start.angles_deg[0]=0:170:6' "
-                "--vary 'pendulum[0].start.angles_deg[1]=0:170:6' --format csv",
-                "a map of the exponent, as a table",
-            ),
-            (
-                "basins shaken-pendulum --measure attractor --vary 'pendulum[0].start.angles_deg[0]=-60:60:4' "
-                "--vary 'pendulum[0].start.rates_deg[0]=-90:90:4' -o attractors.png",
-                "small and large steady swings under one drive",
-            ),
-        ),
     ),
     Command(
         topic="motion",
@@ -232,17 +243,6 @@ COMMANDS = (
             formats(*FORMATS),
             *report_file(*FORMATS),
         ),
-        examples=(
-            ("section chain-2 --energy 10 --members 6 --duration 20 -o section.png", "a double pendulum at 10 J"),
-            (
-                "section driven-pendulum --settle 20 --members 8 --duration 120 -o strobes.png",
-                "the strange attractor of a driven pendulum",
-            ),
-            (
-                "section chain-2 --energy 2 --crossing 'theta[1,2]=0' --members 2 --duration 5 --format csv",
-                "as a table",
-            ),
-        ),
     ),
     Command(
         topic="motion",
@@ -260,17 +260,6 @@ COMMANDS = (
             *COMPUTED,
             formats(*FORMATS),
             *report_file(*FORMATS),
-        ),
-        examples=(
-            (
-                "spread paper-cart-2 --uncertain support.mass=2% --uncertain 'pendulum[*].links[*].length=0.01' "
-                "-o spread.png",
-                "two tolerances, with a figure",
-            ),
-            (
-                "spread paper-cart-1 --uncertain gravity=9.78:9.83 --members 100 --duration 2 --format json",
-                "an interval, and bands of two seconds of motion",
-            ),
         ),
     ),
 )

@@ -53,6 +53,17 @@ def hoist(options: argparse.Namespace) -> Along | None:
     For a scene in which ropes change their length: the lengths and the frequencies at each time, and how a slow
     hoist changes the swing of each mode. With --travel the linear model, which varies in time, is integrated for a
     cart that travels meanwhile, with and without an input shaper.
+
+    Examples
+    --------
+    hoist hoisting-crane
+        frequencies of the shipped crane along its hoist
+    hoist hoisting-crane --travel 10 --kind zvd
+        the residual swing after a travel of 10 m, with and without shapers
+    hoist hoisting-crane --travel 10 --max-speed 1.5 --max-acceleration 0.4
+        a travel at the speed and the acceleration of the drive
+    hoist hoisting-crane --format csv -o hoist.png
+        numbers, and a picture
     """
     from modal.statespace.hoisting import frequencies_along
 
@@ -134,18 +145,6 @@ COMMANDS = (
             "--count (default 1)",
             formats("text", "csv", "json"),
             *report_file("text", "csv", "json"),
-        ),
-        examples=(
-            ("hoist hoisting-crane", "frequencies of the shipped crane along its hoist"),
-            (
-                "hoist hoisting-crane --travel 10 --kind zvd",
-                "the residual swing after a travel of 10 m, with and without shapers",
-            ),
-            (
-                "hoist hoisting-crane --travel 10 --max-speed 1.5 --max-acceleration 0.4",
-                "a travel at the speed and the acceleration of the drive",
-            ),
-            ("hoist hoisting-crane --format csv -o hoist.png", "numbers, and a picture"),
         ),
     ),
 )

@@ -70,6 +70,15 @@ def fit(options: argparse.Namespace) -> Fit | ModeFit | None:
     same:PLACE is one number for several places, shift:PLACE one that is added to each of theirs. Numbers that the
     data do not determine are held at the scene's values and named. Standard deviations allow for correlated
     residuals, and sentences at the end say what the model lacks. The --workers share the laws of --compare.
+
+    Examples
+    --------
+    simulate chain-2 --duration 8 -o run.csv
+        a motion to fit, in place of a measured one
+    fit chain-2 run.csv --free 'pendulum[0].links[0].length' -o fitted.toml --report fit.json
+        a length from it: the scene with the fitted number, and its covariance
+    fit fitted.toml run.csv --free none
+        test a scene as it is: only the start and offsets are fitted
     """
     from modal.identification import has_modes
 
@@ -151,6 +160,17 @@ def poles(options: argparse.Namespace) -> Identified | Assurance:
     order. With --scene, every measured mode is paired with the computed one most similar to it, without shapes with
     that of the nearest frequency: the modal assurance criterion (MAC) is 1 where two shapes are equal up to a
     factor, and 0 where they are orthogonal.
+
+    Examples
+    --------
+    simulate chain-2 --start angles:2,5 --duration 20 -o run.csv
+        a small swing to measure
+    poles run.csv -o poles.png --identified-modes modes.csv
+        its two modes, and as a file
+    poles modes.csv --scene chain-2 -o mac.png
+        compared with those of a scene
+    poles run.csv --format json
+        with shapes, standard deviations and the poles of all orders
     """
     from modal.identification import has_modes, poles_table
 
@@ -232,14 +252,6 @@ COMMANDS = (
             *CREW,
             formats("text", "json"),
         ),
-        examples=(
-            ("simulate chain-2 --duration 8 -o run.csv", "a motion to fit, in place of a measured one"),
-            (
-                "fit chain-2 run.csv --free 'pendulum[0].links[0].length' -o fitted.toml --report fit.json",
-                "a length from it: the scene with the fitted number, and its covariance",
-            ),
-            ("fit fitted.toml run.csv --free none", "test a scene as it is: only the start and offsets are fitted"),
-        ),
     ),
     Command(
         topic="measurements",
@@ -255,15 +267,6 @@ COMMANDS = (
             formats("text", "csv", "json"),
             "--identified-modes",
             *report_file("text", "csv", "json"),
-        ),
-        examples=(
-            (
-                "simulate chain-2 --start angles:2,5 --duration 20 -o run.csv",
-                "a small swing to measure",
-            ),
-            ("poles run.csv -o poles.png --identified-modes modes.csv", "its two modes, and as a file"),
-            ("poles modes.csv --scene chain-2 -o mac.png", "compared with those of a scene"),
-            ("poles run.csv --format json", "with shapes, standard deviations and the poles of all orders"),
         ),
     ),
 )

@@ -22,6 +22,17 @@ def play(options: argparse.Namespace) -> None:
     prediction. A saved run plays with speed, step and scrub controls. Scenes in the plane of at most 60 links,
     structures of at most 40 coordinates with those of links, scenes with dry friction or forces of at most 12;
     without hoists, constant forces or damping ratios.
+
+    Examples
+    --------
+    play paper-cart-2 -o page.html
+        two double pendula on a cart, to play with
+    play ship-crane -o ship.html
+        a ship that rolls under its crane: drag the hull
+    simulate clocks-double --duration 20 -o run.npz
+        a run to play
+    play run.npz -o run.html
+        the saved run, with its controls
     """
     from multipendula.page import page
 
@@ -54,11 +65,5 @@ COMMANDS = (
         run=play,
         main=("--output",),
         takes=(RUN, main_file("the page", KINDS, ".html")),
-        examples=(
-            ("play paper-cart-2 -o page.html", "two double pendula on a cart, to play with"),
-            ("play ship-crane -o ship.html", "a ship that rolls under its crane: drag the hull"),
-            ("simulate clocks-double --duration 20 -o run.npz", "a run to play"),
-            ("play run.npz -o run.html", "the saved run, with its controls"),
-        ),
     ),
 )

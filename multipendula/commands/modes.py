@@ -41,6 +41,19 @@ def table(options: argparse.Namespace) -> Modes | None:
     friction is neglected, except in the damping ratio that --amplitude adds. Columns that do not apply to the scene
     are omitted. A narrow terminal omits, in this order, the bound, shares and masses, participation, multiplicity,
     period, 1 % angle and frequency in Hz, and names them; a pipe or a file gets all.
+
+    Examples
+    --------
+    table paper-cart-2
+        every mode of two double pendula on a cart
+    table rope --modes 1:5
+        the first five modes of a rope of 1000 links
+    table crane-hook --columns +cumulative --sensitivities
+        what a change of each number does
+    table tower --energies
+        which link moves, which spring holds, which damper damps
+    table paper-cart-2 --format json --shapes
+        in full precision, with shapes and energy shares
     """
     from modal.report import limit
 
@@ -90,6 +103,17 @@ def shapes(options: argparse.Namespace) -> Figure | None:
     One panel per mode, drawn with the largest angle that you choose. For a repeated frequency one shape of each
     kind is shown. For more than 12 pendula, angles are drawn against the number of the pendulum. In a film (GIF,
     MP4 with the extra `video`, HTML) every mode swings once a loop, whatever its period, and the loop has no seam.
+
+    Examples
+    --------
+    shapes paper-cart-2 -o shapes.png
+        every mode
+    shapes rope --modes 1:4 -o rope.svg
+        the first four, as vector graphics
+    shapes paper-cart-2 -o modes.gif
+        modes that move
+    shapes crane-hook --amplitude 10 -o hook.pdf
+        with a largest angle of 10 degrees
     """
     form = picture(options.output, kinds=PICTURES + FILMS)
     modes, numbers = _modes(options)
@@ -117,6 +141,13 @@ def matrices(options: argparse.Namespace) -> Matrices:
 
     Mass, damping and stiffness matrices about the scene's equilibrium, M q'' + D q' + K q = 0, with the names of
     the coordinates: x of the cart, then the absolute angle of every link of every copy.
+
+    Examples
+    --------
+    matrices chain-3
+        a chain of three bobs
+    matrices paper-cart-2 --format json -o paper.json
+        in full precision, with coordinate names
     """
     from modal.assembly.linearization import matrices_table
 
@@ -170,13 +201,6 @@ COMMANDS = (
             "--prove, which `check_proof.py` re-checks",
             "--explain",
         ),
-        examples=(
-            ("table paper-cart-2", "every mode of two double pendula on a cart"),
-            ("table rope --modes 1:5", "the first five modes of a rope of 1000 links"),
-            ("table crane-hook --columns +cumulative --sensitivities", "what a change of each number does"),
-            ("table tower --energies", "which link moves, which spring holds, which damper damps"),
-            ("table paper-cart-2 --format json --shapes", "in full precision, with shapes and energy shares"),
-        ),
     ),
     Command(
         topic="modes",
@@ -189,21 +213,11 @@ COMMANDS = (
             "--modes, counted from 1 (default the first 12)",
             option("--amplitude in its drawing (default 25)", default=25.0),
         ),
-        examples=(
-            ("shapes paper-cart-2 -o shapes.png", "every mode"),
-            ("shapes rope --modes 1:4 -o rope.svg", "the first four, as vector graphics"),
-            ("shapes paper-cart-2 -o modes.gif", "modes that move"),
-            ("shapes crane-hook --amplitude 10 -o hook.pdf", "with a largest angle of 10 degrees"),
-        ),
     ),
     Command(
         topic="modes",
         run=matrices,
         main=("--format", "--output"),
         takes=(SCENE, *text_file("text", "json")),
-        examples=(
-            ("matrices chain-3", "a chain of three bobs"),
-            ("matrices paper-cart-2 --format json -o paper.json", "in full precision, with coordinate names"),
-        ),
     ),
 )

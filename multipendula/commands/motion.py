@@ -59,6 +59,19 @@ def simulate(options: argparse.Namespace) -> Trajectory | Compilation | Tube:
     which takes seconds to a minute for each form of scene: commands compile where that pays off, --compile does so
     in advance. The scene's numbers may change afterwards, as long as none becomes or ceases to be zero; heyoka's
     code holds for one tolerance.
+
+    Examples
+    --------
+    simulate paper-cart-3 --duration 20 -o run.npz
+        from the scene's own start: level links at rest
+    simulate chain-2 --start angles:60,0 --duration 10 --accuracy 1e-6
+        every angle accurate to a microradian, and what was tried for it
+    simulate chain-2 --proved --duration 2 --accuracy 1e-20
+        at 11 times, with 20 proved digits
+    simulate run.npz --duration 10 -o more.npz
+        continue the saved run
+    simulate chain-2 --compile
+        before many runs of double pendulums
     """
     if options.compile:
         return _compile(options)
@@ -161,6 +174,15 @@ def plot(options: argparse.Namespace) -> Figure | None:
     The run is a saved one, or of a scene that is simulated first: without --duration for as long as the spectrum
     takes to separate its modes, 100 s at most. Dotted lines in the spectrum are the frequencies of the table of
     modes. Links that move alike share a curve; of many, some are drawn with the range of all.
+
+    Examples
+    --------
+    simulate paper-cart-3 --duration 10 -o run.npz
+        a run to draw
+    plot run.npz -o run.png
+        angles, cart, energies, phase portrait, spectrum
+    plot chain-2 --start mode:1:30 --duration 10 -o mode.svg
+        simulate and plot at once
     """
     run = replace(RunOptions.of(options), resolves_modes=True)
     trajectory = run.shown(lambda: picture(options.output))
@@ -177,6 +199,15 @@ def animate(options: argparse.Namespace) -> None:
 
     The run is a saved one, or of a scene that is simulated first. A GIF plays everywhere, MP4 needs the extra
     `video`, HTML is a page with controls.
+
+    Examples
+    --------
+    simulate chain-2 --start angles:90,90 --duration 4 -o run.npz
+        a run to film
+    animate run.npz --seconds 2 -o run.gif
+        the first two seconds of film
+    animate run.npz --speed 4 --fps 15 -o fast.html
+        all of it at four times real speed, with controls
     """
     from nonlinear.plotting import animate as film
 
@@ -255,27 +286,12 @@ COMMANDS = (
             main_file("the motion; of --compile the report", (*WRITTEN, *COMPILED)),
             "--explain",
         ),
-        examples=(
-            ("simulate paper-cart-3 --duration 20 -o run.npz", "from the scene's own start: level links at rest"),
-            (
-                "simulate chain-2 --start angles:60,0 --duration 10 --accuracy 1e-6",
-                "every angle accurate to a microradian, and what was tried for it",
-            ),
-            ("simulate chain-2 --proved --duration 2 --accuracy 1e-20", "at 11 times, with 20 proved digits"),
-            ("simulate run.npz --duration 10 -o more.npz", "continue the saved run"),
-            ("simulate chain-2 --compile", "before many runs of double pendulums"),
-        ),
     ),
     Command(
         topic="motion",
         run=plot,
         main=("--output", "--duration", "--start"),
         takes=(*motion(20.0), main_file("the figure", PICTURES, "-plot.png"), THEME),
-        examples=(
-            ("simulate paper-cart-3 --duration 10 -o run.npz", "a run to draw"),
-            ("plot run.npz -o run.png", "angles, cart, energies, phase portrait, spectrum"),
-            ("plot chain-2 --start mode:1:30 --duration 10 -o mode.svg", "simulate and plot at once"),
-        ),
     ),
     Command(
         topic="motion",
@@ -288,11 +304,6 @@ COMMANDS = (
             "--speed (default 1)",
             "--seconds (default 20)",
             THEME,
-        ),
-        examples=(
-            ("simulate chain-2 --start angles:90,90 --duration 4 -o run.npz", "a run to film"),
-            ("animate run.npz --seconds 2 -o run.gif", "the first two seconds of film"),
-            ("animate run.npz --speed 4 --fps 15 -o fast.html", "all of it at four times real speed, with controls"),
         ),
     ),
 )

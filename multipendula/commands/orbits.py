@@ -34,6 +34,17 @@ def orbits(options: argparse.Namespace) -> tuple[Branch, ...]:
     folds, branch points, period doublings and tori are located. A branch is followed from orbit to orbit, by one
     process; the limit cycles from one end of a range, and the branches that --enter follows, are shared among the
     --workers.
+
+    Examples
+    --------
+    orbits chain-2 --mode 1 --largest-angle 120 -o backbone.png
+        the slow mode of two rods, to 120 degrees
+    orbits paper-cart-2 --mode 3 --largest-angle 60 --format json
+        every orbit with its multipliers
+    orbits metronomes --vary support.mass=0.5:5:2log -o cycles.png
+        two metronomes in phase and in antiphase, on beams of 0.5 to 5 kg
+    orbits shaken-pendulum --vary support.motion.frequency_hz=0.40:0.55:2 -o resonance.png
+        largest angle against frequency of a pendulum on a shaken support
     """
     scene = warned(validated(options, options.output, _misfits(options)), "a periodic orbit")
     if not (options.mode or options.vary):
@@ -219,21 +230,6 @@ COMMANDS = (
             *report_file("text", "csv", "json"),
             "--film: the last orbit next to the linear mode",
             *CREW,
-        ),
-        examples=(
-            (
-                "orbits chain-2 --mode 1 --largest-angle 120 -o backbone.png",
-                "the slow mode of two rods, to 120 degrees",
-            ),
-            ("orbits paper-cart-2 --mode 3 --largest-angle 60 --format json", "every orbit with its multipliers"),
-            (
-                "orbits metronomes --vary support.mass=0.5:5:2log -o cycles.png",
-                "two metronomes in phase and in antiphase, on beams of 0.5 to 5 kg",
-            ),
-            (
-                "orbits shaken-pendulum --vary support.motion.frequency_hz=0.40:0.55:2 -o resonance.png",
-                "largest angle against frequency of a pendulum on a shaken support",
-            ),
         ),
     ),
 )

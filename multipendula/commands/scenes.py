@@ -19,6 +19,17 @@ def scenes(options: argparse.Namespace) -> None:
     Commands accept the name of a shipped scene in place of a file. With a name, its file is printed, as a template
     for a scene of your own: TOML, SI units, angles in degrees from the downward vertical. With the schema, editors
     complete scene files and mark mistakes in them: put `#:schema ./scene.schema.json` in the first line.
+
+    Examples
+    --------
+    scenes
+        names and titles
+    scenes crane-hook
+        the file of one scene
+    scenes crane-hook -o mine.toml
+        a template for a scene of your own
+    scenes --schema -o scene.schema.json
+        for editors, once in the folder of your scenes
     """
     from modal.report import as_json, folded
     from modal.scene import files
@@ -47,6 +58,17 @@ def completion(options: argparse.Namespace) -> None:
     The shell then completes commands, options, names of scenes, files of the right kind, places in a scene and
     values such as those of --show and --measure. Write the script to a file once and have your shell source it at
     startup. It needs `multipendula` to be on the PATH.
+
+    Examples
+    --------
+    completion bash -o ~/.multipendula.bash
+        then `. ~/.multipendula.bash` in ~/.bashrc
+    completion zsh -o ~/.multipendula.zsh
+        then `. ~/.multipendula.zsh` in ~/.zshrc, after compinit
+    completion fish -o ~/.multipendula.fish
+        then `source ~/.multipendula.fish` in ~/.config/fish/config.fish
+    completion powershell -o "$HOME/multipendula.ps1"
+        then `. $HOME/multipendula.ps1` in the file that $PROFILE names
     """
     from argcomplete.shell_integration import shellcode
 
@@ -60,29 +82,11 @@ COMMANDS = (
         run=scenes,
         main=("--schema", "--output"),
         takes=(argument("name", "NAME", "print this scene's file", names, nargs="?"), "--schema", *text_file()),
-        examples=(
-            ("scenes", "names and titles"),
-            ("scenes crane-hook", "the file of one scene"),
-            ("scenes crane-hook -o mine.toml", "a template for a scene of your own"),
-            ("scenes --schema -o scene.schema.json", "for editors, once in the folder of your scenes"),
-        ),
     ),
     Command(
         topic=ASIDE,
         run=completion,
         main=("--output",),
         takes=(Option("shell", Flag("SHELL", "bash, zsh, fish or powershell", choices=SHELLS)), *text_file()),
-        examples=(
-            ("completion bash -o ~/.multipendula.bash", "then `. ~/.multipendula.bash` in ~/.bashrc"),
-            ("completion zsh -o ~/.multipendula.zsh", "then `. ~/.multipendula.zsh` in ~/.zshrc, after compinit"),
-            (
-                "completion fish -o ~/.multipendula.fish",
-                "then `source ~/.multipendula.fish` in ~/.config/fish/config.fish",
-            ),
-            (
-                'completion powershell -o "$HOME/multipendula.ps1"',
-                "then `. $HOME/multipendula.ps1` in the file that $PROFILE names",
-            ),
-        ),
     ),
 )

@@ -87,6 +87,19 @@ def export(options: argparse.Namespace) -> StateSpace | VaryingModel:
     z' = A z + B u, y = C z + D u about the scene's equilibrium, with a name and a unit for every state, input and
     output; discretized with --discrete. For a scene with a hoist, A and B are sampled along it (control, mat and
     npz only). With --start the model is that of deviations from the motion through a state.
+
+    Examples
+    --------
+    export crane-hook -o crane.mat
+        for MATLAB and Octave
+    export crane-hook --input cart_force -o crane.py
+        for python-control, with a trolley that a force moves
+    export crane-hook --discrete 0.01 --signals angles -o crane.h
+        for a controller that samples at 100 Hz
+    export crane-hook --start angles:30,-20 -o leaning.json
+        about a leaning state, for gain scheduling
+    export paper-cart-3 --minimal -o small.json
+        the controllable part: 6 states of 14
     """
     from modal.exports import find_format
 
@@ -193,6 +206,19 @@ def response(options: argparse.Namespace) -> Gains | None:
     controllability and observability in place of ranks: the gain of every mode from each input and to each output,
     relative to the largest for that signal. With --lqr, the gains K of u = -K z that minimize the integral of the
     squared states and inputs, each relative to its own scale (Bryson's rule).
+
+    Examples
+    --------
+    response crane-two-loads
+        peaks of every output of a crane
+    response crane-hook --of theta_1_2 -o bode.png
+        the Bode plot of one output; without --of, of every one
+    response crane-hook --input cart_force --gains --lqr -o K.csv
+        gains of a regulator for trolley and load; --weights sets its speed
+    response crane-hook --input 'force:pendulum[0].links[1]' --at 0.1,0.3
+        response to wind on the load: a force at a point
+    response crane-hook --impulse -o impulse.svg
+        after an impulse on the trolley; .csv for its numbers
     """
     from math import pi
 
@@ -297,6 +323,19 @@ def shaper(options: argparse.Namespace) -> Shaper:
     The output lists their times and their amplitudes, which sum to one. With --travel, a CSV file contains the
     shaped travel: time, position, speed and acceleration of the trolley, as the motion of a support and hoist
     --travel read them, or the force that moves it.
+
+    Examples
+    --------
+    shaper crane-hook
+        for the slowest mode
+    shaper crane-hook --kind zvd --count 2
+        for both modes, tolerant of errors in cable length
+    shaper crane-hook --kind ei --discrete 0.02
+        for a controller that samples at 50 Hz
+    shaper crane-hook --kind zvd --travel 20 --max-speed 1.5 --max-acceleration 0.4 -o profile.csv
+        a trapezoid of the speed, shaped, as samples
+    shaper crane-hook --range 'pendulum[0].links[0].length=8:14'
+        for every length of the rope between 8 and 14 m
     """
     from modal.report import csv_rows, folded
     from modal.statespace import swing_words, usual_drive
@@ -427,19 +466,6 @@ COMMANDS = (
             "angles:A,B,... (deg, at rest)",
             "--along, a model for each of its times: a run of the scene in the plane (control, mat and npz)",
         ),
-        examples=(
-            ("export crane-hook -o crane.mat", "for MATLAB and Octave"),
-            (
-                "export crane-hook --input cart_force -o crane.py",
-                "for python-control, with a trolley that a force moves",
-            ),
-            (
-                "export crane-hook --discrete 0.01 --signals angles -o crane.h",
-                "for a controller that samples at 100 Hz",
-            ),
-            ("export crane-hook --start angles:30,-20 -o leaning.json", "about a leaning state, for gain scheduling"),
-            ("export paper-cart-3 --minimal -o small.json", "the controllable part: 6 states of 14"),
-        ),
     ),
     Command(
         topic="control",
@@ -458,22 +484,6 @@ COMMANDS = (
             "--gains, instead",
             "--lqr, with --gains: written as CSV, which [[feedback]] of a scene takes",
             "--weights of --lqr (default by Bryson's rule, with the scene's own scales)",
-        ),
-        examples=(
-            ("response crane-two-loads", "peaks of every output of a crane"),
-            (
-                "response crane-hook --of theta_1_2 -o bode.png",
-                "the Bode plot of one output; without --of, of every one",
-            ),
-            (
-                "response crane-hook --input cart_force --gains --lqr -o K.csv",
-                "gains of a regulator for trolley and load; --weights sets its speed",
-            ),
-            (
-                "response crane-hook --input 'force:pendulum[0].links[1]' --at 0.1,0.3",
-                "response to wind on the load: a force at a point",
-            ),
-            ("response crane-hook --impulse -o impulse.svg", "after an impulse on the trolley; .csv for its numbers"),
         ),
     ),
     Command(
@@ -501,19 +511,6 @@ COMMANDS = (
             *LIMITS,
             *text_file(drawn=True),
             *picture_file(),
-        ),
-        examples=(
-            ("shaper crane-hook", "for the slowest mode"),
-            ("shaper crane-hook --kind zvd --count 2", "for both modes, tolerant of errors in cable length"),
-            ("shaper crane-hook --kind ei --discrete 0.02", "for a controller that samples at 50 Hz"),
-            (
-                "shaper crane-hook --kind zvd --travel 20 --max-speed 1.5 --max-acceleration 0.4 -o profile.csv",
-                "a trapezoid of the speed, shaped, as samples",
-            ),
-            (
-                "shaper crane-hook --range 'pendulum[0].links[0].length=8:14'",
-                "for every length of the rope between 8 and 14 m",
-            ),
         ),
     ),
 )

@@ -41,6 +41,20 @@ def sweep(options: argparse.Namespace) -> Sweep | Loci | BifurcationDiagram | No
     With start.energy, --members starts are drawn at random at each energy, and quantiles of every measure are
     reported. With --measure floquet over the amplitude and the frequency of a vertical sine, the boundaries of
     growth are traced and drawn.
+
+    Examples
+    --------
+    sweep paper-cart-2 --vary support.mass=1:1000:20log --measure beat -o beat.csv
+        the beat for 20 masses of the cart
+    sweep crane-two-loads --vary 'pendulum[0].links[0].length=6:14:20' --loci --picture loci.png
+        frequencies that veer where two lengths are nearly equal
+    sweep driven-pendulum --vary 'force[0].amplitude=1.06:1.09:60' --strobe --picture cascade.png
+        period doublings of a driven pendulum
+    sweep kapitza --vary support.motion.amplitude=0.005:0.03:26 --vary support.motion.frequency_hz=10:40:31
+    --measure floquet -o held.png
+        where an inverted pendulum is held up, with the boundaries of growth
+    sweep chain-2 --vary start.energy=1:20:8 --members 10 --measure lyapunov:20 --picture chaos.png
+        how many of ten starts at each energy are chaotic, and how strongly
     """
     if not options.vary:
         raise missing(modal.load(options.scene), "--vary", "={half}:{double}:9")
@@ -188,29 +202,6 @@ COMMANDS = (
             "--share",
             "--folder",
             "--fresh",
-        ),
-        examples=(
-            (
-                "sweep paper-cart-2 --vary support.mass=1:1000:20log --measure beat -o beat.csv",
-                "the beat for 20 masses of the cart",
-            ),
-            (
-                "sweep crane-two-loads --vary 'pendulum[0].links[0].length=6:14:20' --loci --picture loci.png",
-                "frequencies that veer where two lengths are nearly equal",
-            ),
-            (
-                "sweep driven-pendulum --vary 'force[0].amplitude=1.06:1.09:60' --strobe --picture cascade.png",
-                "period doublings of a driven pendulum",
-            ),
-            (
-                "sweep kapitza --vary support.motion.amplitude=0.005:0.03:26 "
-                "--vary support.motion.frequency_hz=10:40:31 --measure floquet -o held.png",
-                "where an inverted pendulum is held up, with the boundaries of growth",
-            ),
-            (
-                "sweep chain-2 --vary start.energy=1:20:8 --members 10 --measure lyapunov:20 --picture chaos.png",
-                "how many of ten starts at each energy are chaotic, and how strongly",
-            ),
         ),
     ),
 )

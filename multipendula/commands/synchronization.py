@@ -50,6 +50,17 @@ def sync(
     With --map the same starts run at every value until their returns to a section show which motion they reach: the
     share of each rhythm with its 95 % interval, its orbit, and where it appears, disappears or changes its
     stability in the full equations.
+
+    Examples
+    --------
+    sync metronomes -o sync.png --film sync.gif
+        two metronomes on a light base, with a figure and a film
+    sync huygens --vary support.mass=3:30:3log -o branches.png
+        the range of each steady oscillation
+    sync metronomes --vary support.mass=0.1:0.2:2 --map --members 2 -o map.png
+        the rhythms of two metronomes on bases of 0.1 and 0.2 kg
+    sync two-swings --duration 60
+        two swings with 15 metronomes each, of which one half synchronizes
     """
     scene = validated(options, options.output, _misfits(options))
     return (_map if options.map else _branches if options.vary else _run)(scene, options)
@@ -187,15 +198,6 @@ COMMANDS = (
             *report_file("text", "csv", "json"),
             "--film: a stroboscopic one",
             *CREW,
-        ),
-        examples=(
-            ("sync metronomes -o sync.png --film sync.gif", "two metronomes on a light base, with a figure and a film"),
-            ("sync huygens --vary support.mass=3:30:3log -o branches.png", "the range of each steady oscillation"),
-            (
-                "sync metronomes --vary support.mass=0.1:0.2:2 --map --members 2 -o map.png",
-                "the rhythms of two metronomes on bases of 0.1 and 0.2 kg",
-            ),
-            ("sync two-swings --duration 60", "two swings with 15 metronomes each, of which one half synchronizes"),
         ),
     ),
 )

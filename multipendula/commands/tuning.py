@@ -38,6 +38,17 @@ def tune(options: argparse.Namespace) -> Tuned | None:
     optimum with Den Hartog's rule where it applies, and has the sensitivity to each number, the range within which
     the objective is at most 1 % worse, the worst case of all masses ±5 %, and stroke and torque of the dampers. The
     --workers share random starts, the last descents and the cases of masses.
+
+    Examples
+    --------
+    tune tower --free 'pendulum[0].links[0].length,pendulum[0].links[0].damping' --minimize
+    peak:floor2_m/floor2_force -o tuned.toml --report report.json
+        the damper that minimizes the motion of the roof under a force on it
+    tune tower --free 'pendulum[0].links[0].length=1:3,pendulum[0].links[0].damping' --minimize
+    peak:floor2_m/support_acceleration --max rel_1_1=6 --picture tuned.png
+        when the ground shakes, with bounds and a limit to the damper's stroke
+    tune tower --free 'pendulum[0].links[0].damping' --minimize settling
+        the damper with the shortest settling time
     """
     if not options.free:
         raise missing(modal.load(options.scene), "--free", "={half}:{double}", " --minimize settling")
@@ -175,22 +186,6 @@ COMMANDS = (
             *picture_file("the peaks, or the swing of a travel, before and after"),
             *CREW,
             formats("text", "json"),
-        ),
-        examples=(
-            (
-                "tune tower --free 'pendulum[0].links[0].length,pendulum[0].links[0].damping' "
-                "--minimize peak:floor2_m/floor2_force -o tuned.toml --report report.json",
-                "the damper that minimizes the motion of the roof under a force on it",
-            ),
-            (
-                "tune tower --free 'pendulum[0].links[0].length=1:3,pendulum[0].links[0].damping' "
-                "--minimize peak:floor2_m/support_acceleration --max rel_1_1=6 --picture tuned.png",
-                "when the ground shakes, with bounds and a limit to the damper's stroke",
-            ),
-            (
-                "tune tower --free 'pendulum[0].links[0].damping' --minimize settling",
-                "the damper with the shortest settling time",
-            ),
         ),
     ),
 )

@@ -38,6 +38,15 @@ def check(options: argparse.Namespace) -> Check | Comparison:
     compared with the table's predictions: the small-angle frequency, its shift with amplitude, and the angle at
     which it is off by 1 %. With --general one run is projected on the modes instead, and with --proved its true
     error is reported. The report begins with the accuracy of the predictions.
+
+    Examples
+    --------
+    check chain-2 --modes 1 --amplitudes 10,30
+        the slow mode at two amplitudes
+    check crane-hook --modes 2 --amplitudes 20 -o check.png
+        with a figure
+    check chain-2 --general --start angles:10,0 --duration 30
+        one run, projected on the modes
     """
     _place(options)
     scene = modal.load(_scene(options))
@@ -107,6 +116,13 @@ def chaos(options: argparse.Namespace) -> Exponent | Finding:
     upper bound if it is indistinguishable from zero. The first start is the scene's own, the others are within 0.1
     degrees of it: to find chaos, give the scene large angles. paper:000 and paper:001 test the claims of two
     papers. The --workers share 256 starts at a time, of a paper's study its scenes.
+
+    Examples
+    --------
+    chaos chain-2 --duration 10 --members 4
+        a quick estimate for a double pendulum
+    chaos paper-cart-1 --duration 20 -o lyapunov.png
+        16 starts, with a figure of the convergence
     """
     _place(options)
     is_of_paper = str(options.scene).startswith("paper:")
@@ -149,6 +165,15 @@ def tradeoff(options: argparse.Namespace) -> WorkPrecision | FrequencyTradeoff:
     Linear modes, modes with corrected frequencies, and every integrator at several tolerances, plain and compiled:
     the cost and the error of each, and the time up to which errors can be measured, or true errors with --proved.
     With --linear the frequencies instead: by dense matrices, to a relative error, and with every digit.
+
+    Examples
+    --------
+    tradeoff chain-1 --start mode:1:10 --duration 2
+        every method for two seconds of a small swing
+    tradeoff chain-1 --start angles:60 --duration 1 -o t.png
+        with a figure: time against error
+    tradeoff paper-cart-2 --linear
+        all frequencies: dense matrices, to 1e-8, every digit
     """
     _place(options)
     scene = modal.load(_scene(options))
@@ -196,11 +221,6 @@ COMMANDS = (
             formats(*REPORTS),
             *report_file(*REPORTS),
         ),
-        examples=(
-            ("check chain-2 --modes 1 --amplitudes 10,30", "the slow mode at two amplitudes"),
-            ("check crane-hook --modes 2 --amplitudes 20 -o check.png", "with a figure"),
-            ("check chain-2 --general --start angles:10,0 --duration 30", "one run, projected on the modes"),
-        ),
     ),
     Command(
         topic="motion",
@@ -216,11 +236,6 @@ COMMANDS = (
             formats(*REPORTS),
             *report_file(*REPORTS),
         ),
-        examples=(
-            ("tradeoff chain-1 --start mode:1:10 --duration 2", "every method for two seconds of a small swing"),
-            ("tradeoff chain-1 --start angles:60 --duration 1 -o t.png", "with a figure: time against error"),
-            ("tradeoff paper-cart-2 --linear", "all frequencies: dense matrices, to 1e-8, every digit"),
-        ),
     ),
     Command(
         topic="motion",
@@ -233,10 +248,6 @@ COMMANDS = (
             "--quick of a paper's study",
             *CREW,
             *report_file(),
-        ),
-        examples=(
-            ("chaos chain-2 --duration 10 --members 4", "a quick estimate for a double pendulum"),
-            ("chaos paper-cart-1 --duration 20 -o lyapunov.png", "16 starts, with a figure of the convergence"),
         ),
     ),
 )

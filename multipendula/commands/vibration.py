@@ -45,6 +45,17 @@ def vibration(options: argparse.Namespace) -> RandomResponse | ThermalNoise | Sh
     --record is interpolated by a spline, and every mode is followed exactly through it and for two of the slowest
     periods after it: peaks by output and by mode, those of the modes combined by SRSS and CQC, and the effective
     masses with the number of modes that account for 90 % of the mass.
+
+    Examples
+    --------
+    vibration damped-suspension --psd ground.csv
+        a shipped scene on quiet ground, whose spectrum is shipped too
+    vibration tower --record quake.csv --baseline velocity --picture shock.png
+        peaks in an earthquake, without drift (a shipped record)
+    vibration suspension --temperature 290 --at 1,10,100
+        the thermal noise of the shipped suspension, by wire
+    vibration damped-suspension --psd ground.csv --signals tip_positions --picture psd.png
+        how the mirror moves in the laboratory, with a figure
     """
     from modal.vibration import random_report
 
@@ -175,24 +186,6 @@ COMMANDS = (
                 default=USUAL,
             ),
             *WRITTEN,
-        ),
-        examples=(
-            (
-                "vibration damped-suspension --psd ground.csv",
-                "a shipped scene on quiet ground, whose spectrum is shipped too",
-            ),
-            (
-                "vibration tower --record quake.csv --baseline velocity --picture shock.png",
-                "peaks in an earthquake, without drift (a shipped record)",
-            ),
-            (
-                "vibration suspension --temperature 290 --at 1,10,100",
-                "the thermal noise of the shipped suspension, by wire",
-            ),
-            (
-                "vibration damped-suspension --psd ground.csv --signals tip_positions --picture psd.png",
-                "how the mirror moves in the laboratory, with a figure",
-            ),
         ),
     ),
 )
