@@ -124,9 +124,7 @@ def _start(scene: Scene, system: System) -> list[float] | None:
 
 
 def _rests(y: Any, system: System) -> bool:
-    rest = np.zeros_like(y)
-    for group in system.groups:
-        rest[system.first + group.index] = group.rest
+    rest = np.concatenate((np.zeros(system.first), system.rest, np.zeros(len(y) - system.first - system.n_links)))
     return bool(np.allclose(y, rest, rtol=0, atol=1e-15))
 
 
@@ -192,8 +190,5 @@ def scaffold_of(system: System) -> Scaffold:
 
 def _sizes(system: System) -> list[int]:
     """Links of every pendulum."""
-    sizes = [0] * sum(len(group.pendula) for group in system.groups)
-    for group in system.groups:
-        for pendulum in group.pendula.tolist():
-            sizes[pendulum] = group.n
+    sizes: list[int] = np.bincount(system.pendulum).tolist()
     return sizes

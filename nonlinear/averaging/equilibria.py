@@ -442,10 +442,8 @@ def _alike(links: Complexes, others: Complexes, kind: Ints) -> Booleans:
 
 def _places(equations: AveragedEquations) -> list[Ints]:
     """The links of every pendulum from top to bottom."""
-    places: dict[int, Ints] = {}
-    for group in equations.system.groups:
-        places.update(zip(group.pendula.tolist(), group.index.T, strict=True))
-    return [places[p] for p in range(len(places))]
+    pendulum = equations.system.pendulum
+    return np.split(np.arange(len(pendulum)), np.flatnonzero(np.diff(pendulum)) + 1)
 
 
 def _by_pendulum(equations: AveragedEquations, z: Complexes) -> Complexes:

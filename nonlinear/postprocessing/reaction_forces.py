@@ -26,7 +26,7 @@ from modal.types import Floats, Ints
 from nonlinear.dynamics import Lanes, Reactions, vectors
 from nonlinear.integration import Choice, Trajectory, equations_of
 from nonlinear.integration.switched import Switched
-from nonlinear.integration.within import crossing
+from nonlinear.integration.within import between_samples, crossing
 from nonlinear.postprocessing.resampling import resample
 from nonlinear.system import Layout, Motion, numbers_of
 
@@ -249,21 +249,13 @@ def _cubic(trajectory: Trajectory) -> Callable[[Floats], Trajectory]:
 def _quintic(trajectory: Trajectory) -> Callable[[Floats], Trajectory]:
     """The run at other times, by the quintics through neighbouring samples, their rates and their accelerations."""
     layout, rows, slopes = states_and_slopes(trajectory)
-    half, times = layout.half, trajectory.times
+    half = layout.half
     q, v, a = rows[:, :half], rows[:, half : 2 * half], slopes[:, half : 2 * half]
 
     def at(moments: Floats) -> Trajectory:
-        sample = np.clip(np.searchsorted(times, moments, side="right") - 1, 0, len(times) - 2)
-        h = (times[sample + 1] - times[sample])[:, None]
-        s = (moments - times[sample])[:, None] / h
-        q0, v0, a0 = q[sample], v[sample], a[sample]
-        d0 = q[sample + 1] - q0 - h * v0 - h**2 * a0 / 2  # cubic to quintic terms until the next sample
-        d1, d2 = h * (v[sample + 1] - v0 - h * a0), h**2 * (a[sample + 1] - a0)
-        c3, c4, c5 = 10 * d0 - 4 * d1 + d2 / 2, -15 * d0 + 7 * d1 - d2, 6 * d0 - 3 * d1 + d2 / 2
-        states = np.zeros((len(moments), rows.shape[1]))
-        states[:, :half] = q0 + s * (h * v0 + s * (h**2 * a0 / 2 + s * (c3 + s * (c4 + s * c5))))
-        states[:, half : 2 * half] = v0 + s * (h * a0 + s * (3 * c3 + s * (4 * c4 + s * 5 * c5)) / h)
-        return replace(trajectory, times=moments, motion=layout.read(states))
+        places, rates = between_samples(trajectory.times, q, v, a, moments)
+        no_work = np.zeros((len(moments), layout.size - 2 * half))
+        return replace(trajectory, times=moments, motion=layout.read(np.hstack((places, rates, no_work))))
 
     return at
 

@@ -182,16 +182,11 @@ def _equations(trajectory: Trajectory) -> Equations:
 def _on_cubics(trajectory: Trajectory, quantity: Quantity) -> Floats:
     """The quantity at places of the cubics between samples, (T − 1, CUBIC_PLACES, …)."""
     motion, gaps = trajectory.motion, np.diff(trajectory.times)
-    part = np.linspace(0.0, 1.0, CUBIC_PLACES)
-
-    def cubic(values: Floats, rates: Floats) -> Floats:
-        s, h = (array.reshape(*array.shape, *[1] * (values.ndim - 1)) for array in (part[None], gaps[:, None]))
-        start, end, rise, fall = (array[:, None] for array in (values[:-1], values[1:], rates[:-1], rates[1:]))
-        places = start + s * s * (3 - 2 * s) * (end - start) + h * s * (1 - s) * (rise * (1 - s) - fall * s)
-        return places.reshape(len(gaps) * CUBIC_PLACES, *values.shape[1:])
-
-    links, cart = cubic(motion.links, motion.link_rates), cubic(motion.cart, motion.cart_rate)
-    supports = cubic(motion.supports, motion.support_rates)
+    samples = np.repeat(np.arange(len(gaps)), CUBIC_PLACES)
+    place = _Place(samples, gaps[samples], np.tile(np.linspace(0.0, 1.0, CUBIC_PLACES), len(gaps)))
+    links, _ = _between(place, motion.links, motion.link_rates)
+    cart, _ = _between(place, motion.cart, motion.cart_rate)
+    supports, _ = _between(place, motion.supports, motion.support_rates)
     rows = quantity(Motion(links, links, cart, cart, cart, supports, supports))
     return rows.reshape(len(gaps), CUBIC_PLACES, -1)
 
