@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import modal
 from multipendula.command import SCENE, Command, formats, report_file
-from multipendula.commands.shared import draw_in, noted, picture, say
+from multipendula.commands.shared import noted, picture, show
 
 if TYPE_CHECKING:
     from modal.coupling import Coupling
@@ -43,10 +43,9 @@ def explain(options: argparse.Namespace) -> Coupling:
 
     picture(options.output)
     coupling = explain(noted(modal.load(options.scene), "the explanation of the coupling"))
-    draw_in(options, options.output, "modal.plotting", "coupling_figure", coupling)
     elsewhere = [MORE] * (not options.words) + [MAP.format(options.scene)] * coupling.scene.is_driven
     report = coupling_report(coupling, options.format, words=options.words, elsewhere="\n".join(elsewhere))
-    say(report, options.format)
+    show(options, report, "coupling_figure", coupling, room="modal.plotting")
     return coupling
 
 

@@ -13,7 +13,7 @@ import nonlinear
 from modal.extend.measures import taken_by
 from multipendula.command import CREW, SCENE, Command, Option, formats, kwargs_of, option, refuse, report_file
 from multipendula.commands.runs import ELSEWHERE, start_of, tell_of_start
-from multipendula.commands.shared import bar, crew_of, draw_in, in_a_folder, picture, remark, say
+from multipendula.commands.shared import bar, crew_of, in_a_folder, picture, remark, say, show
 from multipendula.completion import extensions
 from multipendula.options import integer, number
 
@@ -180,8 +180,7 @@ def _show(options: argparse.Namespace, figure: str, outcome: Made) -> Made | Non
     """The result, once its report and its picture are written; of a share only where it is stored, and None."""
     if tell_of_share(options):
         return None
-    say(outcome.report(options.format), options.format)
-    draw_in(options, options.output, "nonlinear.plotting", figure, outcome)
+    show(options, outcome.report(options.format), figure, outcome)
     return outcome
 
 

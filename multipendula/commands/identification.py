@@ -36,6 +36,7 @@ from multipendula.commands.shared import (
     remark,
     say,
     scene_bytes,
+    show,
     write_together,
 )
 
@@ -215,8 +216,8 @@ def _compare(options: argparse.Namespace, scene: Scene, table: str | None) -> As
     measured = read_modes(scene, name) if table is None else parse_modes(scene, name, table)
     _tell_of_unused(measured.unused)
     comparison = compare_modes(modal.natural_modes(scene), measured)
-    draw_in(options, options.output, "modal.plotting", "assurance_figure", comparison)
-    say(assurance_table(comparison, options.format), options.format)
+    text = assurance_table(comparison, options.format)
+    show(options, text, "assurance_figure", comparison, room="modal.plotting")
     return comparison
 
 

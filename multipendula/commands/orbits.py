@@ -46,6 +46,8 @@ def orbits(options: argparse.Namespace) -> tuple[Branch, ...]:
     orbits shaken-pendulum --vary support.motion.frequency_hz=0.40:0.55:2 -o resonance.png
         largest angle against frequency of a pendulum on a shaken support
     """
+    from nonlinear.orbits import oscillating
+
     scene = warned(validated(options, options.output, _misfits(options)), "a periodic orbit")
     if not (options.mode or options.vary):
         options.mode = _first_mode(scene)
@@ -55,17 +57,16 @@ def orbits(options: argparse.Namespace) -> tuple[Branch, ...]:
         for _ in range((options.depth or 1) if options.enter else 0):
             newest = tuple(_entered(newest, crew))
             branches = (*branches, *newest)
-    say(_told(scene, branches, options), options.format)
-    if options.output:
-        from nonlinear.orbits import oscillating
-
-        mode = None
-        if options.mode and not options.vary:
-            modes, row = oscillating(scene, options.mode)
-            mode = modes[row]
-        draw_in(options, options.output, "nonlinear.plotting", "orbits_figure", scene, branches, mode=mode)
+    modes, row = oscillating(scene, options.mode) if options.mode and not options.vary else (None, 0)
+    say(_text(scene, branches, branches[0].linear if modes else None, options.format), options.format)
+    mode = modes[row] if modes else None
+    draw_in(options, options.output, "nonlinear.plotting", "orbits_figure", scene, branches, mode=mode)
     if options.film:
-        _film(scene, branches, options)
+        from nonlinear.plotting import film_orbit
+
+        form, orbit = film_form(options.film, "--film"), branches[0].orbits[-1]
+        with drawn(options.film, options.theme) as stream, bar(10) as report:
+            film_orbit(orbit, stream, form, modes=modes, row=row, report=report)
     return branches
 
 
@@ -180,30 +181,13 @@ def _entered_at(left: tuple[Branch, Special]) -> Branch | modal.ComputationError
         return error
 
 
-def _told(scene: Scene, branches: tuple[Branch, ...], options: argparse.Namespace) -> str:
+def _text(scene: Scene, branches: tuple[Branch, ...], linear: float | None, form: str) -> str:
     from modal.report import as_json
-    from nonlinear.orbits import orbits_csv, orbits_record, orbits_text, oscillating
+    from nonlinear.orbits import orbits_csv, orbits_record, orbits_text
 
-    if options.format == "json":
+    if form == "json":
         return as_json(orbits_record(branches))
-    if options.format == "csv":
-        return orbits_csv(branches)
-    linear = None
-    if options.mode and not options.vary:
-        modes, row = oscillating(scene, options.mode)
-        linear = float(modes.omega[row])
-    return orbits_text(scene, branches, linear)
-
-
-def _film(scene: Scene, branches: tuple[Branch, ...], options: argparse.Namespace) -> None:
-    from nonlinear.orbits import oscillating
-    from nonlinear.plotting import film_orbit
-
-    modes, row = oscillating(scene, options.mode) if options.mode and not options.vary else (None, 0)
-    with drawn(options.film, options.theme) as stream, bar(10) as report:
-        film_orbit(
-            branches[0].orbits[-1], stream, film_form(options.film, "--film"), modes=modes, row=row, report=report
-        )
+    return orbits_csv(branches) if form == "csv" else orbits_text(scene, branches, linear)
 
 
 COMMANDS = (

@@ -178,6 +178,16 @@ def draw_in(
             save(getattr(import_module(room), figure)(*results, **how), stream, picture(name))
 
 
+def show(
+    options: argparse.Namespace, text: str, figure: str, *results: object, room: str = "nonlinear.plotting"
+) -> None:
+    """Print the text of results and save their figure; KeyboardInterrupt where Ctrl-C has cut the first one short."""
+    say(text, getattr(options, "format", "text"))
+    if getattr(results[0], "interrupted", False):
+        raise KeyboardInterrupt
+    draw_in(options, options.output, room, figure, *results)
+
+
 def picture(name: str | None, option: str = "-o", kinds: Sequence[str] = PICTURES) -> str:
     """The format of a figure, by its file name; empty if there is none."""
     return modal.scene.kind_of(name, kinds, f"{option} ") if name else ""

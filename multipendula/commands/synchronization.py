@@ -13,12 +13,11 @@ from multipendula.commands.shared import (
     HOUR,
     bar,
     crew_of,
-    draw_in,
     drawn,
     film_form,
     forewarning,
     remark,
-    say,
+    show,
     stages,
     validated,
 )
@@ -87,7 +86,8 @@ def _misfits(options: argparse.Namespace) -> Iterator[str]:
 
 
 def _run(scene: Scene, options: argparse.Namespace) -> SynchronizationStudy:
-    from nonlinear.synchronization import study_synchronization
+    from modal.report import as_json
+    from nonlinear.synchronization import study_synchronization, sync_record, sync_text
 
     start = start_of(scene, options.start, undamped=True)
     with stages("predicting", "simulating") as (predicting, simulating):
@@ -97,20 +97,14 @@ def _run(scene: Scene, options: argparse.Namespace) -> SynchronizationStudy:
             lengths.setdefault(end, forewarning(simulating, scene, end, least=HOUR / 60))(now / end)
 
         study = study_synchronization(scene, options.duration, start=start, predicting=predicting, report=report)
-    say(_told(study, options), options.format)
-    draw_in(options, options.output, "nonlinear.plotting", "sync_figure", study.trajectory, study.phases)
+    if options.format == "json":
+        text = as_json(sync_record(study))
+    else:
+        text = sync_text(study, words=options.words, elsewhere="" if options.words else MORE)
+    show(options, text, "sync_figure", study.trajectory, study.phases)
     if options.film:
         _film(study, options.film, options.theme)
     return study
-
-
-def _told(study: SynchronizationStudy, options: argparse.Namespace) -> str:
-    from modal.report import as_json
-    from nonlinear.synchronization import sync_record, sync_text
-
-    if options.format == "json":
-        return as_json(sync_record(study))
-    return sync_text(study, words=options.words, elsewhere="" if options.words else MORE)
 
 
 def _film(study: SynchronizationStudy, name: str, theme: str) -> None:
@@ -133,8 +127,7 @@ def _branches(scene: Scene, options: argparse.Namespace) -> Branches | Populatio
     with crew_of(options) as crew, bar(0, "branches") as report:
         branches = follow_branches(scene, variation, report, crew=crew)
     writers = {"text": branches_text, "csv": branches_csv, "json": branches_json}
-    say(writers[options.format](branches), options.format)
-    draw_in(options, options.output, "nonlinear.plotting", "branches_figure", branches)
+    show(options, writers[options.format](branches), "branches_figure", branches)
     return branches
 
 
@@ -154,9 +147,7 @@ def _map(scene: Scene, options: argparse.Namespace) -> RhythmMap | RhythmGrid:
             )
         else:
             outcome = nonlinear.ensembles.find_rhythms(scene, axes[0], crew=crew, report=report, **how)
-    say(outcome.report(options.format), options.format)
-    figure = "grid_figure" if len(axes) > 1 else "rhythm_figure"
-    draw_in(options, options.output, "nonlinear.plotting", figure, outcome)
+    show(options, outcome.report(options.format), "grid_figure" if len(axes) > 1 else "rhythm_figure", outcome)
     return outcome
 
 
@@ -167,8 +158,7 @@ def _diagram(scene: Scene, variation: Variation, options: argparse.Namespace) ->
     with crew_of(options) as crew, bar(0, "motions") as report:
         diagram = follow_populations(scene, variation, report, crew=crew)
     writers = {"text": diagram_text, "csv": diagram_csv, "json": diagram_json}
-    say(writers[options.format](diagram), options.format)
-    draw_in(options, options.output, "nonlinear.plotting", "populations_figure", diagram)
+    show(options, writers[options.format](diagram), "populations_figure", diagram)
     return diagram
 
 

@@ -56,10 +56,10 @@ def tune(options: argparse.Namespace) -> Tuned | None:
     for flag, path in (("-o", options.output), ("--report", options.report), ("--picture", options.picture)):
         in_a_folder(path, option=flag)
     scene = noted(modal.load(options.scene), "tuning" if options.travel is None else "a shaper")
-    problems = []
-    if options.largest_angle is not None:
-        problems += _angle_problems(options)
-    aims = (*(options.minimize or ()), *(options.maximize or ()))
+    problems, aims = list[str](), (*(options.minimize or ()), *(options.maximize or ()))
+    is_of_peak = bool(aims) and aims[0].rpartition("*")[2].strip().startswith("peak:")
+    if options.largest_angle is not None and not is_of_peak:
+        problems.append("--largest-angle: needs an objective of the form peak:OUTPUT/INPUT")
     if options.picture and not any("peak:" in aim or "residual" in aim for aim in aims):
         problems.append("--picture: needs an objective of the form peak:OUTPUT/INPUT, or residual")
     if problems:
@@ -81,13 +81,6 @@ def tune(options: argparse.Namespace) -> Tuned | None:
     write_together(files | pictured(options, "modal.plotting", "tuning_figure", best))
     say(told if options.format == "json" else text, options.format)
     return None if swing else best
-
-
-def _angle_problems(options: argparse.Namespace) -> list[str]:
-    aims = [*(options.minimize or ()), *(options.maximize or ())]
-    if not aims or not aims[0].rpartition("*")[2].strip().startswith("peak:"):
-        return ["--largest-angle: needs an objective of the form peak:OUTPUT/INPUT"]
-    return []
 
 
 def _swing(best: Tuned, degrees: float) -> FiniteSwing:

@@ -9,18 +9,7 @@ import modal
 import nonlinear
 from multipendula.command import CREW, SCENE, Command, formats, option, refuse, report_file, scene_argument
 from multipendula.commands.runs import ELSEWHERE, RunOptions, motion, recorded, start_of
-from multipendula.commands.shared import (
-    bar,
-    chosen,
-    crew_of,
-    draw_in,
-    forewarning,
-    in_a_folder,
-    picture,
-    remark,
-    say,
-    warned,
-)
+from multipendula.commands.shared import bar, chosen, crew_of, forewarning, in_a_folder, picture, remark, show, warned
 from multipendula.options import REPORTS, integer
 
 if TYPE_CHECKING:
@@ -52,10 +41,7 @@ def check(options: argparse.Namespace) -> Check | Comparison:
     scene = modal.load(_scene(options))
     outcome: Check | Comparison
     outcome, table, figure = _general(options, scene) if options.general else _mode_by_mode(options, scene)
-    say(table(outcome, options.format), options.format)
-    if getattr(outcome, "interrupted", False):
-        raise KeyboardInterrupt
-    draw_in(options, options.output, "nonlinear.plotting", figure, outcome)
+    show(options, table(outcome, options.format), figure, outcome)
     return outcome
 
 
@@ -63,12 +49,8 @@ def _mode_by_mode(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, 
     from nonlinear.verification import AMPLITUDES_DEG, check_table
     from nonlinear.verification import check as checked
 
-    refuse(
-        options,
-        "needs --general",
-        "--proved",
-        *(f"--{name.replace('_', '-')}" for name in RunOptions.of(options).given),
-    )
+    asked = (f"--{name.replace('_', '-')}" for name in RunOptions.of(options).given)
+    refuse(options, "needs --general", "--proved", *asked)
     numbers = chosen(options.modes, len(modal.natural_modes(scene)))
     with bar(len(numbers), "mode") as report:
         outcome = checked(scene, list(numbers), options.amplitudes or AMPLITUDES_DEG, report=report)
@@ -127,12 +109,7 @@ def chaos(options: argparse.Namespace) -> Exponent | Finding:
     _place(options)
     is_of_paper = str(options.scene).startswith("paper:")
     outcome = _claims(options) if is_of_paper else _exponent(options)
-    say(f"{outcome.text()}\n")
-    if getattr(outcome, "interrupted", False):
-        raise KeyboardInterrupt
-    draw_in(
-        options, options.output, "nonlinear.plotting", "finding_figure" if is_of_paper else "exponent_figure", outcome
-    )
+    show(options, f"{outcome.text()}\n", "finding_figure" if is_of_paper else "exponent_figure", outcome)
     return outcome
 
 
@@ -179,11 +156,7 @@ def tradeoff(options: argparse.Namespace) -> WorkPrecision | FrequencyTradeoff:
     scene = modal.load(_scene(options))
     comparison: WorkPrecision | FrequencyTradeoff
     comparison, text = (_of_frequencies if options.linear else _of_motion)(options, scene)
-    say(text, options.format)
-    if getattr(comparison, "interrupted", False):
-        raise KeyboardInterrupt
-    figure = "frequencies_figure" if options.linear else "tradeoff_figure"
-    draw_in(options, options.output, "nonlinear.plotting", figure, comparison)
+    show(options, text, "frequencies_figure" if options.linear else "tradeoff_figure", comparison)
     return comparison
 
 
