@@ -6,6 +6,7 @@ import argparse
 import os
 import re
 from collections.abc import Callable, Mapping, Sequence
+from textwrap import dedent
 from typing import Any, NamedTuple
 
 from multipendula.completion import Completer, files, scenes
@@ -181,25 +182,47 @@ def picture_file(what: str = "") -> tuple[Takes, ...]:
     return (f"--picture{what and ': '}{what}", THEME)
 
 
+EXAMPLES = re.compile(r"\n *Examples\n *-+\n")
+EXAMPLE = re.compile(r"((?:^\S.*\n)+)((?:^ +.*\n?)+)", re.MULTILINE)
+"""Where the examples of a docstring begin, and one of them: a command, and its description further to the right."""
+
+
 class Command(NamedTuple):
     """A command under a topic of `multipendula --help`.
 
-    `details` follow the docstring of `run` on its page.  On the screen of -h
-    are the `main` options, five at most, and the first three `examples`.  Tests run all of these in order.
+    It is called as the function `run`, whose docstring is the text of its page: a line, the details, and examples, each
+    a command with its description below.  On the screen of -h are the `main` options, five at most, and the first three
+    examples.  Tests run all of these in order.
     """
 
-    name: str
     topic: str
     run: Callable[[argparse.Namespace], Any]
     takes: tuple[Takes, ...]
     main: tuple[str, ...]
-    details: str
-    examples: Examples
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+        return self.run.__name__
 
     @property
     def summary(self) -> str:
         """Its purpose, on one line."""
-        return (self.run.__doc__ or "").strip()
+        return (self.run.__doc__ or "").partition("\n")[0]
+
+    @property
+    def details(self) -> str:
+        """What its page says after that."""
+        text, _ = EXAMPLES.split(self.run.__doc__ or "")
+        return " ".join(text.split()).removeprefix(self.summary).lstrip()
+
+    @property
+    def examples(self) -> Examples:
+        """Commands, each with a description."""
+        _, text = EXAMPLES.split(self.run.__doc__ or "")
+        return tuple(
+            (" ".join(words.split()), " ".join(about.split())) for words, about in EXAMPLE.findall(dedent(text))
+        )
 
     @property
     def options(self) -> tuple[Option, ...]:

@@ -383,14 +383,6 @@ SYNONYMS = {
 }
 """Alternatives for options and commands under other names; the first option that a command has is suggested."""
 IN_SCENE = {
-    "--gravity",
-    "--g",
-    "--mass",
-    "--masses",
-    "--length",
-    "--lengths",
-    "--damping",
-    "--stiffness",
-    "--cart-mass",
+    *("--gravity", "--g", "--mass", "--masses", "--length", "--lengths", "--damping", "--stiffness", "--cart-mass")
 }
 """Numbers that a scene has, and no command as an option."""

@@ -20,6 +20,8 @@ from io import StringIO
 from os import PathLike, fspath
 from typing import TYPE_CHECKING, Any, NoReturn
 
+import modal
+import nonlinear
 from multipendula.cli import perform
 from multipendula.commands import command_named
 from multipendula.commands.runs import recorded
@@ -188,16 +190,14 @@ def _suggestion(page: Page, options: Mapping[str, Option], keywords: Mapping[str
 
 def _result_of(command: Command, given: Arguments) -> Any:
     """The result of the command with these options."""
-    from modal.errors import SceneError
-
     try:
         options = _options_of(command.page(), given)
         with text_into(StringIO(), of_function=True) as text:
             result = perform(options)
-    except SceneError as error:
-        if type(error) is not SceneError:
+    except modal.SceneError as error:
+        if type(error) is not modal.SceneError:
             raise
-        raise SceneError([with_keywords(problem, quote="") for problem in error.problems]) from None
+        raise modal.SceneError([with_keywords(problem, quote="") for problem in error.problems]) from None
     is_text = result is None or any(taken.name in FORMS and value for taken, value in given)
     told = text.getvalue()
     if isinstance(result, tuple) and not hasattr(result, "_fields"):
@@ -208,10 +208,9 @@ def _result_of(command: Command, given: Arguments) -> Any:
 
 def _options_of(page: Page, given: Arguments) -> Namespace:
     """The options of a command as its parser reads them; objects are passed unchanged."""
-    from modal.errors import SceneError
 
     def refuse(message: str) -> NoReturn:
-        raise SceneError([message.removeprefix("argument ")])
+        raise modal.SceneError([message.removeprefix("argument ")])
 
     page.error = refuse  # type: ignore[method-assign]
     page.keywords = {}  # messages call arguments by their names
@@ -263,12 +262,9 @@ def load(source: str | PathLike[str]) -> Scene | Trajectory:
     'Crane trolley with a hook and a load'
     """
     if recorded(fspath(source)):
-        from nonlinear.files import load as load_run
+        return nonlinear.load(source)
 
-        return load_run(source)
-    from modal.scene import load as load_scene
-
-    return load_scene(source)
+    return modal.load(source)
 
 
 def save(thing: Scene | Trajectory | Sweep, path: str | PathLike[str]) -> None:

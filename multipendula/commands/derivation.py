@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+import modal
 from multipendula.command import SCENE, THEME, Command, argument, option, text_file
 from multipendula.commands.shared import bar, drawn, in_a_folder, listed, noted, output
 from multipendula.completion import scenes, words
@@ -25,23 +26,40 @@ TARGET = (
 
 
 def derive(options: argparse.Namespace) -> None:
-    """Derive equations of motion, matrices, eigen-polynomial and modes in symbols."""
-    from modal.errors import SceneError
+    """Derive equations of motion, matrices, eigen-polynomial and modes in symbols.
+
+    The whole derivation from the Lagrangian to the modes, to read or to paste into lecture notes. For a few links
+    every step is confirmed by a second method. paper:000, paper:001 and paper:002 give a paper's equations as
+    printed and corrected.
+
+    Examples
+    --------
+    derive chain:3
+        three bobs: Lagrangian, equations, M and K, polynomial, modes
+    derive chain:2 --symbolic masses,lengths --format latex
+        with a symbol for every mass and length
+    derive paper:002 --show 4,11
+        two equations of a paper, as printed and corrected
+    derive chain:3 --show hamiltonian
+        Hamilton's equations, which join neighbours only
+    derive paper-cart-2 --show freebody --names paper -o parts.svg
+        its links taken apart, in 000's letters
+    """
     from modal.report import folded
     from modal.symbolic import derivation, typesetting
 
     show, symbols, ways = (listed(getattr(options, name)) for name in ("show", "symbolic", "equilibrium"))
     of_paper, known = str(options.target).startswith("paper:"), (*derivation.SECTIONS, *ALONE)
     if unknown := [word for word in show if not of_paper and word not in known]:
-        raise SceneError([f"--show {word}: must be one of {', '.join(known)}" for word in unknown])
+        raise modal.SceneError([f"--show {word}: must be one of {', '.join(known)}" for word in unknown])
     if "freebody" in show and not of_paper:
         _take_apart(options, show)
         return
     if problems := list(_of_free_bodies(options)):
-        raise SceneError(problems)
+        raise modal.SceneError(problems)
     if of_paper:
         if symbols or ways or options.links != "bob":
-            raise SceneError([f"{options.target}: cannot be combined with --symbolic, --links or --equilibrium"])
+            raise modal.SceneError([f"{options.target}: cannot be combined with --symbolic, --links or --equilibrium"])
         from modal.symbolic.papers import catalogue
 
         title, sections = catalogue.paper(options.target.removeprefix("paper:"), show)
@@ -74,23 +92,21 @@ def _drawing(options: argparse.Namespace) -> str:
 
 def _take_apart(options: argparse.Namespace, show: tuple[str, ...]) -> None:
     """The parts of a scene: their diagrams in a picture, or the balances of each as text."""
-    from modal.errors import SceneError
     from modal.report import folded
-    from modal.scene import free_bodies, title_of
     from modal.symbolic import derivation, newton_euler, typesetting
 
     problems = ["--show freebody: cannot be combined with other sections"] * (len(show) > 1)
     problems += ["--symbolic: not needed for free bodies, whose numbers are all symbols"] * bool(options.symbolic)
     if problems:
-        raise SceneError(problems)
+        raise modal.SceneError(problems)
     scene = derivation.scene_of(options.target, options.links, listed(options.equilibrium))
     letters, form = options.names or "own", _drawing(options)
     if not form:
         if options.parts:
-            raise SceneError(["--parts: selects what is drawn; the equations always cover all parts"])
-        bodies = free_bodies(noted(scene, "a free-body diagram"), letters)
+            raise modal.SceneError(["--parts: selects what is drawn; the equations always cover all parts"])
+        bodies = modal.scene.free_bodies(noted(scene, "a free-body diagram"), letters)
         with output(options.output) as write:
-            text = typesetting.typeset(title_of(scene), newton_euler.part_sections(bodies), options.format)
+            text = typesetting.typeset(modal.scene.title_of(scene), newton_euler.part_sections(bodies), options.format)
             write(folded(text) if options.format == "text" else text)
         return
     from modal.plotting import free_body_tikz, plot_free_body, save
@@ -107,13 +123,23 @@ def _take_apart(options: argparse.Namespace, show: tuple[str, ...]) -> None:
 
 
 def enclose(options: argparse.Namespace) -> tuple[Enclosure, ...]:
-    """Print a proved enclosure of every natural frequency, to any number of digits."""
+    """Print a proved enclosure of every natural frequency, to any number of digits.
+
+    Two decimal numbers between which each frequency provably lies, by ball arithmetic. Needs the extra `certified`
+    and a scene without dampers and joint laws. For a growing mode the growth rate is enclosed.
+
+    Examples
+    --------
+    enclose chain-3
+        30 digits, proved
+    enclose paper-cart-2 --digits 50
+        50 digits
+    """
     from modal.exact import enclose
     from modal.report import folded
-    from modal.scene import load
 
     in_a_folder(options.output)
-    scene = noted(load(options.scene), "an enclosure")
+    scene = noted(modal.load(options.scene), "an enclosure")
     with bar(1.0, "scene") as report:
         rows = tuple(enclose(scene, options.digits, report))
     with output(options.output) as write:
@@ -126,7 +152,6 @@ def enclose(options: argparse.Namespace) -> tuple[Enclosure, ...]:
 
 COMMANDS = (
     Command(
-        name="derive",
         topic="symbols and proof",
         run=derive,
         main=("--show", "--symbolic", "--equilibrium", "--format", "--output"),
@@ -149,35 +174,11 @@ COMMANDS = (
             *text_file("text", "latex", "markdown", "beamer", drawn=True, more=("tikz",)),
             THEME,
         ),
-        details=(
-            "The whole derivation from the Lagrangian to the modes, to read or to paste into lecture notes. For a few "
-            "links every step is confirmed by a second method. paper:000, paper:001 and paper:002 give a paper's "
-            "equations as printed and corrected."
-        ),
-        examples=(
-            ("derive chain:3", "three bobs: Lagrangian, equations, M and K, polynomial, modes"),
-            ("derive chain:2 --symbolic masses,lengths --format latex", "with a symbol for every mass and length"),
-            ("derive paper:002 --show 4,11", "two equations of a paper, as printed and corrected"),
-            ("derive chain:3 --show hamiltonian", "Hamilton's equations, which join neighbours only"),
-            (
-                "derive paper-cart-2 --show freebody --names paper -o parts.svg",
-                "its links taken apart, in 000's letters",
-            ),
-        ),
     ),
     Command(
-        name="enclose",
         topic="symbols and proof",
         run=enclose,
         main=("--digits", "--output"),
         takes=(SCENE, "--digits: a relative width of 10^-N (default 30)", *text_file(kind="txt")),
-        details=(
-            "Two decimal numbers between which each frequency provably lies, by ball arithmetic. Needs the extra "
-            "`certified` and a scene without dampers and joint laws. For a growing mode the growth rate is enclosed."
-        ),
-        examples=(
-            ("enclose chain-3", "30 digits, proved"),
-            ("enclose paper-cart-2 --digits 50", "50 digits"),
-        ),
     ),
 )

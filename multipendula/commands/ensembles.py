@@ -8,10 +8,12 @@ from contextlib import contextmanager
 from math import prod
 from typing import TYPE_CHECKING, Any, TypeVar
 
+import modal
+import nonlinear
 from modal.extend.measures import taken_by
 from multipendula.command import CREW, SCENE, Command, Option, formats, kwargs_of, option, refuse, report_file
 from multipendula.commands.runs import ELSEWHERE, start_of, tell_of_start
-from multipendula.commands.shared import bar, crew_of, draw_in, in_a_folder, picture, remark, say
+from multipendula.commands.shared import bar, crew_of, in_a_folder, picture, remark, say, show
 from multipendula.completion import extensions
 from multipendula.options import integer, number
 
@@ -53,49 +55,75 @@ def strobed(transient: str) -> tuple[str, ...]:
 
 
 def basins(options: argparse.Namespace) -> Basins | None:
-    """Map the outcome for a grid of initial conditions: attractor, time to the first flip, Lyapunov exponent."""
-    from nonlinear.ensembles import begins_in_mode, find_basins, grid_of
+    """Map the outcome for a grid of initial conditions: attractor, time to the first flip, Lyapunov exponent.
 
+    Every start of a grid is simulated, thousands at a time. In a scene with drives the map shows which steady
+    oscillation of sync each reaches; in any other scene, when a link first turns over the top, or how fast a small
+    error grows. For a scene driven by a sine, --measure attractor gives the periodic motion that each start
+    reaches, named by its period and its largest angle. A random sample is re-run individually, and the largest
+    difference is reported.
+
+    Examples
+    --------
+    basins chain-2 --duration 2 --vary 'pendulum[0].start.angles_deg[0]=-170:170:12' --vary
+    'pendulum[0].start.angles_deg[1]=-170:170:12' -o turns.png
+        when a double pendulum first turns over, from 144 starts
+    basins chain-2 --measure lyapunov --duration 2 --vary 'pendulum[0].start.angles_deg[0]=0:170:6' --vary
+    'pendulum[0].start.angles_deg[1]=0:170:6' --format csv
+        a map of the exponent, as a table
+    basins shaken-pendulum --measure attractor --vary 'pendulum[0].start.angles_deg[0]=-60:60:4' --vary
+    'pendulum[0].start.rates_deg[0]=-90:90:4' -o attractors.png
+        small and large steady swings under one drive
+    """
     scene = _scene(options)
-    axes = grid_of(scene, options.vary or ())
-    if begins_in_mode(scene, axes):
+    axes = nonlinear.ensembles.grid_of(scene, options.vary or ())
+    if nonlinear.ensembles.begins_in_mode(scene, axes):
         tell_of_start("every member begins in the shape of the first mode that swings")
     with _engine(options, prod(len(axis.values) for axis in axes)) as more:
-        outcome = find_basins(scene, options.duration, vary=axes, measure=options.measure, **more)
+        outcome = nonlinear.ensembles.find_basins(scene, options.duration, vary=axes, measure=options.measure, **more)
     return _show(options, "basins_figure", outcome)
 
 
 def section(options: argparse.Namespace) -> PoincareSection | StroboscopicSection | None:
-    """Compute the Poincaré section of a scene at an energy, or of a driven one once per period, from many motions."""
+    """Compute the Poincaré section of a scene at an energy, or of a driven one once per period, from many motions.
+
+    Motions of one energy start at random points of the section, and every crossing is recorded, including the
+    start: closed curves are regular motion, clouds chaos. A scene driven by sines, through forces or its support,
+    is instead sampled once per common period of the drives, at --phase-deg: a motion of that period is one point,
+    one of p periods p points, and a strange attractor is chaos.
+
+    Examples
+    --------
+    section chain-2 --energy 10 --members 6 --duration 20 -o section.png
+        a double pendulum at 10 J
+    section driven-pendulum --settle 20 --members 8 --duration 120 -o strobes.png
+        the strange attractor of a driven pendulum
+    section chain-2 --energy 2 --crossing 'theta[1,2]=0' --members 2 --duration 5 --format csv
+        as a table
+    """
     scene = _scene(options)
     return (_strobes if scene.is_forced else _crossings)(options, scene)
 
 
 def _crossings(options: argparse.Namespace, scene: Scene) -> PoincareSection | None:
-    from nonlinear.ensembles import find_section
-    from nonlinear.system import has_start
-
     refuse(options, "needs a scene that is driven by a sine: a force or a moved support", *BY_STROBES)
     members = options.members or SECTION_MEMBERS
     with _engine(options, members) as more:
-        section = find_section(
+        section = nonlinear.ensembles.find_section(
             scene, options.duration, energy=options.energy, crossing=options.crossing, members=members, **more
         )
-    if options.energy is None and not has_start(scene):
+    if options.energy is None and not nonlinear.system.has_start(scene):
         tell_of_start("its energy is that of the first mode that swings", "--energy chooses another")
     return _show(options, "section_figure", section)
 
 
 def _strobes(options: argparse.Namespace, scene: Scene) -> StroboscopicSection | None:
-    from nonlinear.ensembles import find_strobes
-    from nonlinear.system import has_start
-
     refuse(options, "needs a scene that keeps its energy; of this one the section is stroboscopic", *BY_ENERGY)
-    if not has_start(scene):
+    if not nonlinear.system.has_start(scene):
         tell_of_start("motions begin around the shape of its first mode that swings")
     with _engine(options, options.members or SECTION_MEMBERS) as more:
         how = kwargs_of(options, "--members", "--phase-deg", "--spread", "--settle", "--seed")
-        strobes = find_strobes(scene, options.duration, of=names_of(options), **how, **more)
+        strobes = nonlinear.ensembles.find_strobes(scene, options.duration, of=names_of(options), **how, **more)
     return _show(options, "strobes_figure", strobes)
 
 
@@ -105,14 +133,26 @@ def names_of(options: argparse.Namespace) -> list[str]:
 
 
 def spread(options: argparse.Namespace) -> Spread | None:
-    """Propagate tolerances of a scene's numbers to its frequencies and its motion by Monte Carlo."""
-    from modal.errors import SceneError
+    """Propagate tolerances of a scene's numbers to its frequencies and its motion by Monte Carlo.
+
+    Numbers are drawn within their tolerances, given as standard deviations or as intervals, or from the covariance
+    of a fit; shift:PLACE=WIDTH is drawn once and added to all numbers of a place. The report has quantiles of every
+    frequency, bands of the motion with --duration, and which number matters most. In --format csv each line is a
+    member, with its angles at every sample of the motion.
+
+    Examples
+    --------
+    spread paper-cart-2 --uncertain support.mass=2% --uncertain 'pendulum[*].links[*].length=0.01' -o spread.png
+        two tolerances, with a figure
+    spread paper-cart-1 --uncertain gravity=9.78:9.83 --members 100 --duration 2 --format json
+        an interval, and bands of two seconds of motion
+    """
     from nonlinear.sweeps import find_spread
 
     scene = _scene(options)
     members, seed = options.members or 1000, 5 if options.seed is None else options.seed
     if options.folder and not options.duration:
-        raise SceneError(["--folder: needs --duration, since frequencies alone are not stored"])
+        raise modal.SceneError(["--folder: needs --duration, since frequencies alone are not stored"])
     uncertain = options.uncertain or ([] if options.covariance else _all_numbers(scene))
     with _engine(options, members) as more:
         more["measures"] = options.measure or ()
@@ -124,28 +164,23 @@ def spread(options: argparse.Namespace) -> Spread | None:
 
 def _all_numbers(scene: Scene) -> list[str]:
     """A tolerance for every number that a scene is made of."""
-    from modal.scene import scene_numbers
-
-    numbers = [f"{number.place}=1%" for number in scene_numbers(scene) if number.is_physical]
+    numbers = [f"{number.place}=1%" for number in modal.scene.scene_numbers(scene) if number.is_physical]
     remark(f"a standard deviation of 1 % of all {len(numbers)} numbers; --uncertain PLACE=WIDTH sets others")
     return numbers
 
 
 def _scene(options: argparse.Namespace) -> Scene:
     """The scene, once the picture's name is right."""
-    from modal.scene import load
-
     in_a_folder(options.output)
     picture(options.output)
-    return load(options.scene)
+    return modal.load(options.scene)
 
 
 def _show(options: argparse.Namespace, figure: str, outcome: Made) -> Made | None:
     """The result, once its report and its picture are written; of a share only where it is stored, and None."""
     if tell_of_share(options):
         return None
-    say(outcome.report(options.format), options.format)
-    draw_in(options, options.output, "nonlinear.plotting", figure, outcome)
+    show(options, outcome.report(options.format), figure, outcome)
     return outcome
 
 
@@ -161,10 +196,8 @@ def tell_of_share(options: argparse.Namespace) -> bool:
 
 def refuse_homeless(options: argparse.Namespace) -> None:
     """Raise SceneError for a share without a folder."""
-    from modal.errors import SceneError
-
     if options.share and not options.folder:
-        raise SceneError(["--share: needs --folder"])
+        raise modal.SceneError(["--share: needs --folder"])
 
 
 @contextmanager
@@ -178,7 +211,6 @@ def _engine(options: argparse.Namespace, members: int) -> Iterator[dict[str, Any
 
 COMMANDS = (
     Command(
-        name="basins",
         topic="coupling and synchronization",
         run=basins,
         main=("--vary", "--measure", "--duration", "--output"),
@@ -192,33 +224,8 @@ COMMANDS = (
             formats(*FORMATS),
             *report_file(*FORMATS),
         ),
-        details=(
-            "Every start of a grid is simulated, thousands at a time. In a scene with drives the map shows which "
-            "steady oscillation of sync each reaches; in any other scene, when a link first turns over the top, or how "
-            "fast a small error grows. For a scene driven by a sine, --measure attractor gives the periodic motion "
-            "that each start reaches, named by its period and its largest angle. A random sample is re-run "
-            "individually, and the largest difference is reported."
-        ),
-        examples=(
-            (
-                "basins chain-2 --duration 2 --vary 'pendulum[0].start.angles_deg[0]=-170:170:12' "
-                "--vary 'pendulum[0].start.angles_deg[1]=-170:170:12' -o turns.png",
-                "when a double pendulum first turns over, from 144 starts",
-            ),
-            (
-                "basins chain-2 --measure lyapunov --duration 2 --vary 'pendulum[0].start.angles_deg[0]=0:170:6' "
-                "--vary 'pendulum[0].start.angles_deg[1]=0:170:6' --format csv",
-                "a map of the exponent, as a table",
-            ),
-            (
-                "basins shaken-pendulum --measure attractor --vary 'pendulum[0].start.angles_deg[0]=-60:60:4' "
-                "--vary 'pendulum[0].start.rates_deg[0]=-90:90:4' -o attractors.png",
-                "small and large steady swings under one drive",
-            ),
-        ),
     ),
     Command(
-        name="section",
         topic="motion",
         run=section,
         main=("--energy", "--crossing", "--members", "--duration", "--output"),
@@ -235,27 +242,8 @@ COMMANDS = (
             formats(*FORMATS),
             *report_file(*FORMATS),
         ),
-        details=(
-            "Motions of one energy start at random points of the section, and every crossing is recorded, including "
-            "the start: closed curves are regular motion, clouds chaos. A scene driven by sines, through forces or "
-            "its support, is instead sampled once per common period of the drives, at --phase-deg: a motion of that "
-            "period "
-            "is one point, one of p periods p points, and a strange attractor is chaos."
-        ),
-        examples=(
-            ("section chain-2 --energy 10 --members 6 --duration 20 -o section.png", "a double pendulum at 10 J"),
-            (
-                "section driven-pendulum --settle 20 --members 8 --duration 120 -o strobes.png",
-                "the strange attractor of a driven pendulum",
-            ),
-            (
-                "section chain-2 --energy 2 --crossing 'theta[1,2]=0' --members 2 --duration 5 --format csv",
-                "as a table",
-            ),
-        ),
     ),
     Command(
-        name="spread",
         topic="motion",
         run=spread,
         main=("--uncertain", "--covariance", "--duration", "--members", "--output"),
@@ -271,23 +259,6 @@ COMMANDS = (
             *COMPUTED,
             formats(*FORMATS),
             *report_file(*FORMATS),
-        ),
-        details=(
-            "Numbers are drawn within their tolerances, given as standard deviations or as intervals, or from the "
-            "covariance of a fit; shift:PLACE=WIDTH is drawn once and added to all numbers of a place. The report has "
-            "quantiles of every frequency, bands of the motion with --duration, and which number matters most. In "
-            "--format csv each line is a member, with its angles at every sample of the motion."
-        ),
-        examples=(
-            (
-                "spread paper-cart-2 --uncertain support.mass=2% --uncertain 'pendulum[*].links[*].length=0.01' "
-                "-o spread.png",
-                "two tolerances, with a figure",
-            ),
-            (
-                "spread paper-cart-1 --uncertain gravity=9.78:9.83 --members 100 --duration 2 --format json",
-                "an interval, and bands of two seconds of motion",
-            ),
         ),
     ),
 )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
+import modal
 from multipendula.command import SCENE, Command, formats, option, refuse, report_file
 from multipendula.commands.shared import draw_in, made, noted, picture, remark, say
 from multipendula.completion import words
@@ -47,9 +48,23 @@ DRIVES = ("cart_force", "cart_acceleration")
 
 
 def hoist(options: argparse.Namespace) -> Along | None:
-    """Print lengths and frequencies along a hoist, and the residual swing after combined hoisting and travel."""
-    from modal.errors import SceneError
-    from modal.scene import load
+    """Print lengths and frequencies along a hoist, and the residual swing after combined hoisting and travel.
+
+    For a scene in which ropes change their length: the lengths and the frequencies at each time, and how a slow
+    hoist changes the swing of each mode. With --travel the linear model, which varies in time, is integrated for a
+    cart that travels meanwhile, with and without an input shaper.
+
+    Examples
+    --------
+    hoist hoisting-crane
+        frequencies of the shipped crane along its hoist
+    hoist hoisting-crane --travel 10 --kind zvd
+        the residual swing after a travel of 10 m, with and without shapers
+    hoist hoisting-crane --travel 10 --max-speed 1.5 --max-acceleration 0.4
+        a travel at the speed and the acceleration of the drive
+    hoist hoisting-crane --format csv -o hoist.png
+        numbers, and a picture
+    """
     from modal.statespace.hoisting import frequencies_along
 
     picture(options.output)
@@ -57,8 +72,10 @@ def hoist(options: argparse.Namespace) -> Along | None:
     if options.travel is None:
         refuse(options, "needs --travel METRES", "--kind", "--count")
     if options.travel and options.drive == DRIVES[0]:
-        raise SceneError([f"--drive {options.drive}: a travel prescribes the motion of its cart: leave out --travel"])
-    scene = load(options.scene)
+        raise modal.SceneError(
+            [f"--drive {options.drive}: a travel prescribes the motion of its cart: leave out --travel"]
+        )
+    scene = modal.load(options.scene)
     noted(scene.at(0.0), "mode shapes")
     drive = options.drive or DRIVES[bool(options.travel)]
     along = frequencies_along(scene, options.samples, drive)
@@ -108,7 +125,6 @@ def _written(along: Along, left: tuple[Residual, ...], options: argparse.Namespa
 
 COMMANDS = (
     Command(
-        name="hoist",
         topic="control",
         run=hoist,
         main=("--travel", "--over", "--kind", "--samples", "--output"),
@@ -129,23 +145,6 @@ COMMANDS = (
             "--count (default 1)",
             formats("text", "csv", "json"),
             *report_file("text", "csv", "json"),
-        ),
-        details=(
-            "For a scene in which ropes change their length: the lengths and the frequencies at each time, and how a "
-            "slow hoist changes the swing of each mode. With --travel the linear model, which varies in time, is "
-            "integrated for a cart that travels meanwhile, with and without an input shaper."
-        ),
-        examples=(
-            ("hoist hoisting-crane", "frequencies of the shipped crane along its hoist"),
-            (
-                "hoist hoisting-crane --travel 10 --kind zvd",
-                "the residual swing after a travel of 10 m, with and without shapers",
-            ),
-            (
-                "hoist hoisting-crane --travel 10 --max-speed 1.5 --max-acceleration 0.4",
-                "a travel at the speed and the acceleration of the drive",
-            ),
-            ("hoist hoisting-crane --format csv -o hoist.png", "numbers, and a picture"),
         ),
     ),
 )

@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import modal
+import nonlinear
 from multipendula.command import (
     CREW,
     SCENE,
@@ -34,6 +36,7 @@ from multipendula.commands.shared import (
     remark,
     say,
     scene_bytes,
+    show,
     write_together,
 )
 
@@ -61,26 +64,39 @@ OF_FITTED_MOTIONS = (
 
 
 def fit(options: argparse.Namespace) -> Fit | ModeFit | None:
-    """Fit parameters to measured motions or modes, with error bars, and report what the data do not determine."""
+    """Fit parameters to measured motions or modes, with error bars, and report what the data do not determine.
+
+    Sensors are angles, rates, the cart, places of links' ends and accelerations along and across links. The initial
+    state of every segment, an offset of each sensor and its delay are fitted along with the free numbers. --free
+    same:PLACE is one number for several places, shift:PLACE one that is added to each of theirs. Numbers that the
+    data do not determine are held at the scene's values and named. Standard deviations allow for correlated
+    residuals, and sentences at the end say what the model lacks. The --workers share the laws of --compare.
+
+    Examples
+    --------
+    simulate chain-2 --duration 8 -o run.csv
+        a motion to fit, in place of a measured one
+    fit chain-2 run.csv --free 'pendulum[0].links[0].length' -o fitted.toml --report fit.json
+        a length from it: the scene with the fitted number, and its covariance
+    fit fitted.toml run.csv --free none
+        test a scene as it is: only the start and offsets are fitted
+    """
     from modal.identification import has_modes
-    from modal.scene import load
 
     if options.free is None:
-        raise missing(load(options.scene), "--free", "")
+        raise missing(modal.load(options.scene), "--free", "")
     return (_fit_modes if any(map(has_modes, options.data)) else _fit_motions)(options)
 
 
 def _fit_modes(options: argparse.Namespace) -> ModeFit:
-    from modal.errors import SceneError
     from modal.identification import fit_modes, mode_fit_json, mode_fit_text, read_modes
-    from modal.scene import load
 
     refuse(options, f"applies to measured motions, and {options.data[0]} contains modes", *OF_FITTED_MOTIONS)
     if len(options.data) > 1:
-        raise SceneError(["measured modes are read from a single file"])
+        raise modal.SceneError(["measured modes are read from a single file"])
     picture(options.picture, "--picture")
     in_a_folder(options.output, options.report, options.picture)
-    scene = load(options.scene)
+    scene = modal.load(options.scene)
     measured = read_modes(scene, options.data[0])
     _tell_of_unused(measured.unused)
     fitted = fit_modes(scene, measured, listed(options.free), priors=options.prior or (), loss=options.loss)
@@ -94,15 +110,13 @@ def _fit_modes(options: argparse.Namespace) -> ModeFit:
 
 def _fit_motions(options: argparse.Namespace) -> Fit | None:
     from modal.identification import find_parameters
-    from modal.scene import load
     from nonlinear.identification import compare, fit_json, fit_text
     from nonlinear.identification import fit as fitted
-    from nonlinear.integration import validate
 
-    scene, draws = load(options.scene), options.bootstrap or 0
+    scene, draws = modal.load(options.scene), options.bootstrap or 0
     free = listed(options.free)
     more = kwargs_of(options, "--scale", "--shift", "--loss", "--prior", "--window")
-    _, recording, *_ = validate(
+    _, recording, *_ = nonlinear.integration.validate(
         lambda: find_parameters(scene, free, options.prior or ()),
         lambda: _recording(options, scene),
         lambda: picture(options.picture, "--picture"),
@@ -139,17 +153,34 @@ def _recording(options: argparse.Namespace, scene: Scene | None) -> Recording:
 
 
 def poles(options: argparse.Namespace) -> Identified | Assurance:
-    """Find frequencies, damping ratios and shapes in measured motions; with a scene, compare them with its modes."""
-    from modal.errors import SceneError
+    """Find frequencies, damping ratios and shapes in measured motions; with a scene, compare them with its modes.
+
+    Free decays are realized by the eigensystem realization algorithm (Juang & Pappa 1985), and the poles then
+    fitted to the records themselves; for responses to random excitation the correlations are realized instead.
+    Frequencies are natural frequencies, as in the table of modes. The picture shows which poles are stable over its
+    order. With --scene, every measured mode is paired with the computed one most similar to it, without shapes with
+    that of the nearest frequency: the modal assurance criterion (MAC) is 1 where two shapes are equal up to a
+    factor, and 0 where they are orthogonal.
+
+    Examples
+    --------
+    simulate chain-2 --start angles:2,5 --duration 20 -o run.csv
+        a small swing to measure
+    poles run.csv -o poles.png --identified-modes modes.csv
+        its two modes, and as a file
+    poles modes.csv --scene chain-2 -o mac.png
+        compared with those of a scene
+    poles run.csv --format json
+        with shapes, standard deviations and the poles of all orders
+    """
     from modal.identification import has_modes, poles_table
-    from modal.scene import load
 
     picture(options.output)
     in_a_folder(options.output, options.identified_modes)
-    scene = noted(load(options.scene)) if options.scene else None
+    scene = noted(modal.load(options.scene)) if options.scene else None
     if any(map(has_modes, options.data)):
         if scene is None or len(options.data) > 1:
-            raise SceneError([f"{options.data[0]}: contains modes: give a single such file, and --scene SCENE"])
+            raise modal.SceneError([f"{options.data[0]}: contains modes: give a single such file, and --scene SCENE"])
         refuse(options, f"applies to measured motions, and {options.data[0]} contains modes", *OF_MOTIONS)
         return _compare(options, scene, None)
     identified, title = _identified(options)
@@ -180,14 +211,13 @@ def _identified(options: argparse.Namespace) -> tuple[Identified, str]:
 def _compare(options: argparse.Namespace, scene: Scene, table: str | None) -> Assurance:
     """MAC matrix, pairs and errors of frequencies of the modes in a table, or else in the file."""
     from modal.identification import assurance_table, compare_modes, parse_modes, read_modes
-    from modal.modes import natural_modes
 
     (name, *_) = options.data
     measured = read_modes(scene, name) if table is None else parse_modes(scene, name, table)
     _tell_of_unused(measured.unused)
-    comparison = compare_modes(natural_modes(scene), measured)
-    draw_in(options, options.output, "modal.plotting", "assurance_figure", comparison)
-    say(assurance_table(comparison, options.format), options.format)
+    comparison = compare_modes(modal.natural_modes(scene), measured)
+    text = assurance_table(comparison, options.format)
+    show(options, text, "assurance_figure", comparison, room="modal.plotting")
     return comparison
 
 
@@ -203,7 +233,6 @@ def _tell_of_unused(columns: Sequence[str]) -> None:
 
 COMMANDS = (
     Command(
-        name="fit",
         topic="measurements",
         run=fit,
         main=("--free", "--output", "--report", "--picture", "--compare"),
@@ -224,25 +253,8 @@ COMMANDS = (
             *CREW,
             formats("text", "json"),
         ),
-        details=(
-            "Sensors are angles, rates, the cart, places of links' ends and accelerations along and across links. "
-            "The initial state of every segment, an offset of each sensor and its delay are fitted along with the free "
-            "numbers. --free same:PLACE is one number for several places, shift:PLACE one that is added to each of "
-            "theirs. Numbers that the data do not determine are held at the scene's values and named. Standard "
-            "deviations allow for correlated residuals, and sentences at the end say what the model lacks. The "
-            "--workers share the laws of --compare."
-        ),
-        examples=(
-            ("simulate chain-2 --duration 8 -o run.csv", "a motion to fit, in place of a measured one"),
-            (
-                "fit chain-2 run.csv --free 'pendulum[0].links[0].length' -o fitted.toml --report fit.json",
-                "a length from it: the scene with the fitted number, and its covariance",
-            ),
-            ("fit fitted.toml run.csv --free none", "test a scene as it is: only the start and offsets are fitted"),
-        ),
     ),
     Command(
-        name="poles",
         topic="measurements",
         run=poles,
         main=("--output", "--identified-modes", "--scene", "--excitation", "--format"),
@@ -256,23 +268,6 @@ COMMANDS = (
             formats("text", "csv", "json"),
             "--identified-modes",
             *report_file("text", "csv", "json"),
-        ),
-        details=(
-            "Free decays are realized by the eigensystem realization algorithm (Juang & Pappa 1985), and the poles "
-            "then fitted to the records themselves; for responses to random excitation the correlations are realized "
-            "instead. Frequencies are natural frequencies, as in the table of modes. The picture shows which poles are "
-            "stable over its order. With --scene, every measured mode is paired with the computed one most similar to "
-            "it, without shapes with that of the nearest frequency: the modal assurance criterion (MAC) is 1 where two "
-            "shapes are equal up to a factor, and 0 where they are orthogonal."
-        ),
-        examples=(
-            (
-                "simulate chain-2 --start angles:2,5 --duration 20 -o run.csv",
-                "a small swing to measure",
-            ),
-            ("poles run.csv -o poles.png --identified-modes modes.csv", "its two modes, and as a file"),
-            ("poles modes.csv --scene chain-2 -o mac.png", "compared with those of a scene"),
-            ("poles run.csv --format json", "with shapes, standard deviations and the poles of all orders"),
         ),
     ),
 )

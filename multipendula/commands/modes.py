@@ -7,6 +7,7 @@ import sys
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
+import modal
 from multipendula.command import SCENE, THEME, Command, main_file, option, text_file
 from multipendula.commands.shared import about, bar, chosen, drawn, large, made, noted, output, picture
 from multipendula.completion import words
@@ -32,21 +33,40 @@ LONG_CHAIN = 2000
 
 
 def table(options: argparse.Namespace) -> Modes | None:
-    """Print the table of modes."""
-    from modal.errors import SceneError
-    from modal.modes import tables
+    """Print the table of modes.
+
+    One row per mode: frequency and period, multiplicity, description, participation of the cart, modal effective
+    mass (on a free cart with the cart held), the angle up to which the linear frequency is accurate to 1 %, and a
+    bound on the relative error. Dampers and drag add damping ratios, an inverted equilibrium growth rates; dry
+    friction is neglected, except in the damping ratio that --amplitude adds. Columns that do not apply to the scene
+    are omitted. A narrow terminal omits, in this order, the bound, shares and masses, participation, multiplicity,
+    period, 1 % angle and frequency in Hz, and names them; a pipe or a file gets all.
+
+    Examples
+    --------
+    table paper-cart-2
+        every mode of two double pendula on a cart
+    table rope --modes 1:5
+        the first five modes of a rope of 1000 links
+    table crane-hook --columns +cumulative --sensitivities
+        what a change of each number does
+    table tower --energies
+        which link moves, which spring holds, which damper damps
+    table paper-cart-2 --format json --shapes
+        in full precision, with shapes and energy shares
+    """
     from modal.report import limit
 
     if options.places:
         _list_places(options)
         return None
     if options.shapes and options.format != "json":
-        raise SceneError(["--shapes: needs --format json"])
+        raise modal.SceneError(["--shapes: needs --format json"])
     modes, every = _modes(options, options.relative_error)
     rest = limit() if options.format == "text" and options.output is None else None
     numbers = every[: rest.rows] if rest else every
     rows = list(_with_progress(modes.rows(numbers), len(numbers)))
-    starred = f"{tables.GUIDE} (`--orbits` computes it)"
+    starred = f"{modal.modes.tables.GUIDE} (`--orbits` computes it)"
     stds = proofs = None
     if options.orbits or options.covariance or options.prove:
         from multipendula.commands.evidence import evidence
@@ -56,7 +76,7 @@ def table(options: argparse.Namespace) -> Modes | None:
         more = {"shapes": options.shapes, "starred": starred, "amplitude_deg": options.amplitude, "stds": stds}
         more |= {"proofs": proofs, "sensitive": options.sensitivities, "energies": options.energies}
         more |= {"chosen": options.columns or "", "elsewhere": ELSEWHERE, "left": len(every) - len(numbers)}
-        write(tables.table(modes, rows, options.format, **more))
+        write(modal.modes.tables.table(modes, rows, options.format, **more))
     if options.explain:
         from modal.modes.solution_report import report_solution
 
@@ -67,20 +87,34 @@ def table(options: argparse.Namespace) -> Modes | None:
 
 def _list_places(options: argparse.Namespace) -> None:
     """The numbers of the scene by their places."""
-    from modal.errors import SceneError
     from modal.report import folded
-    from modal.scene import load
     from modal.scene.number_names import numbers_table
 
     if options.format not in REPORTS:
-        raise SceneError([f"--format {options.format}: --places takes {', '.join(REPORTS)}"])
+        raise modal.SceneError([f"--format {options.format}: --places takes {', '.join(REPORTS)}"])
     with output(options.output) as write:
-        text = numbers_table(load(options.scene), options.format)
+        text = numbers_table(modal.load(options.scene), options.format)
         write(folded(text) if options.format == "text" else text)
 
 
 def shapes(options: argparse.Namespace) -> Figure | None:
-    """Draw the mode shapes, or film the modes."""
+    """Draw the mode shapes, or film the modes.
+
+    One panel per mode, drawn with the largest angle that you choose. For a repeated frequency one shape of each
+    kind is shown. For more than 12 pendula, angles are drawn against the number of the pendulum. In a film (GIF,
+    MP4 with the extra `video`, HTML) every mode swings once a loop, whatever its period, and the loop has no seam.
+
+    Examples
+    --------
+    shapes paper-cart-2 -o shapes.png
+        every mode
+    shapes rope --modes 1:4 -o rope.svg
+        the first four, as vector graphics
+    shapes paper-cart-2 -o modes.gif
+        modes that move
+    shapes crane-hook --amplitude 10 -o hook.pdf
+        with a largest angle of 10 degrees
+    """
     form = picture(options.output, kinds=PICTURES + FILMS)
     modes, numbers = _modes(options)
     about(noted(modes.scene, "mode shapes"))
@@ -103,13 +137,22 @@ def shapes(options: argparse.Namespace) -> Figure | None:
 
 
 def matrices(options: argparse.Namespace) -> Matrices:
-    """Print M, K and D."""
-    from modal.assembly import matrices as matrices_of
-    from modal.assembly.linearization import matrices_table
-    from modal.scene import load
+    """Print M, K and D.
 
-    scene = about(noted(load(options.scene), "mode shapes"))
-    dense = matrices_of(scene)
+    Mass, damping and stiffness matrices about the scene's equilibrium, M q'' + D q' + K q = 0, with the names of
+    the coordinates: x of the cart, then the absolute angle of every link of every copy.
+
+    Examples
+    --------
+    matrices chain-3
+        a chain of three bobs
+    matrices paper-cart-2 --format json -o paper.json
+        in full precision, with coordinate names
+    """
+    from modal.assembly.linearization import matrices_table
+
+    scene = about(noted(modal.load(options.scene), "mode shapes"))
+    dense = modal.matrices(scene)
     with output(options.output) as write:
         write(matrices_table(scene, dense, options.format))
     return dense
@@ -117,13 +160,10 @@ def matrices(options: argparse.Namespace) -> Matrices:
 
 def _modes(options: argparse.Namespace, accuracy: float | None = None) -> tuple[Modes, Sequence[int]]:
     """The modes, of a long chain no more than are needed, and the places of those to be shown."""
-    from modal.modes import natural_modes
-    from modal.scene import load
-
-    scene = large(load(options.scene))
+    scene = large(modal.load(options.scene))
     last = chosen(options.modes, sys.maxsize).stop
     lowest = slice(0, last) if scene.n_links > LONG_CHAIN and last < sys.maxsize else None
-    modes = natural_modes(scene, accuracy=accuracy, modes=lowest)
+    modes = modal.natural_modes(scene, accuracy=accuracy, modes=lowest)
     return modes, chosen(options.modes, len(modes))
 
 
@@ -138,7 +178,6 @@ def _with_progress(rows: Iterator[Mode], total: int) -> Iterable[Mode]:
 
 COMMANDS = (
     Command(
-        name="table",
         topic="modes",
         run=table,
         main=("--modes", "--columns", "--format", "--amplitude", "--output"),
@@ -162,25 +201,8 @@ COMMANDS = (
             "--prove, which `check_proof.py` re-checks",
             "--explain",
         ),
-        details=(
-            "One row per mode: frequency and period, multiplicity, description, participation of the cart, modal "
-            "effective mass (on a free cart with the cart held), the angle up to which the linear frequency is "
-            "accurate to 1 %, and a bound on the relative error. Dampers and drag add damping ratios, an inverted "
-            "equilibrium growth rates; dry friction is neglected, except in the damping ratio that --amplitude adds. "
-            "Columns that do not apply to the scene are omitted. A narrow terminal omits, in this order, the bound, "
-            "shares and masses, participation, multiplicity, period, 1 % angle and frequency in Hz, and names them; "
-            "a pipe or a file gets all."
-        ),
-        examples=(
-            ("table paper-cart-2", "every mode of two double pendula on a cart"),
-            ("table rope --modes 1:5", "the first five modes of a rope of 1000 links"),
-            ("table crane-hook --columns +cumulative --sensitivities", "what a change of each number does"),
-            ("table tower --energies", "which link moves, which spring holds, which damper damps"),
-            ("table paper-cart-2 --format json --shapes", "in full precision, with shapes and energy shares"),
-        ),
     ),
     Command(
-        name="shapes",
         topic="modes",
         run=shapes,
         main=("--output", "--modes", "--amplitude", "--theme"),
@@ -191,33 +213,11 @@ COMMANDS = (
             "--modes, counted from 1 (default the first 12)",
             option("--amplitude in its drawing (default 25)", default=25.0),
         ),
-        details=(
-            "One panel per mode, drawn with the largest angle that you choose. For a repeated frequency one shape of "
-            "each kind is shown. For more than 12 pendula, angles are drawn against the number of the pendulum. In a "
-            "film (GIF, "
-            "MP4 with the extra `video`, HTML) every mode swings once a loop, whatever its "
-            "period, and the loop has no seam."
-        ),
-        examples=(
-            ("shapes paper-cart-2 -o shapes.png", "every mode"),
-            ("shapes rope --modes 1:4 -o rope.svg", "the first four, as vector graphics"),
-            ("shapes paper-cart-2 -o modes.gif", "modes that move"),
-            ("shapes crane-hook --amplitude 10 -o hook.pdf", "with a largest angle of 10 degrees"),
-        ),
     ),
     Command(
-        name="matrices",
         topic="modes",
         run=matrices,
         main=("--format", "--output"),
         takes=(SCENE, *text_file("text", "json")),
-        details=(
-            "Mass, damping and stiffness matrices about the scene's equilibrium, M q'' + D q' + K q = 0, with the "
-            "names of the coordinates: x of the cart, then the absolute angle of every link of every copy."
-        ),
-        examples=(
-            ("matrices chain-3", "a chain of three bobs"),
-            ("matrices paper-cart-2 --format json -o paper.json", "in full precision, with coordinate names"),
-        ),
     ),
 )

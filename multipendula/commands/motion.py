@@ -9,6 +9,8 @@ from dataclasses import replace
 from time import perf_counter
 from typing import TYPE_CHECKING
 
+import modal
+import nonlinear
 from multipendula.command import RUN, THEME, Command, formats, kwargs_of, main_file, refuse
 from multipendula.commands.runs import RunOptions, motion, recorded, start_of, whole
 from multipendula.commands.shared import (
@@ -46,7 +48,31 @@ OF_COMPILING = ("--compile", "--tolerance", "--format", "--output", "--quiet")
 
 
 def simulate(options: argparse.Namespace) -> Trajectory | Compilation | Tube:
-    """Simulate the motion at large angles, with checks of its accuracy."""
+    """Simulate the motion at large angles, with checks of its accuracy.
+
+    The full equations at any angle, with checks of the run: the drift of energy, momentum and constraints. The
+    initial condition is the scene's own, a mode at an amplitude, or angles at rest. A saved run is continued. With
+    --accuracy, the cheapest method that meets it is found: modes in closed form for small motions, a few modes for
+    long chains, otherwise integration; every attempt is listed, the last with evidence that its error is below
+    that. With --proved every number has a radius within which the motion provably lies; a saved run contains the
+    midpoints. numba (extra `fast`) and heyoka (extra `taylor`) are many times faster than Python once compiled,
+    which takes seconds to a minute for each form of scene: commands compile where that pays off, --compile does so
+    in advance. The scene's numbers may change afterwards, as long as none becomes or ceases to be zero; heyoka's
+    code holds for one tolerance.
+
+    Examples
+    --------
+    simulate paper-cart-3 --duration 20 -o run.npz
+        from the scene's own start: level links at rest
+    simulate chain-2 --start angles:60,0 --duration 10 --accuracy 1e-6
+        every angle accurate to a microradian, and what was tried for it
+    simulate chain-2 --proved --duration 2 --accuracy 1e-20
+        at 11 times, with 20 proved digits
+    simulate run.npz --duration 10 -o more.npz
+        continue the saved run
+    simulate chain-2 --compile
+        before many runs of double pendulums
+    """
     if options.compile:
         return _compile(options)
     if options.scene is None:
@@ -54,26 +80,23 @@ def simulate(options: argparse.Namespace) -> Trajectory | Compilation | Tube:
     if options.proved:
         return _enclose(options)
     from modal.report import visible
-    from modal.scene import STANDARD
-    from nonlinear import files as recordings
-    from nonlinear.integration import SimulationError
     from nonlinear.postprocessing import summary
 
     band = _banded(options)
     begun = perf_counter()
     try:
         trajectory = _trajectory(options)
-    except SimulationError as error:
+    except nonlinear.SimulationError as error:
         if options.output:
             place = _place_of_part(options.output)
-            recordings.save(error.trajectory, place)
+            nonlinear.files.save(error.trajectory, place)
             remark(f"the computed part is saved in {visible(place)}")
         raise
     spent = perf_counter() - begun
     output = _place_of_part(options.output) if options.output and trajectory.run.interrupted else options.output
     if output:
-        recordings.save(trajectory, output)
-    target = "standard output" if output == STANDARD else output
+        nonlinear.files.save(trajectory, output)
+    target = "standard output" if output == modal.scene.STANDARD else output
     if options.format == "text":
         say(f"{summary.text(trajectory, ropes=not options.quiet)}\n")
         say(f"computed in {spent:.3g} s" + (f", saved in {visible(target)}\n" if output else "\n"))
@@ -88,24 +111,21 @@ def simulate(options: argparse.Namespace) -> Trajectory | Compilation | Tube:
 
 def _trajectory(options: argparse.Namespace) -> Trajectory:
     """The run; of a scene with --accuracy, the attempts to meet it are printed first."""
-    from modal.scene import kind_of
-
     told = RunOptions.of(options)
 
     def named() -> None:
         if options.output:
-            kind_of(options.output, WRITTEN, "-o ")
+            modal.scene.kind_of(options.output, WRITTEN, "-o ")
 
     if options.accuracy is None or options.keep_modes or recorded(options.scene):
         refuse(options, "needs --accuracy RAD of a scene, --proved or --compile", "--format")
         return told.run(named)
     refuse(options, "cannot be combined with --accuracy", "--tolerance")
     from nonlinear.accuracy import advice_table
-    from nonlinear.simulation import certain
 
     advice = told.advice(named)
     say(advice_table(advice, options.format) + "\n" * (options.format == "text"), options.format)
-    return certain(advice)
+    return nonlinear.simulation.certain(advice)
 
 
 def _place_of_part(output: str) -> str:
@@ -118,18 +138,15 @@ def _place_of_part(output: str) -> str:
 
 def _banded(options: argparse.Namespace) -> Estimate | None:
     """The covariance of the scene's numbers, once the name of a picture of the band is right."""
-    from modal.errors import SceneError
-    from modal.scene import load
-
     if options.covariance is None:
         if options.band:
-            raise SceneError(["--band: needs --covariance FIT.json"])
+            raise modal.SceneError(["--band: needs --covariance FIT.json"])
         return None
     if recorded(options.scene):
-        raise SceneError([f"--covariance: needs the scene that was fitted, and {options.scene} is a saved run"])
+        raise modal.SceneError([f"--covariance: needs the scene that was fitted, and {options.scene} is a saved run"])
     if options.keep_modes:
-        raise SceneError(["--covariance: cannot be combined with --keep-modes"])
-    estimate = estimate_of(load(options.scene), options.covariance)
+        raise modal.SceneError(["--covariance: cannot be combined with --keep-modes"])
+    estimate = estimate_of(modal.load(options.scene), options.covariance)
     in_a_folder(options.band)
     picture(options.band, "--band")
     return estimate
@@ -152,7 +169,21 @@ def _print_band(options: argparse.Namespace, estimate: Estimate) -> None:
 
 
 def plot(options: argparse.Namespace) -> Figure | None:
-    """Draw a run: angles, cart, energies, phase portrait, and spectrum with the linear frequencies."""
+    """Draw a run: angles, cart, energies, phase portrait, and spectrum with the linear frequencies.
+
+    The run is a saved one, or of a scene that is simulated first: without --duration for as long as the spectrum
+    takes to separate its modes, 100 s at most. Dotted lines in the spectrum are the frequencies of the table of
+    modes. Links that move alike share a curve; of many, some are drawn with the range of all.
+
+    Examples
+    --------
+    simulate paper-cart-3 --duration 10 -o run.npz
+        a run to draw
+    plot run.npz -o run.png
+        angles, cart, energies, phase portrait, spectrum
+    plot chain-2 --start mode:1:30 --duration 10 -o mode.svg
+        simulate and plot at once
+    """
     run = replace(RunOptions.of(options), resolves_modes=True)
     trajectory = run.shown(lambda: picture(options.output))
     if options.output is None:
@@ -164,7 +195,20 @@ def plot(options: argparse.Namespace) -> Figure | None:
 
 
 def animate(options: argparse.Namespace) -> None:
-    """Make a film of a run: the pendula, their trails and their energies."""
+    """Make a film of a run: the pendula, their trails and their energies.
+
+    The run is a saved one, or of a scene that is simulated first. A GIF plays everywhere, MP4 needs the extra
+    `video`, HTML is a page with controls.
+
+    Examples
+    --------
+    simulate chain-2 --start angles:90,90 --duration 4 -o run.npz
+        a run to film
+    animate run.npz --seconds 2 -o run.gif
+        the first two seconds of film
+    animate run.npz --speed 4 --fps 15 -o fast.html
+        all of it at four times real speed, with controls
+    """
     from nonlinear.plotting import animate as film
 
     trajectory = RunOptions.of(options).shown(lambda: film_form(options.output))
@@ -185,34 +229,29 @@ def _take_only(options: argparse.Namespace, flag: str, *names: str) -> None:
 
 def _form_of_report(options: argparse.Namespace, kinds: Sequence[str]) -> Form:
     """The format of a report, by the name of its file unless one is requested; SceneError for other kinds of files."""
-    from modal.scene import STANDARD, kind_of
-
     form: Form = options.format
-    if not options.output or options.output == STANDARD:
+    if not options.output or options.output == modal.scene.STANDARD:
         return form
-    kind = kind_of(options.output, kinds, "-o ")
+    kind = modal.scene.kind_of(options.output, kinds, "-o ")
     return "json" if kind == "json" and not getattr(options, "format_asked", False) else form
 
 
 def _enclose(options: argparse.Namespace) -> Tube:
     """A tube that provably contains the motion; a file of a run has its midpoints."""
-    from modal.errors import SceneError
-    from modal.scene import load
-    from nonlinear import files as recordings
-    from nonlinear.integration import enclose_motion
-
     _take_only(options, "--proved", *OF_TUBES)
     if recorded(options.scene):
-        raise SceneError([f"--proved: needs a scene, and {options.scene} is a saved run"])
+        raise modal.SceneError([f"--proved: needs a scene, and {options.scene} is a saved run"])
     form = _form_of_report(options, (*WRITTEN, *COMPILED))
     in_a_folder(options.output)
-    scene, duration = load(options.scene), options.duration or 10.0
+    scene, duration = modal.load(options.scene), options.duration or 10.0
     start, how = start_of(scene, options.start), kwargs_of(options, "--samples")
     with bar(duration) as report:
-        tube = enclose_motion(scene, duration, radius=options.accuracy or 1e-10, start=start, report=report, **how)
+        tube = nonlinear.integration.enclose_motion(
+            scene, duration, radius=options.accuracy or 1e-10, start=start, report=report, **how
+        )
     is_run = options.output is not None and options.output.lower().endswith(tuple(f".{kind}" for kind in WRITTEN))
     if is_run:
-        recordings.save(tube.trajectory, options.output)
+        nonlinear.files.save(tube.trajectory, options.output)
     with output(None if is_run else options.output) as write:
         write(tube.report(form))
     return tube
@@ -220,20 +259,18 @@ def _enclose(options: argparse.Namespace) -> Tube:
 
 def _compile(options: argparse.Namespace) -> Compilation:
     """Compile what the fast integrators need for a scene, or for any, and keep it for later commands."""
-    from modal.scene import load
-    from nonlinear.ensembles import compilation_table, compile_engines
-
     _take_only(options, "--compile", *OF_COMPILING)
     form = _form_of_report(options, COMPILED)
-    compiled = compile_engines(load(options.scene) if options.scene else None, **kwargs_of(options, "--tolerance"))
+    compiled = nonlinear.compile_engines(
+        modal.load(options.scene) if options.scene else None, **kwargs_of(options, "--tolerance")
+    )
     with output(options.output) as write:
-        write(compilation_table(compiled, form))
+        write(nonlinear.ensembles.compilation_table(compiled, form))
     return compiled
 
 
 COMMANDS = (
     Command(
-        name="simulate",
         topic="motion",
         run=simulate,
         main=("--duration", "--start", "--accuracy", "--samples", "--output"),
@@ -249,48 +286,14 @@ COMMANDS = (
             main_file("the motion; of --compile the report", (*WRITTEN, *COMPILED)),
             "--explain",
         ),
-        details=(
-            "The full equations at any angle, with checks of the run: the drift of energy, momentum and constraints. "
-            "The initial condition is the scene's own, a mode at an amplitude, or angles at rest. A saved run is "
-            "continued. With --accuracy, the cheapest method that meets it is found: modes in closed form for small "
-            "motions, a few modes for long chains, otherwise integration; every attempt is listed, the last with "
-            "evidence that its error is below that. With --proved every number has a radius within which the motion "
-            "provably lies; a saved run contains the midpoints. numba (extra `fast`) and heyoka (extra `taylor`) are "
-            "many times faster than Python once compiled, which takes seconds to a minute for each form of scene: "
-            "commands compile where that pays off, --compile does so in advance. The scene's numbers may change "
-            "afterwards, as long as none becomes or ceases to be zero; heyoka's code holds for one tolerance."
-        ),
-        examples=(
-            ("simulate paper-cart-3 --duration 20 -o run.npz", "from the scene's own start: level links at rest"),
-            (
-                "simulate chain-2 --start angles:60,0 --duration 10 --accuracy 1e-6",
-                "every angle accurate to a microradian, and what was tried for it",
-            ),
-            ("simulate chain-2 --proved --duration 2 --accuracy 1e-20", "at 11 times, with 20 proved digits"),
-            ("simulate run.npz --duration 10 -o more.npz", "continue the saved run"),
-            ("simulate chain-2 --compile", "before many runs of double pendulums"),
-        ),
     ),
     Command(
-        name="plot",
         topic="motion",
         run=plot,
         main=("--output", "--duration", "--start"),
         takes=(*motion(20.0), main_file("the figure", PICTURES, "-plot.png"), THEME),
-        details=(
-            "The run is a saved one, or of a scene that is simulated first: without --duration for as long as the "
-            "spectrum takes to separate its modes, 100 s at most. Dotted lines in the spectrum are the "
-            "frequencies of the table of modes. Links that move alike share a curve; of many, some are drawn with "
-            "the range of all."
-        ),
-        examples=(
-            ("simulate paper-cart-3 --duration 10 -o run.npz", "a run to draw"),
-            ("plot run.npz -o run.png", "angles, cart, energies, phase portrait, spectrum"),
-            ("plot chain-2 --start mode:1:30 --duration 10 -o mode.svg", "simulate and plot at once"),
-        ),
     ),
     Command(
-        name="animate",
         topic="motion",
         run=animate,
         main=("--output", "--duration", "--speed", "--seconds", "--start"),
@@ -301,15 +304,6 @@ COMMANDS = (
             "--speed (default 1)",
             "--seconds (default 20)",
             THEME,
-        ),
-        details=(
-            "The run is a saved one, or of a scene that is simulated first. A GIF plays everywhere, MP4 needs the "
-            "extra `video`, HTML is a page with controls."
-        ),
-        examples=(
-            ("simulate chain-2 --start angles:90,90 --duration 4 -o run.npz", "a run to film"),
-            ("animate run.npz --seconds 2 -o run.gif", "the first two seconds of film"),
-            ("animate run.npz --speed 4 --fps 15 -o fast.html", "all of it at four times real speed, with controls"),
         ),
     ),
 )

@@ -6,12 +6,13 @@ import argparse
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+import modal
+import nonlinear
 from multipendula.command import CREW, SCENE, Command, formats, misfits, once, report_file
 from multipendula.commands.runs import start_of, whole
 from multipendula.commands.shared import bar, crew_of, draw_in, drawn, film_form, noted, remark, say, validated, warned
 
 if TYPE_CHECKING:
-    from modal.errors import ComputationError
     from modal.scene import Scene
     from modal.types import Crew
     from nonlinear.orbits import Branch, Special
@@ -22,7 +23,31 @@ SETTLING_PERIODS = 100
 
 
 def orbits(options: argparse.Namespace) -> tuple[Branch, ...]:
-    """Follow periodic orbits: a mode to large angles, or limit cycles along a number, with their stability."""
+    """Follow periodic orbits: a mode to large angles, or limit cycles along a number, with their stability.
+
+    With --mode, the periodic motions that begin in a mode of the table, without dampers and drives, are followed to
+    large angles: the frequency against the amplitude (backbone), and at which angle the motion loses its stability.
+    With --vary, the limit cycles of a scene with drives are followed along one number, through their folds (sync
+    --vary finds sooner where they begin and end; sweep --loci follows small motion), or the motions of a scene
+    under forces or on a moved support that repeat with the period of these; with both, the mode's orbit of one
+    amplitude. Every orbit closes in the full equations, its stability is that of its Floquet multipliers, and
+    folds, branch points, period doublings and tori are located. A branch is followed from orbit to orbit, by one
+    process; the limit cycles from one end of a range, and the branches that --enter follows, are shared among the
+    --workers.
+
+    Examples
+    --------
+    orbits chain-2 --mode 1 --largest-angle 120 -o backbone.png
+        the slow mode of two rods, to 120 degrees
+    orbits paper-cart-2 --mode 3 --largest-angle 60 --format json
+        every orbit with its multipliers
+    orbits metronomes --vary support.mass=0.5:5:2log -o cycles.png
+        two metronomes in phase and in antiphase, on beams of 0.5 to 5 kg
+    orbits shaken-pendulum --vary support.motion.frequency_hz=0.40:0.55:2 -o resonance.png
+        largest angle against frequency of a pendulum on a shaken support
+    """
+    from nonlinear.orbits import oscillating
+
     scene = warned(validated(options, options.output, _misfits(options)), "a periodic orbit")
     if not (options.mode or options.vary):
         options.mode = _first_mode(scene)
@@ -32,30 +57,27 @@ def orbits(options: argparse.Namespace) -> tuple[Branch, ...]:
         for _ in range((options.depth or 1) if options.enter else 0):
             newest = tuple(_entered(newest, crew))
             branches = (*branches, *newest)
-    say(_told(scene, branches, options), options.format)
-    if options.output:
-        from nonlinear.orbits import oscillating
-
-        mode = None
-        if options.mode and not options.vary:
-            modes, row = oscillating(scene, options.mode)
-            mode = modes[row]
-        draw_in(options, options.output, "nonlinear.plotting", "orbits_figure", scene, branches, mode=mode)
+    modes, row = oscillating(scene, options.mode) if options.mode and not options.vary else (None, 0)
+    say(_text(scene, branches, branches[0].linear if modes else None, options.format), options.format)
+    mode = modes[row] if modes else None
+    draw_in(options, options.output, "nonlinear.plotting", "orbits_figure", scene, branches, mode=mode)
     if options.film:
-        _film(scene, branches, options)
+        from nonlinear.plotting import film_orbit
+
+        form, orbit = film_form(options.film, "--film"), branches[0].orbits[-1]
+        with drawn(options.film, options.theme) as stream, bar(10) as report:
+            film_orbit(orbit, stream, form, modes=modes, row=row, report=report)
     return branches
 
 
 def _first_mode(scene: Scene) -> int:
     """The number of the first mode that has periodic orbits."""
-    from modal.errors import SceneError
-    from modal.modes import natural_modes
     from nonlinear.orbits import oscillating
 
-    for number in range(1, len(natural_modes(scene)) + 1):
+    for number in range(1, len(modal.natural_modes(scene)) + 1):
         try:
             oscillating(scene, number)
-        except SceneError:
+        except modal.SceneError:
             continue
         remark(f"of mode {number}: --mode R follows another, --vary PLACE=VALUES orbits along a number")
         return number
@@ -95,7 +117,6 @@ def _mode(scene: Scene, options: argparse.Namespace) -> tuple[Branch, ...]:
 
 
 def _cycles(scene: Scene, options: argparse.Namespace, crew: Crew) -> tuple[Branch, ...]:
-    from modal.errors import SceneError
     from modal.scene.parameters import parse_variations
     from nonlinear.orbits import follow_cycles, follow_forced_orbits, require_cycles, require_forced_orbits
 
@@ -107,7 +128,7 @@ def _cycles(scene: Scene, options: argparse.Namespace, crew: Crew) -> tuple[Bran
         with bar(0, "branches") as report:
             return follow_forced_orbits(scene, variation, start=begun, periods=periods, report=report)
     if options.periods:
-        raise SceneError(['--periods: needs a [[force]], or a support of kind = "moved"'])
+        raise modal.SceneError(['--periods: needs a [[force]], or a support of kind = "moved"'])
     require_cycles(scene, variation)
     start = _settled(scene, variation.path, variation.values[0], options) if options.settled else None
     with bar(0, "branches") as report:
@@ -121,27 +142,23 @@ def _settled(scene: Scene, path: str, value: float, options: argparse.Namespace)
     """
     from math import ceil, pi
 
-    from modal.scene import drive_period
     from modal.scene.parameters import vary
-    from nonlinear.integration import modes_of
     from nonlinear.orbits import last_swing
-    from nonlinear.simulation import simulate
 
     here = vary(scene, {path: value})
-    slowest = min(float(omega) for omega in modes_of(here).omega if omega > 0)
+    slowest = min(float(omega) for omega in nonlinear.integration.modes_of(here).omega if omega > 0)
     duration = options.duration or SETTLING_PERIODS * 2 * pi / slowest
-    period = drive_period(here).seconds * (options.periods or 1) if here.is_forced else None
+    period = modal.scene.drive_period(here).seconds * (options.periods or 1) if here.is_forced else None
     if period:
         duration = ceil(duration / period) * period
     with bar(duration) as report:
-        run = whole(simulate(here, duration, start=start_of(here, options.start), report=report))
+        run = whole(nonlinear.simulate(here, duration, start=start_of(here, options.start), report=report))
     if period:
         return run.final, period
     return run.final, last_swing(run.times, run.motion)
 
 
 def _entered(branches: tuple[Branch, ...], crew: Crew) -> Iterator[Branch]:
-    from modal.errors import ComputationError
     from modal.types import map_by_crew
     from nonlinear.orbits import LEAVES
 
@@ -149,51 +166,32 @@ def _entered(branches: tuple[Branch, ...], crew: Crew) -> Iterator[Branch]:
     with bar(len(left), "branch") as report:
         for done, entry in enumerate(map_by_crew(_entered_at, left, crew), 1):
             report(done)
-            if isinstance(entry, ComputationError):
+            if isinstance(entry, modal.ComputationError):
                 remark(entry)
             else:
                 yield entry
 
 
-def _entered_at(left: tuple[Branch, Special]) -> Branch | ComputationError:
-    from modal.errors import ComputationError
+def _entered_at(left: tuple[Branch, Special]) -> Branch | modal.ComputationError:
     from nonlinear.orbits import leaving_branch
 
     try:
         return leaving_branch(*left)
-    except ComputationError as error:
+    except modal.ComputationError as error:
         return error
 
 
-def _told(scene: Scene, branches: tuple[Branch, ...], options: argparse.Namespace) -> str:
+def _text(scene: Scene, branches: tuple[Branch, ...], linear: float | None, form: str) -> str:
     from modal.report import as_json
-    from nonlinear.orbits import orbits_csv, orbits_record, orbits_text, oscillating
+    from nonlinear.orbits import orbits_csv, orbits_record, orbits_text
 
-    if options.format == "json":
+    if form == "json":
         return as_json(orbits_record(branches))
-    if options.format == "csv":
-        return orbits_csv(branches)
-    linear = None
-    if options.mode and not options.vary:
-        modes, row = oscillating(scene, options.mode)
-        linear = float(modes.omega[row])
-    return orbits_text(scene, branches, linear)
-
-
-def _film(scene: Scene, branches: tuple[Branch, ...], options: argparse.Namespace) -> None:
-    from nonlinear.orbits import oscillating
-    from nonlinear.plotting import film_orbit
-
-    modes, row = oscillating(scene, options.mode) if options.mode and not options.vary else (None, 0)
-    with drawn(options.film, options.theme) as stream, bar(10) as report:
-        film_orbit(
-            branches[0].orbits[-1], stream, film_form(options.film, "--film"), modes=modes, row=row, report=report
-        )
+    return orbits_csv(branches) if form == "csv" else orbits_text(scene, branches, linear)
 
 
 COMMANDS = (
     Command(
-        name="orbits",
         topic="motion",
         run=orbits,
         main=("--mode", "--largest-angle", "--vary", "--format", "--output"),
@@ -216,32 +214,6 @@ COMMANDS = (
             *report_file("text", "csv", "json"),
             "--film: the last orbit next to the linear mode",
             *CREW,
-        ),
-        details=(
-            "With --mode, the periodic motions that begin in a mode of the table, without dampers and drives, are "
-            "followed to large angles: the frequency against the amplitude (backbone), and at which angle the motion "
-            "loses its stability. With --vary, the limit cycles of a scene with drives are followed along one number, "
-            "through their folds (sync --vary finds sooner where they begin and end; sweep --loci follows small "
-            "motion), or the motions of a scene under forces or on a moved support that repeat with the period of "
-            "these; with both, the mode's orbit of one amplitude. Every orbit closes in the full equations, its "
-            "stability is that of its Floquet multipliers, and folds, branch points, period doublings and tori are "
-            "located. A branch is followed from orbit to orbit, by one process; the limit cycles from one end of a "
-            "range, and the branches that --enter follows, are shared among the --workers."
-        ),
-        examples=(
-            (
-                "orbits chain-2 --mode 1 --largest-angle 120 -o backbone.png",
-                "the slow mode of two rods, to 120 degrees",
-            ),
-            ("orbits paper-cart-2 --mode 3 --largest-angle 60 --format json", "every orbit with its multipliers"),
-            (
-                "orbits metronomes --vary support.mass=0.5:5:2log -o cycles.png",
-                "two metronomes in phase and in antiphase, on beams of 0.5 to 5 kg",
-            ),
-            (
-                "orbits shaken-pendulum --vary support.motion.frequency_hz=0.40:0.55:2 -o resonance.png",
-                "largest angle against frequency of a pendulum on a shaken support",
-            ),
         ),
     ),
 )

@@ -7,6 +7,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
+import modal
+import nonlinear
 from multipendula.command import RUN, SCENE, TOLERANCE, Takes, option
 from multipendula.commands.shared import bar, forewarning, in_a_folder, remark
 from multipendula.options import FORMS, METHODS, RUNS, endings
@@ -73,27 +75,22 @@ class RunOptions:
             return self._in_few_modes(*checks)
         if recorded(self.scene):
             return self._continued(*checks)
-        from nonlinear.simulation import simulate
 
-        return self._computed(simulate, checks)
+        return self._computed(nonlinear.simulate, checks)
 
     def advice(self, *checks: Check) -> Advice:
         """The cheapest method for the accuracy, which `run` takes as well, with everything that was tried."""
-        from nonlinear.simulation import advise
-
-        return self._computed(advise, checks)
+        return self._computed(nonlinear.simulation.advise, checks)
 
     def shown(self, *checks: Check) -> Trajectory:
         """A saved run unchanged, or a new complete run of a scene."""
-        from modal.errors import SceneError
-        from nonlinear import files as recordings
-        from nonlinear.integration import validate
-
         if not recorded(self.scene):
             return whole(self.run(*checks))
         if self.given:
-            raise SceneError([f"--{name.replace('_', '-')}: cannot change a saved run" for name in self.given])
-        trajectory: Trajectory = validate(*checks, self._place, lambda: recordings.load(self.scene))[-1]
+            raise modal.SceneError([f"--{name.replace('_', '-')}: cannot change a saved run" for name in self.given])
+        trajectory: Trajectory = nonlinear.integration.validate(
+            *checks, self._place, lambda: nonlinear.files.load(self.scene)
+        )[-1]
         return trajectory
 
     def _place(self) -> None:
@@ -101,16 +98,13 @@ class RunOptions:
 
     def _computed(self, function: Callable[..., Computed], checks: Sequence[Check]) -> Computed:
         """The result of a function with the arguments of `simulate` for a scene and its start."""
-        from modal.scene import load
-        from nonlinear.integration import validate, validate_method
-
-        scene = load(self.scene)
+        scene = modal.load(self.scene)
         words = {name: self.given.get(name, "auto") for name in ("method", "form")}
-        *_, start, _ = validate(
+        *_, start, _ = nonlinear.integration.validate(
             *checks,
             self._place,
             lambda: start_of(scene, self.given.get("start")),
-            lambda: validate_method(scene, **words),
+            lambda: nonlinear.integration.validate_method(scene, **words),
         )
         duration = self.duration
         if self.resolves_modes and "duration" not in self.given:
@@ -123,28 +117,24 @@ class RunOptions:
             return function(scene, duration, start=start, output=samples, report=report, **self.how)
 
     def _continued(self, *checks: Check) -> Trajectory:
-        from nonlinear import files as recordings
-        from nonlinear.integration import validate
-        from nonlinear.simulation import resume
-
-        *_, before = validate(*checks, self._place, self._unstarted, lambda: recordings.load(self.scene))
+        *_, before = nonlinear.integration.validate(
+            *checks, self._place, self._unstarted, lambda: nonlinear.files.load(self.scene)
+        )
         with bar(self.duration) as bar_report:
             report = forewarning(bar_report, before.scene, self.duration)
-            return resume(before, self.duration, output=self.given.get("samples"), report=report, **self.how)
+            return nonlinear.resume(before, self.duration, output=self.given.get("samples"), report=report, **self.how)
 
     def _unstarted(self) -> None:
-        from modal.errors import SceneError
-
         if "start" in self.given:
-            raise SceneError(["--start: a saved run continues from its last state"])
+            raise modal.SceneError(["--start: a saved run continues from its last state"])
 
     def _in_few_modes(self, *checks: Check) -> Trajectory:
         """A new run of a scene, restricted to its lowest modes by --keep-modes."""
-        from modal.scene import load
-        from nonlinear.integration import validate
         from nonlinear.reduction import simulate_truncated
 
-        *_, scene = validate(*checks, self._place, self._whole_scene, lambda: load(self.scene))
+        *_, scene = nonlinear.integration.validate(
+            *checks, self._place, self._whole_scene, lambda: modal.load(self.scene)
+        )
         how = {name: self.given[name] for name in ("method", "tolerance") if name in self.given}
         start, samples = start_of(scene, self.given.get("start")), self.given.get("samples")
         modes = self.given["keep_modes"]
@@ -154,14 +144,12 @@ class RunOptions:
 
     def _whole_scene(self) -> None:
         """Raise SceneError for options incompatible with --keep-modes."""
-        from modal.errors import SceneError
-
         asked = [name for name in ("form", "accuracy") if name in self.given]
         problems = [f"--{name}: cannot be combined with --keep-modes" for name in asked]
         if recorded(self.scene):
             problems.append(f"{self.scene}: is a saved run, and --keep-modes needs a scene")
         if problems:
-            raise SceneError(problems)
+            raise modal.SceneError(problems)
 
 
 def recorded(source: object) -> bool:
@@ -184,13 +172,9 @@ def start_of(
     says so, unless that has been `told`, and what to do `elsewhere` where a command has no --start.  `undamped` selects
     the shape without dampers; R is the number in the table of the scene even then.
     """
-    from modal.errors import SceneError
-    from nonlinear.system import has_start
-    from nonlinear.system import initial as starts
-
     if not isinstance(words, str | None):
         return words
-    if words is None and not has_start(scene):
+    if words is None and not nonlinear.system.has_start(scene):
         words = _usual_start(scene, undamped=undamped)
         number, _, _ = words.removeprefix("mode:").partition(":")
         if not told:
@@ -201,7 +185,7 @@ def start_of(
     number, _, degrees = rest.partition(":")
     try:
         if kind == "angles":
-            return starts.state_at_rest(scene, [float(word) for word in rest.split(",")])
+            return nonlinear.system.initial.state_at_rest(scene, [float(word) for word in rest.split(",")])
         if kind == "mode":
             return _in_mode(scene, int(number), float(degrees), undamped=undamped)
         if words == "orbit":
@@ -211,10 +195,10 @@ def start_of(
         if kind == "orbit":
             return _on_orbit(scene, int(number), float(degrees))
     except ValueError as error:
-        if isinstance(error, SceneError):
+        if isinstance(error, modal.SceneError):
             raise
     forms = "scene, mode:R:DEG such as mode:2:10, orbit:R:DEG, orbit, or angles:A,B,... in degrees"
-    raise SceneError([f"--start {words}: must be {forms}"])
+    raise modal.SceneError([f"--start {words}: must be {forms}"])
 
 
 def tell_of_start(where: str, how: str = "") -> None:
@@ -227,29 +211,28 @@ def tell_of_start(where: str, how: str = "") -> None:
 
 def _usual_start(scene: Scene, *, undamped: bool) -> str:
     """The words for the first mode that swings along the rail, at a small angle; SceneError if there is none."""
-    from modal.errors import SceneError
     from nonlinear.reduction import USUAL_DEG, first_that_swings
 
     try:
         number = first_that_swings(scene, undamped=undamped)
-    except SceneError as error:
-        raise SceneError([f"{error}: give --start angles:10,20,... in degrees"]) from None
+    except modal.SceneError as error:
+        raise modal.SceneError([f"{error}: give --start angles:10,20,... in degrees"]) from None
     return f"mode:{number}:{USUAL_DEG:g}"
 
 
-def _on_orbit(scene: Scene, number: int, degrees: float) -> State:
+def _on_orbit(scene: Scene, number: int, degrees: float) -> nonlinear.State:
     from math import radians
 
-    from modal.errors import SceneError
     from nonlinear.orbits import mode_orbit
-    from nonlinear.system import State
 
     if not 0 < abs(degrees) < 180:
-        raise SceneError([f"--start orbit:{number}:{degrees:g}: the largest angle must be a number below 180 deg"])
+        raise modal.SceneError(
+            [f"--start orbit:{number}:{degrees:g}: the largest angle must be a number below 180 deg"]
+        )
     orbit = mode_orbit(scene, number, radians(abs(degrees)))
     if degrees > 0:
         return orbit.state
-    return State(2 * orbit.flow.system.rest - orbit.state.links, orbit.state.link_rates, -orbit.state.cart)
+    return nonlinear.State(2 * orbit.flow.system.rest - orbit.state.links, orbit.state.link_rates, -orbit.state.cart)
 
 
 def _in_mode(scene: Scene, number: int, degrees: float, *, undamped: bool) -> State:
@@ -257,28 +240,26 @@ def _in_mode(scene: Scene, number: int, degrees: float, *, undamped: bool) -> St
 
     import numpy as np
 
-    from modal.errors import SceneError
-    from modal.modes import table_numbers
-    from nonlinear.integration import modes_of
     from nonlinear.reduction import copy_along, start_in_mode
-    from nonlinear.system import of_plane
 
-    modes = modes_of(scene)
+    modes = nonlinear.integration.modes_of(scene)
     if not 1 <= number <= len(modes):
-        raise SceneError([f"--start mode:{number}: the scene has modes 1 to {len(modes)}"])
+        raise modal.SceneError([f"--start mode:{number}: the scene has modes 1 to {len(modes)}"])
     if modes.omega[number - 1] == 0:
-        raise SceneError([f"--start mode:{number}: a rigid translation has no angle"])
+        raise modal.SceneError([f"--start mode:{number}: a rigid translation has no angle"])
     if not 0 < abs(degrees) <= 180:
-        raise SceneError([f"--start mode:{number}:{degrees:g}: the largest angle must be a number of at most 180 deg"])
+        raise modal.SceneError(
+            [f"--start mode:{number}:{degrees:g}: the largest angle must be a number of at most 180 deg"]
+        )
     row = number - 1
     if undamped:
-        rows = np.flatnonzero(table_numbers(scene) == number)
+        rows = np.flatnonzero(modal.modes.table_numbers(scene) == number)
         if not rows.size:
-            raise SceneError([f"--start mode:{number}: is overdamped and does not oscillate"])
+            raise modal.SceneError([f"--start mode:{number}: is overdamped and does not oscillate"])
         scene, row = scene.conservative, int(rows[0])
-        modes = modes_of(scene)
+        modes = nonlinear.integration.modes_of(scene)
     state = start_in_mode(scene, modes, row, copy_along(modes, row), radians(degrees))
-    return state if scene.space == "plane" else of_plane(state)
+    return state if scene.space == "plane" else nonlinear.system.of_plane(state)
 
 
 def whole(trajectory: Trajectory) -> Trajectory:

@@ -12,10 +12,11 @@ from io import BytesIO, StringIO
 from itertools import takewhile
 from typing import IO, TYPE_CHECKING, Any, TextIO
 
+import modal
+import nonlinear
 from multipendula.options import FILMS, PICTURES, endings
 
 if TYPE_CHECKING:
-    from modal.errors import SceneError
     from modal.identification import Estimate
     from modal.scene import Scene
     from nonlinear.ensembles import Workers
@@ -72,12 +73,11 @@ def text_into(text: StringIO, *, of_function: bool = False) -> Iterator[StringIO
 def output(path: str | None) -> Iterator[Callable[[str], object]]:
     """A function that writes text to a file, as wide as it is, or to standard output if there is none or for "-"."""
     from modal.report import fitted
-    from modal.scene import STANDARD, whole_file
 
-    if path is None or path == STANDARD:
+    if path is None or path == modal.scene.STANDARD:
         yield getattr(text_stream(), "output", text_stream()).write
         return
-    with fitted(None), whole_file(path) as stream:
+    with fitted(None), modal.scene.whole_file(path) as stream:
         texts: list[str] = []
         yield texts.append
         stream.write(encoded(path, "".join(texts)))
@@ -97,21 +97,18 @@ def encoded(name: str, text: str) -> bytes:
     if not notes or not name.lower().endswith(".csv"):
         return text.encode()
     from modal.report import as_json
-    from modal.scene import whole_file
 
-    with whole_file(f"{name}.json") as stream:
+    with modal.scene.whole_file(f"{name}.json") as stream:
         stream.write(as_json({"notes": [note.removeprefix("# ").rstrip("\n") for note in notes]}).encode())
     return "".join(lines[len(notes) :]).encode()
 
 
 def write_together(contents: Mapping[str | None, bytes]) -> None:
     """Write the files that have a name: none takes its place before all of them could be written."""
-    from modal.scene import whole_file
-
     with ExitStack() as files:
         for path, content in contents.items():
             if path:
-                stream = files.enter_context(whole_file(path))
+                stream = files.enter_context(modal.scene.whole_file(path))
                 stream.write(content)
                 stream.flush()
 
@@ -140,9 +137,8 @@ def say(text: str, form: str = "text") -> None:
 def made(name: str, words: str) -> None:
     """Name the contents of a written file, unless it was standard output."""
     from modal.report import visible
-    from modal.scene import STANDARD
 
-    if name != STANDARD:
+    if name != modal.scene.STANDARD:
         say(f"{visible(name)}: {words}\n")
 
 
@@ -164,9 +160,8 @@ def remark(words: object) -> None:
 def drawn(name: str, theme: str) -> Iterator[IO[bytes]]:
     """A file for a figure or a film, with the theme in force."""
     from modal.plotting import style as pictures
-    from modal.scene import files
 
-    with pictures.theme(theme), files.whole_file(name) as stream:
+    with pictures.theme(theme), modal.scene.files.whole_file(name) as stream:
         yield stream
 
 
@@ -183,11 +178,19 @@ def draw_in(
             save(getattr(import_module(room), figure)(*results, **how), stream, picture(name))
 
 
+def show(
+    options: argparse.Namespace, text: str, figure: str, *results: object, room: str = "nonlinear.plotting"
+) -> None:
+    """Print the text of results and save their figure; KeyboardInterrupt where Ctrl-C has cut the first one short."""
+    say(text, getattr(options, "format", "text"))
+    if getattr(results[0], "interrupted", False):
+        raise KeyboardInterrupt
+    draw_in(options, options.output, room, figure, *results)
+
+
 def picture(name: str | None, option: str = "-o", kinds: Sequence[str] = PICTURES) -> str:
     """The format of a figure, by its file name; empty if there is none."""
-    from modal.scene import kind_of
-
-    return kind_of(name, kinds, f"{option} ") if name else ""
+    return modal.scene.kind_of(name, kinds, f"{option} ") if name else ""
 
 
 def picture_in_place(options: argparse.Namespace) -> None:
@@ -195,11 +198,9 @@ def picture_in_place(options: argparse.Namespace) -> None:
 
     Raise SceneError for two of them, for a name that is no picture's, and where no folder is.
     """
-    from modal.errors import SceneError
-
     if options.output and options.output.lower().endswith(endings(PICTURES)):
         if options.picture:
-            raise SceneError([f"-o {options.output}: cannot be a picture as well as --picture {options.picture}"])
+            raise modal.SceneError([f"-o {options.output}: cannot be a picture as well as --picture {options.picture}"])
         options.picture, options.output = options.output, None
     picture(options.picture, "--picture")
     in_a_folder(options.picture, options.output)
@@ -207,9 +208,7 @@ def picture_in_place(options: argparse.Namespace) -> None:
 
 def film_form(name: str, option: str = "-o") -> str:
     """The format of a film, by its file name."""
-    from modal.scene import kind_of
-
-    return kind_of(name, FILMS, f"{option} ")
+    return modal.scene.kind_of(name, FILMS, f"{option} ")
 
 
 def is_new(name: str | None) -> bool:
@@ -232,28 +231,23 @@ def in_a_folder(*paths: str | None, option: str = "-o") -> None:
     """SceneError if the folder of an output file does not exist or it is one, before anything is computed."""
     from pathlib import Path
 
-    from modal.errors import SceneError
-
     for path in filter(None, paths):
         if not Path(path).absolute().parent.is_dir():
-            raise SceneError([f"{option} {path}: there is no folder {Path(path).parent}"])
+            raise modal.SceneError([f"{option} {path}: there is no folder {Path(path).parent}"])
         if Path(path).is_dir():
-            raise SceneError([f"{option} {path}: is a folder"])
+            raise modal.SceneError([f"{option} {path}: is a folder"])
 
 
 def validated(options: argparse.Namespace, image: str | None, misfits: Iterable[str]) -> Scene:
     """The scene of a command with --vary, a picture and a film; SceneError names the mistakes in all, and misfits."""
-    from modal.errors import SceneError
-    from modal.scene import load
     from modal.scene.parameters import parse_variations
-    from nonlinear.integration import validate
 
     def refuse_misfits() -> None:
         if problems := list(misfits):
-            raise SceneError(problems)
+            raise modal.SceneError(problems)
 
-    scene, *_ = validate(
-        lambda: load(options.scene),
+    scene, *_ = nonlinear.integration.validate(
+        lambda: modal.load(options.scene),
         lambda: options.vary and parse_variations(options.vary if isinstance(options.vary, list) else [options.vary]),
         refuse_misfits,
         lambda: picture(image),
@@ -328,9 +322,7 @@ def bar(total: float, unit: str = "s", title: str = "") -> Iterator[Progress]:
 
 def crew_of(options: argparse.Namespace) -> AbstractContextManager[Workers]:
     """The executor of independent tasks: the --workers, or those of a --scheduler."""
-    from nonlinear.ensembles import workers_at
-
-    return workers_at(options.scheduler, options.workers)
+    return nonlinear.ensembles.workers_at(options.scheduler, options.workers)
 
 
 @contextmanager
@@ -363,9 +355,7 @@ def estimate_of(scene: Scene, path: str | None) -> Estimate | None:
 
 def noted(scene: Scene, capability: str = "the table of modes") -> Scene:
     """The scene itself; omissions of a capability are reported on standard error."""
-    from modal.scene import left_out
-
-    for words in left_out(scene, capability):
+    for words in modal.scene.left_out(scene, capability):
         remark(words)
     return scene
 
@@ -373,10 +363,7 @@ def noted(scene: Scene, capability: str = "the table of modes") -> Scene:
 def about(scene: Scene) -> Scene:
     """The scene itself; where constant forces move its equilibrium, standard error says so."""
     if "constant_force" in scene.features:
-        from modal.assembly import rig_of
-        from modal.modes import equilibrium_words
-
-        for words in equilibrium_words(rig_of(scene)):
+        for words in modal.modes.equilibrium_words(modal.assembly.rig_of(scene)):
             remark(words)
     return scene
 
@@ -408,7 +395,6 @@ def forewarning(
     """
     from functools import cache, partial
 
-    from modal.errors import SceneError
     from nonlinear.integration.methods import least_seconds
 
     seconds = cache(partial(least_seconds, scene, duration, members=members))
@@ -416,7 +402,9 @@ def forewarning(
     days = seconds() / (24 * HOUR) if duration > DURATION_MAX else 0.0
     if days > DAYS_MAX:
         most = f"{0.9 * duration * DAYS_MAX / days:.0e} s"
-        raise SceneError([f"duration: takes an estimated {days:.2g} days on one core, and {most} are begun at most"])
+        raise modal.SceneError(
+            [f"duration: takes an estimated {days:.2g} days on one core, and {most} are begun at most"]
+        )
     tell = cache(lambda: _forewarn(seconds(), least))
 
     def reported(now: float) -> None:
@@ -436,22 +424,19 @@ def _forewarn(seconds: float, least: float) -> None:
         remark(f"this takes an estimated {told}; Ctrl-C ends it")
 
 
-def missing(scene: Scene, flag: str, values: str, more: str = "") -> SceneError:
+def missing(scene: Scene, flag: str, values: str, more: str = "") -> modal.SceneError:
     """The error of a command that needs numbers of a scene and got none: those that there are, with an example.
 
     In the `values` of the example {half} and {double} stand for those of a number; `more` follows it.
     """
     from shlex import quote
 
-    from modal.errors import SceneError
-    from modal.scene import scene_numbers
-
-    numbers = [number for number in scene_numbers(scene) if number.is_physical]
+    numbers = [number for number in modal.scene.scene_numbers(scene) if number.is_physical]
     first = next((number for number in numbers if number.place != "gravity"), numbers[0])
     given = first.place + values.format(half=f"{first.value / 2:g}", double=f"{first.value * 2:g}")
     lines = [f"  {number.place} = {number.value:g} {number.unit}" for number in numbers[:NUMBERS_SHOWN_MAX]]
     others = f"{len(numbers) - NUMBERS_SHOWN_MAX} more and " if len(numbers) > NUMBERS_SHOWN_MAX else ""
-    return SceneError(
+    return modal.SceneError(
         [
             f"{flag}: is required, such as {flag} {quote(given)}{more}; the scene has",
             *lines,
@@ -467,8 +452,6 @@ def listed(text: str | None) -> tuple[str, ...]:
 
 def chosen(text: str | None, total: int, option: str = "--modes") -> range:
     """Indices from 0 for `first:last`, inclusive and counted from 1; either end, or all of it, may be omitted."""
-    from modal.errors import SceneError
-
     if text is None:
         return range(total)
     first, colon, last = text.partition(":")
@@ -476,11 +459,11 @@ def chosen(text: str | None, total: int, option: str = "--modes") -> range:
         low = int(first) if first or not colon else 1
         high = (int(last) if last else total) if colon else low
     except ValueError:
-        raise SceneError([f"{option} {text}: must be a number or a range such as 1:10"]) from None
+        raise modal.SceneError([f"{option} {text}: must be a number or a range such as 1:10"]) from None
     if colon and low > high and (last or low <= total):
-        raise SceneError([f"{option} {text}: begins after its end"])
+        raise modal.SceneError([f"{option} {text}: begins after its end"])
     if low < 1:
-        raise SceneError([f"{option} {text}: modes are counted from 1"])
+        raise modal.SceneError([f"{option} {text}: modes are counted from 1"])
     if low > total:
-        raise SceneError([f"{option} {text}: the scene has modes 1 to {total}"])
+        raise modal.SceneError([f"{option} {text}: the scene has modes 1 to {total}"])
     return range(low - 1, min(high, total))

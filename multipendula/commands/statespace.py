@@ -6,6 +6,8 @@ import argparse
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+import modal
+import nonlinear
 from modal.exports import FORMATS, format_of_file
 from multipendula.command import (
     SCENE,
@@ -80,15 +82,32 @@ SIGNALS = (
 
 
 def export(options: argparse.Namespace) -> StateSpace | VaryingModel:
-    """Write a state-space model for control software, a simulator or a controller."""
+    """Write a state-space model for control software, a simulator or a controller.
+
+    z' = A z + B u, y = C z + D u about the scene's equilibrium, with a name and a unit for every state, input and
+    output; discretized with --discrete. For a scene with a hoist, A and B are sampled along it (control, mat and
+    npz only). With --start the model is that of deviations from the motion through a state.
+
+    Examples
+    --------
+    export crane-hook -o crane.mat
+        for MATLAB and Octave
+    export crane-hook --input cart_force -o crane.py
+        for python-control, with a trolley that a force moves
+    export crane-hook --discrete 0.01 --signals angles -o crane.h
+        for a controller that samples at 100 Hz
+    export crane-hook --start angles:30,-20 -o leaning.json
+        about a leaning state, for gain scheduling
+    export paper-cart-3 --minimal -o small.json
+        the controllable part: 6 states of 14
+    """
     from modal.exports import find_format
-    from modal.scene import whole_file
 
     target = find_format(_format(options))
     name = options.output or file_beside(options.scene, target.extension)
     model = _model_for(options)
     content = target.content(model, is_varying=not hasattr(model, "dt"))
-    with whole_file(name) as stream:
+    with modal.scene.whole_file(name) as stream:
         stream.write(content)
     inputs, outputs = map(_listed, (model.inputs, model.outputs))
     made(name, f"{len(model.states)} states; input {inputs}; output {outputs}")
@@ -108,26 +127,22 @@ def _model_for(options: argparse.Namespace) -> StateSpace | VaryingModel:
 
 def _in_motion(scene: Scene, options: argparse.Namespace) -> StateSpace | VaryingModel:
     """The model at the state of --start, or along the run of --along."""
-    from modal.errors import SceneError
     from modal.exports.text import is_moving
-    from modal.scene import require
     from multipendula.commands.runs import start_of
-    from nonlinear.files import load as load_run
     from nonlinear.postprocessing.models import model_at, models_along
-    from nonlinear.system import initial_state
 
-    require(scene, "a model along a motion")
+    modal.scene.require(scene, "a model along a motion")
     word = "--along" if options.along else "--start"
     refuse(options, f"needs the equilibrium: it cannot be combined with {word}", "--minimal", "--dominant")
     signals = inputs_of(scene, options), listed(options.signals)
     if options.along:
         refuse(options, "needs one model: it cannot be combined with --along", "--discrete", "--start")
-        run = load_run(options.along)
+        run = nonlinear.load(options.along)
         if run.scene != scene:
-            raise SceneError([f"--along {options.along}: is not a run of {options.scene}"])
+            raise modal.SceneError([f"--along {options.along}: is not a run of {options.scene}"])
         return models_along(run, *signals)
     start = start_of(scene, options.start)
-    model = model_at(scene, initial_state(scene) if start is None else start, *signals)
+    model = model_at(scene, nonlinear.initial_state(scene) if start is None else start, *signals)
     if is_moving(model):
         remark(
             "This state is not an equilibrium: the model holds at this instant, for deviations from the motion "
@@ -141,20 +156,20 @@ def _in_motion(scene: Scene, options: argparse.Namespace) -> StateSpace | Varyin
 
 def _format(options: argparse.Namespace) -> str:
     """The format that was requested, or that in which the name of the file ends, which is not that of another."""
-    from modal.errors import SceneError
     from modal.exports import find_format
-    from modal.scene import STANDARD
 
     by_name = format_of_file(options.output or "")
     if options.to is None and not by_name:
         every = [form.extension for form in FORMATS.values()]
         ends = f"the name must end in {', '.join(every[:-1])} or {every[-1]}"
         asked = f"-o {options.output}: {ends}" if options.output else f"-o FILE: is required, and {ends}"
-        raise SceneError([f"{asked}; or give --to FORMAT"])
-    if options.to and options.output != STANDARD and is_new(options.output):
+        raise modal.SceneError([f"{asked}; or give --to FORMAT"])
+    if options.to and options.output != modal.scene.STANDARD and is_new(options.output):
         extension = find_format(options.to).extension
         if not options.output.lower().endswith(extension[extension.rindex(".") :]):
-            raise SceneError([f"-o {options.output}: the name must end in {extension}, that of --to {options.to}"])
+            raise modal.SceneError(
+                [f"-o {options.output}: the name must end in {extension}, that of --to {options.to}"]
+            )
     return str(options.to or by_name)
 
 
@@ -183,14 +198,32 @@ def _varying(scene: Scene, options: argparse.Namespace) -> VaryingModel:
 
 
 def response(options: argparse.Namespace) -> Gains | None:
-    """Print peaks, values at frequencies, or the gains of every mode, or draw a Bode plot or an impulse response."""
+    """Print peaks, values at frequencies, or the gains of every mode, or draw a Bode plot or an impulse response.
+
+    Where every output is largest near each mode; in a picture magnitude and phase of every output for one input,
+    accurate at any distance from the modes, or the impulse response in closed form. Peaks of damped modes have
+    their true height; a note below the picture says where infinite ones are cut. With --gains, degrees of
+    controllability and observability in place of ranks: the gain of every mode from each input and to each output,
+    relative to the largest for that signal. With --lqr, the gains K of u = -K z that minimize the integral of the
+    squared states and inputs, each relative to its own scale (Bryson's rule).
+
+    Examples
+    --------
+    response crane-two-loads
+        peaks of every output of a crane
+    response crane-hook --of theta_1_2 -o bode.png
+        the Bode plot of one output; without --of, of every one
+    response crane-hook --input cart_force --gains --lqr -o K.csv
+        gains of a regulator for trolley and load; --weights sets its speed
+    response crane-hook --input 'force:pendulum[0].links[1]' --at 0.1,0.3
+        response to wind on the load: a force at a point
+    response crane-hook --impulse -o impulse.svg
+        after an impulse on the trolley; .csv for its numbers
+    """
     from math import pi
 
     import numpy as np
 
-    from modal.errors import SceneError
-    from modal.modes import natural_modes
-    from modal.scene import STANDARD, require
     from modal.statespace import impulse_table, response_table, to_modal_form
     from modal.statespace.peaks import peaks_table
 
@@ -200,23 +233,25 @@ def response(options: argparse.Namespace) -> Gains | None:
     if options.gains:
         return _gains(options)
     in_words = options.impulse and (getattr(options, "format_asked", False) or not options.output)
-    told = STANDARD if in_words and options.output == STANDARD else None
+    told = modal.scene.STANDARD if in_words and options.output == modal.scene.STANDARD else None
     capability = "an impulse response" if options.impulse else "a frequency response"
     if not told:
         picture(options.output)
     scene = scene_of(options, capability)
-    require(scene, capability)
+    modal.scene.require(scene, capability)
     model = model_of(scene, options)
     inputs, outputs = ([signal.name for signal in signals] for signals in (model.inputs, model.outputs))
     source, shown = options.source or inputs[0], listed(options.of)
     problems = [f"--from {source}: must be one of {', '.join(inputs)}"] if source not in inputs else []
     problems += [f"--of {name}: must be one of {', '.join(outputs)}" for name in shown if name not in outputs]
     if problems:
-        raise SceneError(problems)
+        raise modal.SceneError(problems)
     if options.covariance and (options.impulse or not (options.at or options.output)):
-        raise SceneError(["--covariance: gives a band to the Bode plot of -o and to --at, not to --impulse or peaks"])
+        raise modal.SceneError(
+            ["--covariance: gives a band to the Bode plot of -o and to --at, not to --impulse or peaks"]
+        )
     estimate = estimate_of(scene, options.covariance)
-    form, at = to_modal_form(natural_modes(scene), model), inputs.index(source)
+    form, at = to_modal_form(modal.natural_modes(scene), model), inputs.index(source)
     std = None
     if estimate is not None:
         from functools import partial
@@ -246,17 +281,14 @@ def response(options: argparse.Namespace) -> Gains | None:
 
 def _gains(options: argparse.Namespace) -> Gains:
     """How well every input reaches each mode and every output sees it."""
-    from modal.errors import SceneError
-    from modal.modes import natural_modes
-    from modal.scene import STANDARD
     from modal.statespace import modal_gains
 
     refuse(options, "cannot be combined with --gains", "--covariance", "--at", "--from", "--of", "--impulse")
-    if options.format != "text" or options.output not in {None, STANDARD}:
+    if options.format != "text" or options.output not in {None, modal.scene.STANDARD}:
         words = getattr(options, "format_words", f"-o {options.output}" if options.output else "--format")
-        raise SceneError([f"{words}: gains are text: give a file that ends in .txt"])
+        raise modal.SceneError([f"{words}: gains are text: give a file that ends in .txt"])
     scene = scene_of(options, "a constant linear model")
-    gains = modal_gains(natural_modes(scene), model_of(scene, options))
+    gains = modal_gains(modal.natural_modes(scene), model_of(scene, options))
     with output(options.output) as write:
         write(gains.text())
     return gains
@@ -264,19 +296,17 @@ def _gains(options: argparse.Namespace) -> Gains:
 
 def _regulator(options: argparse.Namespace) -> None:
     """Write the gains of the linear-quadratic regulator as CSV."""
-    from modal.errors import SceneError
-    from modal.scene import STANDARD
     from modal.statespace.regulator import regulator
 
     if not (options.gains and options.lqr):
-        raise SceneError(["--lqr: needs --gains" if options.lqr else "--weights: needs --gains --lqr"])
+        raise modal.SceneError(["--lqr: needs --gains" if options.lqr else "--weights: needs --gains --lqr"])
     refuse(options, "cannot be combined with --lqr", "--covariance", "--at", "--from", "--of", "--impulse", "--signals")
-    if options.output not in {None, STANDARD} or options.format == "json":
+    if options.output not in {None, modal.scene.STANDARD} or options.format == "json":
         words = getattr(options, "format_words", f"-o {options.output}" if options.output else "--format")
-        raise SceneError([f"{words}: gains of a regulator are CSV: give a file that ends in .csv"])
+        raise modal.SceneError([f"{words}: gains of a regulator are CSV: give a file that ends in .csv"])
     files = listed(options.weights)
     if options.weights and len(files) != 2:
-        raise SceneError([f"--weights {options.weights}: must be two files, Q.csv,R.csv"])
+        raise modal.SceneError([f"--weights {options.weights}: must be two files, Q.csv,R.csv"])
     scene = scene_of(options, "a constant linear model")
     if scene.feedback:
         remark("The scene's feedback is ignored: the regulator is designed for the open loop.")
@@ -287,10 +317,27 @@ def _regulator(options: argparse.Namespace) -> None:
 
 
 def shaper(options: argparse.Namespace) -> Shaper:
-    """Print an input shaper that suppresses residual swing in the slowest modes of a crane, or its shaped travel."""
-    from modal.errors import SceneError
+    """Print an input shaper that suppresses residual swing in the slowest modes of a crane, or its shaped travel.
+
+    Impulses to convolve a command with, so that the load hangs still at the end of a move (Singer & Seering 1990).
+    The output lists their times and their amplitudes, which sum to one. With --travel, a CSV file contains the
+    shaped travel: time, position, speed and acceleration of the trolley, as the motion of a support and hoist
+    --travel read them, or the force that moves it.
+
+    Examples
+    --------
+    shaper crane-hook
+        for the slowest mode
+    shaper crane-hook --kind zvd --count 2
+        for both modes, tolerant of errors in cable length
+    shaper crane-hook --kind ei --discrete 0.02
+        for a controller that samples at 50 Hz
+    shaper crane-hook --kind zvd --travel 20 --max-speed 1.5 --max-acceleration 0.4 -o profile.csv
+        a trapezoid of the speed, shaped, as samples
+    shaper crane-hook --range 'pendulum[0].links[0].length=8:14'
+        for every length of the rope between 8 and 14 m
+    """
     from modal.report import csv_rows, folded
-    from modal.scene import load
     from modal.statespace import swing_words, usual_drive
 
     picture_in_place(options)
@@ -298,8 +345,8 @@ def shaper(options: argparse.Namespace) -> Shaper:
     if options.travel is None:
         refuse(options, "needs --travel METRES", "--picture")
     if options.output and not options.output.lower().endswith((".csv", ".txt")):
-        raise SceneError([f"-o {options.output}: the name must end in .csv or .txt"])
-    scene = noted(load(options.scene), "a shaper")
+        raise modal.SceneError([f"-o {options.output}: the name must end in .csv or .txt"])
+    scene = noted(modal.load(options.scene), "a shaper")
     drive = options.drive or usual_drive(scene)
     estimate = estimate_of(scene, options.covariance)
     shaped_command, promise = _shaper(scene, drive, options)
@@ -353,12 +400,11 @@ def _shaper(scene: Scene, drive: str, options: argparse.Namespace) -> tuple[Shap
 
 def _in_full(travel: ShapedTravel) -> Sequence[float]:
     """The swing after a travel in the full equations; none, and a note, where these are not integrated."""
-    from modal.errors import MultipendulaError
     from nonlinear.verification import swing_after
 
     try:
         return list(swing_after(travel))
-    except MultipendulaError as error:
+    except modal.MultipendulaError as error:
         remark(f"the swing in the full equations could not be computed: {error}")
         return ()
 
@@ -370,14 +416,11 @@ def scene_of(options: argparse.Namespace, capability: str) -> Scene:
 
 def scene_at(options: argparse.Namespace) -> Scene:
     """The scene, at the time requested if it has a hoist."""
-    from modal.errors import SceneError
-    from modal.scene import load
-
-    scene = load(options.scene)
+    scene = modal.load(options.scene)
     if options.when is None:
         return scene
     if not scene.is_hoisted:
-        raise SceneError(["--when: this scene has no hoist, so its lengths do not change"])
+        raise modal.SceneError(["--when: this scene has no hoist, so its lengths do not change"])
     return scene.at(options.when)
 
 
@@ -389,12 +432,11 @@ def model_of(scene: Scene, options: argparse.Namespace) -> StateSpace:
     count = getattr(options, "dominant", None)
     if not getattr(options, "minimal", False) and count is None:
         return state_space(scene, inputs, outputs)
-    from modal.modes import natural_modes
     from modal.statespace import minimal, truncate
 
     if count is None:
         return minimal(scene, inputs, outputs)
-    return truncate(natural_modes(scene), state_space(scene, inputs, outputs), count)
+    return truncate(modal.natural_modes(scene), state_space(scene, inputs, outputs), count)
 
 
 def inputs_of(scene: Scene, options: argparse.Namespace) -> tuple[str, ...]:
@@ -406,7 +448,6 @@ def inputs_of(scene: Scene, options: argparse.Namespace) -> tuple[str, ...]:
 
 COMMANDS = (
     Command(
-        name="export",
         topic="control",
         run=export,
         main=("--to", "--output", "--input", "--signals", "--discrete"),
@@ -425,27 +466,8 @@ COMMANDS = (
             "angles:A,B,... (deg, at rest)",
             "--along, a model for each of its times: a run of the scene in the plane (control, mat and npz)",
         ),
-        details=(
-            "z' = A z + B u, y = C z + D u about the scene's equilibrium, with a name and a unit for every state, "
-            "input and output; discretized with --discrete. For a scene with a hoist, A and B are sampled along it "
-            "(control, mat and npz only). With --start the model is that of deviations from the motion through a state."
-        ),
-        examples=(
-            ("export crane-hook -o crane.mat", "for MATLAB and Octave"),
-            (
-                "export crane-hook --input cart_force -o crane.py",
-                "for python-control, with a trolley that a force moves",
-            ),
-            (
-                "export crane-hook --discrete 0.01 --signals angles -o crane.h",
-                "for a controller that samples at 100 Hz",
-            ),
-            ("export crane-hook --start angles:30,-20 -o leaning.json", "about a leaning state, for gain scheduling"),
-            ("export paper-cart-3 --minimal -o small.json", "the controllable part: 6 states of 14"),
-        ),
     ),
     Command(
-        name="response",
         topic="control",
         run=response,
         main=("--output", "--at", "--input", "--signals", "--gains"),
@@ -463,33 +485,8 @@ COMMANDS = (
             "--lqr, with --gains: written as CSV, which [[feedback]] of a scene takes",
             "--weights of --lqr (default by Bryson's rule, with the scene's own scales)",
         ),
-        details=(
-            "Where every output is largest near each mode; in a picture magnitude and phase of every output for one "
-            "input, accurate at any distance from the modes, or the impulse response in closed form. Peaks of damped "
-            "modes have their true height; a note below the picture says where infinite ones are cut. With --gains, "
-            "degrees of controllability and observability in place of ranks: the gain of every mode from each input "
-            "and to each output, relative to the largest for that signal. With --lqr, the gains K of u = -K z that "
-            "minimize the integral of the squared states and inputs, each relative to its own scale (Bryson's rule)."
-        ),
-        examples=(
-            ("response crane-two-loads", "peaks of every output of a crane"),
-            (
-                "response crane-hook --of theta_1_2 -o bode.png",
-                "the Bode plot of one output; without --of, of every one",
-            ),
-            (
-                "response crane-hook --input cart_force --gains --lqr -o K.csv",
-                "gains of a regulator for trolley and load; --weights sets its speed",
-            ),
-            (
-                "response crane-hook --input 'force:pendulum[0].links[1]' --at 0.1,0.3",
-                "response to wind on the load: a force at a point",
-            ),
-            ("response crane-hook --impulse -o impulse.svg", "after an impulse on the trolley; .csv for its numbers"),
-        ),
     ),
     Command(
-        name="shaper",
         topic="control",
         run=shaper,
         main=("--kind", "--count", "--travel", "--max-acceleration", "--output"),
@@ -514,25 +511,6 @@ COMMANDS = (
             *LIMITS,
             *text_file(drawn=True),
             *picture_file(),
-        ),
-        details=(
-            "Impulses to convolve a command with, so that the load hangs still at the end of a move (Singer & Seering "
-            "1990). The output lists their times and their amplitudes, which sum to one. With --travel, a CSV file "
-            "contains the shaped travel: time, position, speed and acceleration of the trolley, as the motion of a "
-            "support and hoist --travel read them, or the force that moves it."
-        ),
-        examples=(
-            ("shaper crane-hook", "for the slowest mode"),
-            ("shaper crane-hook --kind zvd --count 2", "for both modes, tolerant of errors in cable length"),
-            ("shaper crane-hook --kind ei --discrete 0.02", "for a controller that samples at 50 Hz"),
-            (
-                "shaper crane-hook --kind zvd --travel 20 --max-speed 1.5 --max-acceleration 0.4 -o profile.csv",
-                "a trapezoid of the speed, shaped, as samples",
-            ),
-            (
-                "shaper crane-hook --range 'pendulum[0].links[0].length=8:14'",
-                "for every length of the rope between 8 and 14 m",
-            ),
         ),
     ),
 )

@@ -6,18 +6,18 @@ import argparse
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
+import nonlinear
 from multipendula.command import CREW, SCENE, Command, formats, misfits, option, report_file
 from multipendula.commands.runs import start_of
 from multipendula.commands.shared import (
     HOUR,
     bar,
     crew_of,
-    draw_in,
     drawn,
     film_form,
     forewarning,
     remark,
-    say,
+    show,
     stages,
     validated,
 )
@@ -36,7 +36,31 @@ MORE = "--words describes prediction and simulation in sentences."
 def sync(
     options: argparse.Namespace,
 ) -> SynchronizationStudy | Branches | PopulationDiagram | RhythmMap | RhythmGrid:
-    """Predict which mode survives in a scene with drives, simulate it, and measure which pendula synchronize."""
+    """Predict which mode survives in a scene with drives, simulate it, and measure which pendula synchronize.
+
+    For scenes with drives (van der Pol torques or escapements). Averaged equations predict the steady oscillations,
+    and which of them this start ends in and when; a simulation of the full equations then measures the same. The
+    verdict comes first: which mode wins, and from when on. With --vary every steady oscillation is followed along
+    one number of the scene instead (orbits --vary follows limit cycles of the full equations, sweep --loci the
+    frequencies of small motion). For equal pendula on the supports of a structure it says which population is
+    locked, and to which; then follow the growth rates of the motions in which every population is one pendulum, and
+    with --vary the values at which these become or cease to be stable. With --vary the oscillations found at one
+    value, and their critical values, are shared among the --workers; each is followed from value to value by one.
+    With --map the same starts run at every value until their returns to a section show which motion they reach: the
+    share of each rhythm with its 95 % interval, its orbit, and where it appears, disappears or changes its
+    stability in the full equations.
+
+    Examples
+    --------
+    sync metronomes -o sync.png --film sync.gif
+        two metronomes on a light base, with a figure and a film
+    sync huygens --vary support.mass=3:30:3log -o branches.png
+        the range of each steady oscillation
+    sync metronomes --vary support.mass=0.1:0.2:2 --map --members 2 -o map.png
+        the rhythms of two metronomes on bases of 0.1 and 0.2 kg
+    sync two-swings --duration 60
+        two swings with 15 metronomes each, of which one half synchronizes
+    """
     scene = validated(options, options.output, _misfits(options))
     return (_map if options.map else _branches if options.vary else _run)(scene, options)
 
@@ -62,7 +86,8 @@ def _misfits(options: argparse.Namespace) -> Iterator[str]:
 
 
 def _run(scene: Scene, options: argparse.Namespace) -> SynchronizationStudy:
-    from nonlinear.synchronization import study_synchronization
+    from modal.report import as_json
+    from nonlinear.synchronization import study_synchronization, sync_record, sync_text
 
     start = start_of(scene, options.start, undamped=True)
     with stages("predicting", "simulating") as (predicting, simulating):
@@ -72,20 +97,14 @@ def _run(scene: Scene, options: argparse.Namespace) -> SynchronizationStudy:
             lengths.setdefault(end, forewarning(simulating, scene, end, least=HOUR / 60))(now / end)
 
         study = study_synchronization(scene, options.duration, start=start, predicting=predicting, report=report)
-    say(_told(study, options), options.format)
-    draw_in(options, options.output, "nonlinear.plotting", "sync_figure", study.trajectory, study.phases)
+    if options.format == "json":
+        text = as_json(sync_record(study))
+    else:
+        text = sync_text(study, words=options.words, elsewhere="" if options.words else MORE)
+    show(options, text, "sync_figure", study.trajectory, study.phases)
     if options.film:
         _film(study, options.film, options.theme)
     return study
-
-
-def _told(study: SynchronizationStudy, options: argparse.Namespace) -> str:
-    from modal.report import as_json
-    from nonlinear.synchronization import sync_record, sync_text
-
-    if options.format == "json":
-        return as_json(sync_record(study))
-    return sync_text(study, words=options.words, elsewhere="" if options.words else MORE)
 
 
 def _film(study: SynchronizationStudy, name: str, theme: str) -> None:
@@ -108,8 +127,7 @@ def _branches(scene: Scene, options: argparse.Namespace) -> Branches | Populatio
     with crew_of(options) as crew, bar(0, "branches") as report:
         branches = follow_branches(scene, variation, report, crew=crew)
     writers = {"text": branches_text, "csv": branches_csv, "json": branches_json}
-    say(writers[options.format](branches), options.format)
-    draw_in(options, options.output, "nonlinear.plotting", "branches_figure", branches)
+    show(options, writers[options.format](branches), "branches_figure", branches)
     return branches
 
 
@@ -117,7 +135,6 @@ def _map(scene: Scene, options: argparse.Namespace) -> RhythmMap | RhythmGrid:
     from math import prod
 
     from modal.scene.parameters import parse_variations
-    from nonlinear.ensembles import find_rhythm_grid, find_rhythms
 
     axes = parse_variations(options.vary)
     names = {"members": options.members, "largest_deg": options.spread, "seed": options.seed}
@@ -125,12 +142,12 @@ def _map(scene: Scene, options: argparse.Namespace) -> RhythmMap | RhythmGrid:
     how = {name: value for name, value in names.items() if value is not None}
     with crew_of(options) as crew, bar(prod(len(axis.values) for axis in axes), "value") as report:
         if len(axes) == 2:
-            outcome: RhythmMap | RhythmGrid = find_rhythm_grid(scene, axes, crew=crew, report=report, **how)
+            outcome: RhythmMap | RhythmGrid = nonlinear.ensembles.find_rhythm_grid(
+                scene, axes, crew=crew, report=report, **how
+            )
         else:
-            outcome = find_rhythms(scene, axes[0], crew=crew, report=report, **how)
-    say(outcome.report(options.format), options.format)
-    figure = "grid_figure" if len(axes) > 1 else "rhythm_figure"
-    draw_in(options, options.output, "nonlinear.plotting", figure, outcome)
+            outcome = nonlinear.ensembles.find_rhythms(scene, axes[0], crew=crew, report=report, **how)
+    show(options, outcome.report(options.format), "grid_figure" if len(axes) > 1 else "rhythm_figure", outcome)
     return outcome
 
 
@@ -141,14 +158,12 @@ def _diagram(scene: Scene, variation: Variation, options: argparse.Namespace) ->
     with crew_of(options) as crew, bar(0, "motions") as report:
         diagram = follow_populations(scene, variation, report, crew=crew)
     writers = {"text": diagram_text, "csv": diagram_csv, "json": diagram_json}
-    say(writers[options.format](diagram), options.format)
-    draw_in(options, options.output, "nonlinear.plotting", "populations_figure", diagram)
+    show(options, writers[options.format](diagram), "populations_figure", diagram)
     return diagram
 
 
 COMMANDS = (
     Command(
-        name="sync",
         topic="coupling and synchronization",
         run=sync,
         main=("--duration", "--start", "--vary", "--film", "--output"),
@@ -173,28 +188,6 @@ COMMANDS = (
             *report_file("text", "csv", "json"),
             "--film: a stroboscopic one",
             *CREW,
-        ),
-        details=(
-            "For scenes with drives (van der Pol torques or escapements). Averaged equations predict the steady "
-            "oscillations, and which of them this start ends in and when; a simulation of the full equations then "
-            "measures the same. The verdict comes first: which mode wins, and from when on. With --vary every steady "
-            "oscillation is followed along one number of the scene instead (orbits --vary follows limit cycles of the "
-            "full equations, sweep --loci the frequencies of small motion). For equal pendula on the supports of a "
-            "structure it says which population is locked, and to which; then follow the growth rates of the motions "
-            "in which every population is one pendulum, and with --vary the values at which these become or cease to "
-            "be stable. With --vary the oscillations found at one value, and their critical values, are shared among "
-            "the --workers; each is followed from value to value by one. With --map the same starts run at every value "
-            "until their returns to a section show which motion they reach: the share of each rhythm with its 95 % "
-            "interval, its orbit, and where it appears, disappears or changes its stability in the full equations."
-        ),
-        examples=(
-            ("sync metronomes -o sync.png --film sync.gif", "two metronomes on a light base, with a figure and a film"),
-            ("sync huygens --vary support.mass=3:30:3log -o branches.png", "the range of each steady oscillation"),
-            (
-                "sync metronomes --vary support.mass=0.1:0.2:2 --map --members 2 -o map.png",
-                "the rhythms of two metronomes on bases of 0.1 and 0.2 kg",
-            ),
-            ("sync two-swings --duration 60", "two swings with 15 metronomes each, of which one half synchronizes"),
         ),
     ),
 )

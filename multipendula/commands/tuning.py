@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
+import modal
 from multipendula.command import CREW, SCENE, Command, formats, kwargs_of, main_file, option, picture_file, refuse
 from multipendula.commands.shared import (
     bar,
@@ -31,53 +32,61 @@ TUNED_BAND_RATIO = 1.4
 
 
 def tune(options: argparse.Namespace) -> Tuned | None:
-    """Optimize parameters for peaks, RMS, decay or residual swing, with sensitivities."""
-    from modal.errors import SceneError
-    from modal.scene import load
-    from modal.tuning import tune as tuned
-    from modal.tuning import tuned_json, tuned_text
+    """Optimize parameters for peaks, RMS, decay or residual swing, with sensitivities.
 
+    At small angles, with exact derivatives and all peaks at once, from several starts. The report compares the
+    optimum with Den Hartog's rule where it applies, and has the sensitivity to each number, the range within which
+    the objective is at most 1 % worse, the worst case of all masses ±5 %, and stroke and torque of the dampers. The
+    --workers share random starts, the last descents and the cases of masses.
+
+    Examples
+    --------
+    tune tower --free 'pendulum[0].links[0].length,pendulum[0].links[0].damping' --minimize
+    peak:floor2_m/floor2_force -o tuned.toml --report report.json
+        the damper that minimizes the motion of the roof under a force on it
+    tune tower --free 'pendulum[0].links[0].length=1:3,pendulum[0].links[0].damping' --minimize
+    peak:floor2_m/support_acceleration --max rel_1_1=6 --picture tuned.png
+        when the ground shakes, with bounds and a limit to the damper's stroke
+    tune tower --free 'pendulum[0].links[0].damping' --minimize settling
+        the damper with the shortest settling time
+    """
     if not options.free:
-        raise missing(load(options.scene), "--free", "={half}:{double}", " --minimize settling")
+        raise missing(modal.load(options.scene), "--free", "={half}:{double}", " --minimize settling")
     picture(options.picture, "--picture")
     for flag, path in (("-o", options.output), ("--report", options.report), ("--picture", options.picture)):
         in_a_folder(path, option=flag)
-    scene = noted(load(options.scene), "tuning" if options.travel is None else "a shaper")
-    problems = []
-    if options.largest_angle is not None:
-        problems += _angle_problems(options)
-    aims = (*(options.minimize or ()), *(options.maximize or ()))
+    scene = noted(modal.load(options.scene), "tuning" if options.travel is None else "a shaper")
+    problems, aims = list[str](), (*(options.minimize or ()), *(options.maximize or ()))
+    is_of_peak = bool(aims) and aims[0].rpartition("*")[2].strip().startswith("peak:")
+    if options.largest_angle is not None and not is_of_peak:
+        problems.append("--largest-angle: needs an objective of the form peak:OUTPUT/INPUT")
     if options.picture and not any("peak:" in aim or "residual" in aim for aim in aims):
         problems.append("--picture: needs an objective of the form peak:OUTPUT/INPUT, or residual")
     if problems:
-        raise SceneError(problems)
+        raise modal.SceneError(problems)
     if options.travel is None:
         refuse(options, "needs --travel METRES", "--over", "--kind")
     with crew_of(options) as crew, bar(1.0, title="tuning") as report:
         how = kwargs_of(options, *AIMS)
-        best = tuned(scene, options.free, robust=options.robust, crew=crew, report=report, **how)
+        best = modal.tuning.tune(scene, options.free, robust=options.robust, crew=crew, report=report, **how)
     swing = None if options.largest_angle is None else _swing(best, options.largest_angle)
     record = {} if swing is None else {"finite_swing": _swing_record(swing, best)}
-    told = tuned_json(best, record) if options.report or options.format == "json" else ""
-    text = "" if options.format == "json" else tuned_text(best, "" if swing is None else _swing_words(swing, best))
+    told = modal.tuning.tuned_json(best, record) if options.report or options.format == "json" else ""
+    text = (
+        ""
+        if options.format == "json"
+        else modal.tuning.tuned_text(best, "" if swing is None else _swing_words(swing, best))
+    )
     files = {options.output: scene_bytes(options, best.scene), options.report: told.encode()}
     write_together(files | pictured(options, "modal.plotting", "tuning_figure", best))
     say(told if options.format == "json" else text, options.format)
     return None if swing else best
 
 
-def _angle_problems(options: argparse.Namespace) -> list[str]:
-    aims = [*(options.minimize or ()), *(options.maximize or ())]
-    if not aims or not aims[0].rpartition("*")[2].strip().startswith("peak:"):
-        return ["--largest-angle: needs an objective of the form peak:OUTPUT/INPUT"]
-    return []
-
-
 def _swing(best: Tuned, degrees: float) -> FiniteSwing:
     """The highest peak of the first quantity at finite swing."""
     from math import radians, tau
 
-    from modal.errors import SceneError
     from modal.statespace.signals import is_point, point_input
     from nonlinear.orbits import finite_swing
 
@@ -91,14 +100,14 @@ def _swing(best: Tuned, degrees: float) -> FiniteSwing:
         point = point_input(scene, quantity.input)
         on, direction = point.on, point.direction
     else:
-        raise SceneError(
+        raise modal.SceneError(
             ["--largest-angle: forced orbits are computed under cart_force, or a force at a point, force:POINT"]
         )
     labels = ["x"] * (scene.cart is not None)
     counts = [pendulum.n_links for pendulum in scene.pendulum for _ in range(pendulum.count)]
     labels += [f"theta_{p}_{i}" for p, links in enumerate(counts, 1) for i in range(1, links + 1)]
     if quantity.output not in labels:
-        raise SceneError(
+        raise modal.SceneError(
             [f"--largest-angle: forced orbits give the outputs {', '.join(labels[:6])}, not {quantity.output}"]
         )
     at = best.pieces_after[0]
@@ -138,7 +147,6 @@ def _swing_words(swing: FiniteSwing, best: Tuned) -> str:
 
 COMMANDS = (
     Command(
-        name="tune",
         topic="control",
         run=tune,
         main=("--free", "--minimize", "--max", "--output", "--picture"),
@@ -171,29 +179,6 @@ COMMANDS = (
             *picture_file("the peaks, or the swing of a travel, before and after"),
             *CREW,
             formats("text", "json"),
-        ),
-        details=(
-            "At small angles, with exact derivatives and all peaks at once, from several starts. The report compares "
-            "the optimum with Den Hartog's rule where it applies, and has the sensitivity to each number, the range "
-            "within which the objective is at most 1 % worse, the worst case of all masses ±5 %, and stroke and "
-            "torque of the dampers. The "
-            "--workers share random starts, the last descents and the cases of masses."
-        ),
-        examples=(
-            (
-                "tune tower --free 'pendulum[0].links[0].length,pendulum[0].links[0].damping' "
-                "--minimize peak:floor2_m/floor2_force -o tuned.toml --report report.json",
-                "the damper that minimizes the motion of the roof under a force on it",
-            ),
-            (
-                "tune tower --free 'pendulum[0].links[0].length=1:3,pendulum[0].links[0].damping' "
-                "--minimize peak:floor2_m/support_acceleration --max rel_1_1=6 --picture tuned.png",
-                "when the ground shakes, with bounds and a limit to the damper's stroke",
-            ),
-            (
-                "tune tower --free 'pendulum[0].links[0].damping' --minimize settling",
-                "the damper with the shortest settling time",
-            ),
         ),
     ),
 )

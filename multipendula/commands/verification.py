@@ -5,20 +5,11 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
+import modal
+import nonlinear
 from multipendula.command import CREW, SCENE, Command, formats, option, refuse, report_file, scene_argument
 from multipendula.commands.runs import ELSEWHERE, RunOptions, motion, recorded, start_of
-from multipendula.commands.shared import (
-    bar,
-    chosen,
-    crew_of,
-    draw_in,
-    forewarning,
-    in_a_folder,
-    picture,
-    remark,
-    say,
-    warned,
-)
+from multipendula.commands.shared import bar, chosen, crew_of, forewarning, in_a_folder, picture, remark, show, warned
 from multipendula.options import REPORTS, integer
 
 if TYPE_CHECKING:
@@ -30,43 +21,47 @@ if TYPE_CHECKING:
 
 
 def check(options: argparse.Namespace) -> Check | Comparison:
-    """Check the table of modes against simulation: measure the frequencies at several amplitudes."""
-    from modal.scene import load
+    """Check the table of modes against simulation: measure the frequencies at several amplitudes.
 
+    Every mode is released at several amplitudes and simulated for 40 periods; its frequency is measured and
+    compared with the table's predictions: the small-angle frequency, its shift with amplitude, and the angle at
+    which it is off by 1 %. With --general one run is projected on the modes instead, and with --proved its true
+    error is reported. The report begins with the accuracy of the predictions.
+
+    Examples
+    --------
+    check chain-2 --modes 1 --amplitudes 10,30
+        the slow mode at two amplitudes
+    check crane-hook --modes 2 --amplitudes 20 -o check.png
+        with a figure
+    check chain-2 --general --start angles:10,0 --duration 30
+        one run, projected on the modes
+    """
     _place(options)
-    scene = load(_scene(options))
+    scene = modal.load(_scene(options))
     outcome: Check | Comparison
     outcome, table, figure = _general(options, scene) if options.general else _mode_by_mode(options, scene)
-    say(table(outcome, options.format), options.format)
-    if getattr(outcome, "interrupted", False):
-        raise KeyboardInterrupt
-    draw_in(options, options.output, "nonlinear.plotting", figure, outcome)
+    show(options, table(outcome, options.format), figure, outcome)
     return outcome
 
 
 def _mode_by_mode(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, str]:
-    from modal.modes import natural_modes
     from nonlinear.verification import AMPLITUDES_DEG, check_table
     from nonlinear.verification import check as checked
 
-    refuse(
-        options,
-        "needs --general",
-        "--proved",
-        *(f"--{name.replace('_', '-')}" for name in RunOptions.of(options).given),
-    )
-    numbers = chosen(options.modes, len(natural_modes(scene)))
+    asked = (f"--{name.replace('_', '-')}" for name in RunOptions.of(options).given)
+    refuse(options, "needs --general", "--proved", *asked)
+    numbers = chosen(options.modes, len(modal.natural_modes(scene)))
     with bar(len(numbers), "mode") as report:
         outcome = checked(scene, list(numbers), options.amplitudes or AMPLITUDES_DEG, report=report)
     return outcome, check_table, "check_figure"
 
 
 def _general(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, str]:
-    from modal.scene import require
     from nonlinear.verification import compare, comparison_table
 
     refuse(options, "cannot be combined with --general", "--modes", "--amplitudes")
-    require(scene, "a comparison with modes")
+    modal.scene.require(scene, "a comparison with modes")
     trajectory = RunOptions.of(options).shown()
     if options.proved:
         _judge(trajectory)
@@ -75,12 +70,11 @@ def _general(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, str]:
 
 def _judge(trajectory: Trajectory) -> None:
     """A note on the true error of a run, by a tube that provably contains the motion."""
-    from nonlinear.integration import enclose_motion
     from nonlinear.integration.tubes import at_most
 
     times = trajectory.times - trajectory.times[0]
     with bar(float(times[-1]), "s", "proof") as report:
-        tube = enclose_motion(
+        tube = nonlinear.integration.enclose_motion(
             trajectory.scene, float(times[-1]), output=times, start=trajectory.motion[0], report=report
         )
     remark(f"proved: no angle of the run is off by more than {at_most(tube.distance(trajectory).max())} rad")
@@ -92,35 +86,39 @@ def _place(options: argparse.Namespace) -> None:
 
 
 def _scene(options: argparse.Namespace) -> Any:
-    from modal.errors import SceneError
-
     if recorded(options.scene):
-        raise SceneError([f"{options.scene}: is a saved run, and this command needs a scene"])
+        raise modal.SceneError([f"{options.scene}: is a saved run, and this command needs a scene"])
     return options.scene
 
 
 def chaos(options: argparse.Namespace) -> Exponent | Finding:
-    """Measure the largest Lyapunov exponent, or test what paper 000 or 001 claims about it."""
+    """Measure the largest Lyapunov exponent, or test what paper 000 or 001 claims about it.
+
+    The largest Lyapunov exponent with its uncertainty, from tangent vectors along an ensemble of starts, or an
+    upper bound if it is indistinguishable from zero. The first start is the scene's own, the others are within 0.1
+    degrees of it: to find chaos, give the scene large angles. paper:000 and paper:001 test the claims of two
+    papers. The --workers share 256 starts at a time, of a paper's study its scenes.
+
+    Examples
+    --------
+    chaos chain-2 --duration 10 --members 4
+        a quick estimate for a double pendulum
+    chaos paper-cart-1 --duration 20 -o lyapunov.png
+        16 starts, with a figure of the convergence
+    """
     _place(options)
     is_of_paper = str(options.scene).startswith("paper:")
     outcome = _claims(options) if is_of_paper else _exponent(options)
-    say(f"{outcome.text()}\n")
-    if getattr(outcome, "interrupted", False):
-        raise KeyboardInterrupt
-    draw_in(
-        options, options.output, "nonlinear.plotting", "finding_figure" if is_of_paper else "exponent_figure", outcome
-    )
+    show(options, f"{outcome.text()}\n", "finding_figure" if is_of_paper else "exponent_figure", outcome)
     return outcome
 
 
 def _exponent(options: argparse.Namespace) -> Exponent:
-    from modal.errors import SceneError
-    from modal.scene import load
     from nonlinear.chaos import TRANSIENT, lyapunov_exponent, usual_duration
 
     if options.quick:
-        raise SceneError(["--quick: works with paper:000 and paper:001 only"])
-    scene = warned(load(_scene(options)), "a Lyapunov exponent")
+        raise modal.SceneError(["--quick: works with paper:000 and paper:001 only"])
+    scene = warned(modal.load(_scene(options)), "a Lyapunov exponent")
     duration = options.duration or usual_duration(scene)
     members, start = options.members or 16, start_of(scene, None, elsewhere=ELSEWHERE)
     with crew_of(options) as crew, bar((1 + TRANSIENT) * duration) as report:
@@ -129,29 +127,36 @@ def _exponent(options: argparse.Namespace) -> Exponent:
 
 
 def _claims(options: argparse.Namespace) -> Finding:
-    from modal.errors import SceneError
     from nonlinear.chaos import measure, study
 
     if options.duration or options.members:
-        raise SceneError([f"{options.scene}: has its own --duration and --members; --quick makes it short"])
+        raise modal.SceneError([f"{options.scene}: has its own --duration and --members; --quick makes it short"])
     chosen = study(options.scene.removeprefix("paper:"), quick=options.quick)
     with crew_of(options) as crew, bar(len(chosen.cases), "scene") as report:
         return measure(chosen, report, crew=crew)
 
 
 def tradeoff(options: argparse.Namespace) -> WorkPrecision | FrequencyTradeoff:
-    """Measure the time and error of every method for a motion, from linear modes to the finest integration."""
-    from modal.scene import load
+    """Measure the time and error of every method for a motion, from linear modes to the finest integration.
 
+    Linear modes, modes with corrected frequencies, and every integrator at several tolerances, plain and compiled:
+    the cost and the error of each, and the time up to which errors can be measured, or true errors with --proved.
+    With --linear the frequencies instead: by dense matrices, to a relative error, and with every digit.
+
+    Examples
+    --------
+    tradeoff chain-1 --start mode:1:10 --duration 2
+        every method for two seconds of a small swing
+    tradeoff chain-1 --start angles:60 --duration 1 -o t.png
+        with a figure: time against error
+    tradeoff paper-cart-2 --linear
+        all frequencies: dense matrices, to 1e-8, every digit
+    """
     _place(options)
-    scene = load(_scene(options))
+    scene = modal.load(_scene(options))
     comparison: WorkPrecision | FrequencyTradeoff
     comparison, text = (_of_frequencies if options.linear else _of_motion)(options, scene)
-    say(text, options.format)
-    if getattr(comparison, "interrupted", False):
-        raise KeyboardInterrupt
-    figure = "frequencies_figure" if options.linear else "tradeoff_figure"
-    draw_in(options, options.output, "nonlinear.plotting", figure, comparison)
+    show(options, text, "frequencies_figure" if options.linear else "tradeoff_figure", comparison)
     return comparison
 
 
@@ -177,7 +182,6 @@ def _of_frequencies(options: argparse.Namespace, scene: Scene) -> tuple[Any, str
 
 COMMANDS = (
     Command(
-        name="check",
         topic="motion",
         run=check,
         main=("--modes", "--amplitudes", "--general", "--format", "--output"),
@@ -190,21 +194,8 @@ COMMANDS = (
             formats(*REPORTS),
             *report_file(*REPORTS),
         ),
-        details=(
-            "Every mode is released at several amplitudes and simulated for 40 periods; its frequency is measured and "
-            "compared with the table's predictions: the small-angle frequency, its shift "
-            "with amplitude, and the angle at which it is off by 1 %. With --general one run is projected on the modes "
-            "instead, and with --proved its true error is reported. The report begins with the accuracy of the "
-            "predictions."
-        ),
-        examples=(
-            ("check chain-2 --modes 1 --amplitudes 10,30", "the slow mode at two amplitudes"),
-            ("check crane-hook --modes 2 --amplitudes 20 -o check.png", "with a figure"),
-            ("check chain-2 --general --start angles:10,0 --duration 30", "one run, projected on the modes"),
-        ),
     ),
     Command(
-        name="tradeoff",
         topic="motion",
         run=tradeoff,
         main=("--duration", "--start", "--linear", "--format", "--output"),
@@ -218,20 +209,8 @@ COMMANDS = (
             formats(*REPORTS),
             *report_file(*REPORTS),
         ),
-        details=(
-            "Linear modes, modes with corrected frequencies, and every integrator at several tolerances, plain and "
-            "compiled: the cost and the error of each, and the time up to which errors can be measured, or true errors "
-            "with --proved. With --linear the frequencies instead: by dense matrices, to a relative error, and with "
-            "every digit."
-        ),
-        examples=(
-            ("tradeoff chain-1 --start mode:1:10 --duration 2", "every method for two seconds of a small swing"),
-            ("tradeoff chain-1 --start angles:60 --duration 1 -o t.png", "with a figure: time against error"),
-            ("tradeoff paper-cart-2 --linear", "all frequencies: dense matrices, to 1e-8, every digit"),
-        ),
     ),
     Command(
-        name="chaos",
         topic="motion",
         run=chaos,
         main=("--duration", "--members", "--quick", "--output"),
@@ -242,16 +221,6 @@ COMMANDS = (
             "--quick of a paper's study",
             *CREW,
             *report_file(),
-        ),
-        details=(
-            "The largest Lyapunov exponent with its uncertainty, from tangent vectors along an ensemble of starts, or "
-            "an upper bound if it is indistinguishable from zero. The first start is the scene's own, the others are "
-            "within 0.1 degrees of it: to find chaos, give the scene large angles. paper:000 and paper:001 test the "
-            "claims of two papers. The --workers share 256 starts at a time, of a paper's study its scenes."
-        ),
-        examples=(
-            ("chaos chain-2 --duration 10 --members 4", "a quick estimate for a double pendulum"),
-            ("chaos paper-cart-1 --duration 20 -o lyapunov.png", "16 starts, with a figure of the convergence"),
         ),
     ),
 )

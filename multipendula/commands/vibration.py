@@ -7,6 +7,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+import modal
 from multipendula.command import SCENE, Command, option, picture_file, refuse, text_file
 from multipendula.commands.shared import about, draw_in, listed, noted, output, picture_in_place, remark
 from multipendula.completion import words
@@ -35,8 +36,27 @@ WRITTEN = (
 
 
 def vibration(options: argparse.Namespace) -> RandomResponse | ThermalNoise | ShockResponse | None:
-    """Compute the response to a shaking support or a force, at random or by a record, and thermal noise."""
-    from modal.errors import SceneError
+    """Compute the response to a shaking support or a force, at random or by a record, and thermal noise.
+
+    In closed form over the modes, at small angles. The PSD is interpolated by straight lines over logarithmic axes
+    and is zero outside its frequencies. The RMS of each mode alone is compared with Miles' equation; an undamped
+    mode that the noise excites has no finite RMS. CSV and JSON contain the PSDs. With --temperature, the thermal
+    noise of dampers, drag and loss angles by the fluctuation-dissipation theorem, of tip_positions by default. A
+    --record is interpolated by a spline, and every mode is followed exactly through it and for two of the slowest
+    periods after it: peaks by output and by mode, those of the modes combined by SRSS and CQC, and the effective
+    masses with the number of modes that account for 90 % of the mass.
+
+    Examples
+    --------
+    vibration damped-suspension --psd ground.csv
+        a shipped scene on quiet ground, whose spectrum is shipped too
+    vibration tower --record quake.csv --baseline velocity --picture shock.png
+        peaks in an earthquake, without drift (a shipped record)
+    vibration suspension --temperature 290 --at 1,10,100
+        the thermal noise of the shipped suspension, by wire
+    vibration damped-suspension --psd ground.csv --signals tip_positions --picture psd.png
+        how the mirror moves in the laboratory, with a figure
+    """
     from modal.vibration import random_report
 
     if options.record is not None:
@@ -45,9 +65,9 @@ def vibration(options: argparse.Namespace) -> RandomResponse | ThermalNoise | Sh
     if options.temperature is not None:
         return _thermal(options)
     if options.psd is None:
-        raise SceneError(["give --psd CSV, --temperature KELVIN, or both; or --record CSV"])
+        raise modal.SceneError(["give --psd CSV, --temperature KELVIN, or both; or --record CSV"])
     if options.at:
-        raise SceneError(["--at: applies to thermal noise: give --temperature KELVIN"])
+        raise modal.SceneError(["--at: applies to thermal noise: give --temperature KELVIN"])
 
     response: RandomResponse = _report(options, partial(_random, options), random_report, "random_figure")
     return response
@@ -55,14 +75,14 @@ def vibration(options: argparse.Namespace) -> RandomResponse | ThermalNoise | Sh
 
 def _white_level(text: str, unit: str) -> float:
     """A number above 0, or 0 for the name of a file; SceneError for any other number."""
-    from modal.errors import SceneError
-
     try:
         level = float(text)
     except ValueError:
         return 0.0
     if not 0 < level < float("inf"):
-        raise SceneError([f"--psd {text}: must be a number of {unit} above 0, or a file with frequency_hz and psd"])
+        raise modal.SceneError(
+            [f"--psd {text}: must be a number of {unit} above 0, or a file with frequency_hz and psd"]
+        )
     return level
 
 
@@ -95,15 +115,13 @@ def _random(options: argparse.Namespace, scene: Scene, **outputs: tuple[str, ...
 
 def _thermal(options: argparse.Namespace) -> ThermalNoise | None:
     """The thermal noise, with the response to a PSD next to it where there is one."""
-    from modal.errors import SceneError
-    from modal.scene import load
     from modal.vibration import thermal_noise, thermal_report
     from modal.vibration.random import INPUT
 
     if options.psd is None and options.input != INPUT:
-        raise SceneError([f"--input {options.input}: is the input of a PSD: give --psd CSV"])
+        raise modal.SceneError([f"--input {options.input}: is the input of a PSD: give --psd CSV"])
     picture_in_place(options)
-    scene = about(noted(load(options.scene), "thermal noise"))
+    scene = about(noted(modal.load(options.scene), "thermal noise"))
     outputs = listed(options.signals) or ("tip_positions",)
     noise, beside = thermal_noise(scene, options.temperature, outputs), None
     if options.psd is not None:
@@ -117,7 +135,6 @@ def _thermal(options: argparse.Namespace) -> ThermalNoise | None:
 
 def _shock(options: argparse.Namespace) -> ShockResponse:
     """The response of every mode and output to a record of the support's motion, and its peaks."""
-    from modal.scene import RecordMotion
     from modal.scene.records import read_record
     from modal.scene.tables import parse_where
     from modal.vibration import shock_report, shock_response
@@ -126,7 +143,7 @@ def _shock(options: argparse.Namespace) -> ShockResponse:
     columns = parse_where(options.column or (), COLUMNS)
 
     def respond(scene: Scene, **outputs: tuple[str, ...]) -> Any:
-        motion = RecordMotion(**read_record(options.record, columns=columns), baseline=options.baseline)
+        motion = modal.scene.RecordMotion(**read_record(options.record, columns=columns), baseline=options.baseline)
         return shock_response(scene, motion, **outputs)
 
     response: ShockResponse = _report(options, respond, shock_report, "shock_figure")
@@ -137,10 +154,8 @@ def _report(
     options: argparse.Namespace, respond: Callable[..., Any], written: Callable[[Any, Any], str], figure: str
 ) -> Any:
     """The response of the scene as a report and as a picture, whose name is judged before anything is computed."""
-    from modal.scene import load
-
     picture_in_place(options)
-    scene = about(noted(load(options.scene)))
+    scene = about(noted(modal.load(options.scene)))
     response = respond(scene, **({"outputs": listed(options.signals)} if options.signals else {}))
     draw_in(options, options.picture, "modal.plotting.vibration", figure, response)
     with output(options.output) as write:
@@ -150,7 +165,6 @@ def _report(
 
 COMMANDS = (
     Command(
-        name="vibration",
         topic="control",
         run=vibration,
         main=("--psd", "--record", "--temperature", "--signals", "--output"),
@@ -172,35 +186,6 @@ COMMANDS = (
                 default=USUAL,
             ),
             *WRITTEN,
-        ),
-        details=(
-            "In closed form over the modes, at small angles. The PSD is interpolated by straight lines over "
-            "logarithmic axes and is zero outside its frequencies. The RMS of each mode alone is compared with "
-            "Miles' equation; an undamped mode that the noise excites has no finite RMS. CSV and JSON contain the "
-            "PSDs. With "
-            "--temperature, the thermal noise of dampers, drag and loss angles by the fluctuation-dissipation theorem, "
-            "of tip_positions by default. A --record is interpolated by a spline, and every mode is followed exactly "
-            "through it and for two of the slowest periods after it: peaks by output and by mode, those of the modes "
-            "combined by SRSS and CQC, and the effective masses with the number of modes that account for 90 % of "
-            "the mass."
-        ),
-        examples=(
-            (
-                "vibration damped-suspension --psd ground.csv",
-                "a shipped scene on quiet ground, whose spectrum is shipped too",
-            ),
-            (
-                "vibration tower --record quake.csv --baseline velocity --picture shock.png",
-                "peaks in an earthquake, without drift (a shipped record)",
-            ),
-            (
-                "vibration suspension --temperature 290 --at 1,10,100",
-                "the thermal noise of the shipped suspension, by wire",
-            ),
-            (
-                "vibration damped-suspension --psd ground.csv --signals tip_positions --picture psd.png",
-                "how the mirror moves in the laboratory, with a figure",
-            ),
         ),
     ),
 )

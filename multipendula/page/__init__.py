@@ -2,16 +2,16 @@
 
 In: a scene or a trajectory.  Out: a page without any request to a network.  `document` puts it together from
 `page.html`, `page.css` and the JavaScript modules in `modules/`, and writes the equations of one link into it
-(`nonlinear.dynamics.steps`); `payload` is its data, `structure` has for pages of structures their
-own, all equations and the drawing (`carriers.js`), `whole` the equations and switches of scenes with dry friction or
-forces (`switched.js`), of which `scalars` writes what Python runs as JavaScript.  In `modules/`, `system.js` is a scene
-as numbers, `modes.js` its modes under the numbers of the table, `equations.js` the loops of its equations of motion,
-`motion.js` a run; `main.js` joins them to what is seen.  Start with `document`.
+(`nonlinear.dynamics.steps`); `payload` is its data, `equations` has for pages of structures their own, all equations
+and the drawing (`carriers.js`), and the equations and switches of scenes with dry friction or forces (`switched.js`),
+of which `scalars` writes what Python runs as JavaScript.  In `modules/`, `system.js` is a scene as numbers, `modes.js`
+its modes under the numbers of the table, `equations.js` the loops of its equations of motion, `motion.js` a run;
+`main.js` joins them to what is seen.  Start with `document`.
 """
 
 from multipendula.page.document import LARGEST, LARGEST_OF_STRUCTURES, MODULES, joined, page
+from multipendula.page.equations import scaffold_of, structure_module
 from multipendula.page.payload import MOST_LINKS, recording_of, scene_data
-from multipendula.page.structure import scaffold_of, structure_module
 
 __all__ = [
     "LARGEST",

@@ -20,10 +20,8 @@ from urllib.parse import quote
 
 from modal.report import html
 from modal.scene import Scene, left_out, scene_from, title_of
+from multipendula.page.equations import drawing_module, prescribed_module, structure_module, whole_module
 from multipendula.page.payload import known_rows
-from multipendula.page.prescribed import prescribed_module
-from multipendula.page.structure import drawing_module, structure_module
-from multipendula.page.whole import whole_module
 
 HERE = Path(__file__).parent
 MODAL = (

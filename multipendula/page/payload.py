@@ -15,9 +15,7 @@ from modal.scene.parameters import with_numbers
 from modal.scene.points import PendulumPoint, parse_point
 from modal.structure import structure_of
 from modal.types import Floats
-from multipendula.page.prescribed import PIECES_MAX, long_ones
-from multipendula.page.structure import is_structural
-from multipendula.page.whole import SWITCHED_LINKS_MAX
+from multipendula.page.equations import PIECES_MAX, SWITCHED_LINKS_MAX, is_structural, long_ones
 
 if TYPE_CHECKING:
     from nonlinear.integration import Trajectory

@@ -47,7 +47,7 @@ from modal.types import Booleans, Complexes, Floats, Ints
 from nonlinear.averaging.describing import AMPLITUDE_FLOOR, mixing_ratio, pulls, rubbing_torques
 from nonlinear.dynamics import Contacts, Escaping, contacts_of, escaping
 from nonlinear.reduction import residual_forces
-from nonlinear.system import State, System, system_of
+from nonlinear.system import Layout, State, System, system_of
 
 BAND_RATIO = 1.5
 """Physics: of neighbouring frequencies, above which they belong to different bands: a cubic force joins ω and 3ω."""
@@ -102,10 +102,8 @@ class AveragedEquations(Displayed):
 
     def amplitudes(self, state: State) -> Complexes:
         """The amplitudes z (C,) of a state."""
-        q, v = state.links - self.system.rest, state.link_rates
-        if self.system.cart:
-            q, v = np.append(state.cart, q), np.append(state.cart_rate, v)
-        q, v = np.append(state.supports, q), np.append(state.support_rates, v)
+        q, v = np.split(Layout.of(self.system, works=False).begin(state), 2)
+        q[self.system.first :] -= self.system.rest
         return np.asarray(q @ self.dual - 1j * (v @ self.dual) / self.omega)
 
     def energies(self, z: Complexes) -> Floats:
@@ -149,30 +147,16 @@ class AveragedEquations(Displayed):
         """The rates z' (C, ...) of amplitudes (C, ...) in bands that rotate at Ω (B, ...)."""
         return self.forcing(z, turning) + 1j * self.detuning(turning) * z
 
-    def forcing(self, z: Complexes, turning: Floats, active: Booleans | None = None) -> Complexes:
-        """The same rates without the detuning, as if each motion had `restricted_to` the modes kept (C, ...)."""
-        return self._forcing(z, turning, active)
-
-    def smooth(self, z: Complexes, turning: Floats) -> Complexes:
-        """The rates of `forcing` without the kicks of escapements."""
-        return self._forcing(z, turning, kicking=False)
-
-    def linear(self, z: Complexes, turning: Floats) -> Complexes:
-        """Those without dry friction too, which alone stops small oscillations within a swing."""
-        return self._forcing(z, turning, kicking=False, sliding=False)
-
-    def restricted_to(self, active: Booleans) -> AveragedEquations:
-        """The same as if there were no other modes than these (C,)."""
-        return replace(self, shapes=self.shapes * active, dual=self.dual * active)
-
-    def _forcing(
+    def forcing(
         self,
         z: Complexes,
         turning: Floats,
         active: Booleans | None = None,
+        *,
         kicking: bool = True,
         sliding: bool = True,
     ) -> Complexes:
+        """The same rates without the detuning, as if each motion had `restricted_to` the modes kept (C, ...)."""
         columns = z.reshape(len(z), -1)
         pace = np.broadcast_to(turning.reshape(len(turning), -1), (len(turning), columns.shape[1]))
         active_columns = np.ones(columns.shape, dtype=bool) if active is None else active.reshape(columns.shape)
@@ -184,6 +168,18 @@ class AveragedEquations(Displayed):
             self._rates(columns[:, part], pace[:, part], active_columns[:, part], kicking, sliding) for part in chunks
         ]
         return np.asarray(np.hstack(parts).reshape(z.shape))
+
+    def smooth(self, z: Complexes, turning: Floats) -> Complexes:
+        """The rates of `forcing` without the kicks of escapements."""
+        return self.forcing(z, turning, kicking=False)
+
+    def linear(self, z: Complexes, turning: Floats) -> Complexes:
+        """Those without dry friction too, which alone stops small oscillations within a swing."""
+        return self.forcing(z, turning, kicking=False, sliding=False)
+
+    def restricted_to(self, active: Booleans) -> AveragedEquations:
+        """The same as if there were no other modes than these (C,)."""
+        return replace(self, shapes=self.shapes * active, dual=self.dual * active)
 
     def _rates(self, z: Complexes, turning: Floats, active: Booleans, kicking: bool, sliding: bool) -> Complexes:
         """The effect on z (C, S) of all forces but the detuning."""

@@ -86,9 +86,10 @@ class Pattern(Displayed):
         return Summary(f"{several} {self.name}", [("sectors", ", ".join(sector.name for sector in self.sectors))])
 
     @property
-    def is_split(self) -> bool:
-        """Whether "own" and "other" perturbations are separate sectors."""
-        return self.sectors[0].name == OWN
+    def rest(self) -> Floats:
+        """The y at rest, (2 half,)."""
+        still = np.zeros(self.system.first)
+        return np.concatenate((still, self.system.rest, still, np.zeros(self.system.n_links)))
 
     def at(self, scene: Scene) -> Pattern:
         """The same pattern of a scene with other numbers."""
@@ -131,12 +132,6 @@ def _pattern(
     kept_sector, lost_sector = (Sector(word, _eigenspace(G, basis, way)) for word, way in ((OWN, 1.0), (OTHER, -1.0)))
     split = replace(common, sectors=(kept_sector, lost_sector, *inside[:1]))
     return split if _is_invariant(split) else common
-
-
-def _number_sectors(inside: Sequence[Sector]) -> Iterator[Sector]:
-    """Those within several populations, each with its number."""
-    for number, sector in enumerate(inside, start=1):
-        yield Sector(f"within population {number}" if len(inside) > 1 else sector.name, sector.basis)
 
 
 def _means(populations: Sequence[Population], system: System) -> tuple[list[Floats], list[Floats]]:
@@ -187,10 +182,9 @@ def _is_invariant(pattern: Pattern) -> bool:
     scale, random = equations.scale, np.random.default_rng(START_SEED)
     spaces = [sector.states for sector in pattern.sectors[:2]]
     rounding = np.sqrt(np.finfo(float).eps)
-    rest = np.concatenate((np.zeros(pattern.system.first), pattern.system.rest, np.zeros(len(scale) // 2)))
     for _ in range(3):
         inside = spaces[0] @ random.uniform(-0.5, 0.5, spaces[0].shape[1])
-        rate, J = equations.linearize(rest + scale * inside)
+        rate, J = equations.linearize(pattern.rest + scale * inside)
         J = J * scale / scale[:, None]
         for space, other_space in (spaces, spaces[::-1]):
             if np.abs(other_space.T @ J @ space).max() > rounding * np.abs(J).max():
@@ -270,9 +264,7 @@ def _starts(pattern: Pattern, equations: AveragedEquations, near_by: AveragedPat
 
 def rest_growth(pattern: Pattern) -> float:
     """The growth rate (1/s) of small motions of the pattern about rest: no oscillation lasts where all decay."""
-    E, none = pattern.sectors[0].states, np.zeros(pattern.system.first)
-    rest = np.concatenate((none, pattern.system.rest, np.zeros(len(E) // 2)))
-    J = Variational(pattern.system).linearize(rest)[1]
+    E, J = pattern.sectors[0].states, Variational(pattern.system).linearize(pattern.rest)[1]
     return float(np.linalg.eigvals(E.T @ J @ E).real.max())
 
 

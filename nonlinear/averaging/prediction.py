@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
 from math import degrees, pi
@@ -18,7 +18,7 @@ from modal.types import Complexes, Floats
 from nonlinear.averaging.equations import AveragedEquations, average
 from nonlinear.averaging.equilibria import RelativeEquilibrium, relative_equilibrium
 from nonlinear.averaging.slow_flow import SlowFlow, runs_away, settle
-from nonlinear.system import State, initial_state, system_of, validate_state
+from nonlinear.system import Layout, State, initial_state, system_of, validate_state
 
 AVERAGED_RATE_MAX = 0.2
 """Limit: largest rate of growth or decay over the frequency, beyond which it is "too fast to be averaged"."""
@@ -213,19 +213,9 @@ def _aside(equations: AveragedEquations, start: State) -> State:
     """The first of the neighbouring starts."""
     z = equations.amplitudes(start)
     off = next(_neighbours(z)) - z
-    q, v = (equations.shapes @ off).real, (equations.shapes @ (1j * equations.omega * off)).real
-    on = equations.system.first
-    links, turning = start.links + q[on:], start.link_rates + v[on:]
-    if equations.system.structure is not None:
-        return replace(
-            start,
-            links=links,
-            link_rates=turning,
-            supports=start.supports + q[:on],
-            support_rates=start.support_rates + v[:on],
-        )
-    cart, rate = (float(value[0]) if on else 0.0 for value in (q, v))
-    return State(links, turning, start.cart + cart, start.cart_rate + rate)
+    aside = np.concatenate((equations.shapes @ off, equations.shapes @ (1j * equations.omega * off))).real
+    layout = Layout.of(equations.system, works=False)
+    return layout.state(layout.begin(start) + aside)
 
 
 def _neighbours(z: Complexes) -> Iterator[Complexes]:

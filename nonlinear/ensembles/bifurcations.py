@@ -56,7 +56,7 @@ class BifurcationDiagram(Drawable, Result):
     shown: tuple[int, ...]
 
     what, key = "bifurcation diagram", "strobes"
-    figure = "nonlinear.plotting.strobes:bifurcation_figure"
+    figure = "nonlinear.plotting.ensembles:bifurcation_figure"
 
     @property
     def system(self) -> System:

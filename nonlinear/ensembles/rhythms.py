@@ -164,7 +164,7 @@ class RhythmMap(Drawable, Result):
     seed: int
 
     what, key = "map of rhythms", "values"
-    figure = "nonlinear.plotting.rhythms:rhythm_figure"
+    figure = "nonlinear.plotting.ensembles:rhythm_figure"
 
     @property
     def averaged(self) -> tuple[AveragedThreshold, ...]:
@@ -358,7 +358,7 @@ class RhythmGrid(Drawable, Result):
     maps: tuple[RhythmMap, ...]
 
     what, key = "map of rhythms", "rows"
-    figure = "nonlinear.plotting.rhythms:grid_figure"
+    figure = "nonlinear.plotting.ensembles:grid_figure"
 
     @property
     def names(self) -> tuple[str, ...]:

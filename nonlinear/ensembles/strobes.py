@@ -93,7 +93,7 @@ class StroboscopicSection(EnsembleResult):
     shown: tuple[int, ...]
 
     what, key = "stroboscopic section", "strobes"
-    figure = "nonlinear.plotting.strobes:strobes_figure"
+    figure = "nonlinear.plotting.ensembles:strobes_figure"
 
     @property
     def states(self) -> list[Floats]:

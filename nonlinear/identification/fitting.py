@@ -31,8 +31,7 @@ from modal.scene.doors import checked, formerly
 from modal.scene.parameters import texts_of
 from modal.types import Booleans, Floats
 from nonlinear.dynamics.inputs import Inputs
-from nonlinear.identification.diagnosis import diagnose
-from nonlinear.identification.mistakes import find_mistake, require_radians, require_seconds
+from nonlinear.identification.diagnosis import diagnose, find_mistake, require_radians, require_seconds
 from nonlinear.identification.points import require_readable
 from nonlinear.identification.problem import FitProblem, require_fittable
 from nonlinear.identification.records import Recording

@@ -260,6 +260,24 @@ def crossing(function: Callable[[Floats], Floats], low: Floats, high: Floats) ->
     return np.asarray(middle)
 
 
+def quintic(h: Floats, x0: Floats, x1: Floats, v0: Floats, v1: Floats, a0: Floats, a1: Floats) -> Floats:
+    """Coefficients (6, K, L) of powers of t/h, of curves with these x, slopes and curvatures at t = 0 and h (K, 1)."""
+    v0, v1, a0, a1 = v0 * h, v1 * h, a0 * h**2, a1 * h**2
+    d, m, e = x1 - x0 - v0 - a0 / 2, v1 - v0 - a0, a1 - a0
+    return np.array([x0, v0, a0 / 2, 10 * d - 4 * m + e / 2, -15 * d + 7 * m - e, 6 * d - 3 * m + e / 2])
+
+
+def between_samples(times: Floats, x: Floats, v: Floats, a: Floats, at: Floats) -> tuple[Floats, Floats]:
+    """The curves through x with slopes v and curvatures a, (K, L), at other times (T,), and the slopes, (T, L)."""
+    sample = np.clip(np.searchsorted(times, at, side="right") - 1, 0, len(times) - 2)
+    h = np.diff(times)[sample][:, None]
+    powers = quintic(h, *(values[sample + k] for values in (x, v, a) for k in (0, 1)))
+    part = (at - times[sample])[:, None] / h
+    places = sum(power * part**k for k, power in enumerate(powers))
+    slopes = sum(k * power * part ** (k - 1) for k, power in enumerate(powers) if k) / h
+    return np.asarray(places), np.asarray(slopes)
+
+
 def align_lanes(values: Any, y: Floats) -> Any:
     """Values of lanes (..., S), ready to be combined with y (size, S) or (size, S, 1 + k)."""
     return values if y.ndim < 3 else np.asarray(values)[..., None]

@@ -5,12 +5,10 @@ and Floquet multipliers, and the special points between them.
 
     φ_T(y) = y,     multipliers: the eigenvalues of ∂φ_T/∂y
 
-Start with `modes` (`held` along a number) for conservative scenes, with `cycles` for self-excited ones and with
-`forced` under drives of a period.  `symmetric` and
-`shooting` have the equations of orbits, `flow` integrates them with their variational equations,
-`continuation` follows their solutions, `floquet` the stability, `special` where it changes, and `entering` what
-leaves there.  `finite_swing` has the highest peak of a response over frequencies at large angles, `populations` the
-orbits on which every population of equal pendula moves as one.
+Start with `modes` for conservative scenes, with `cycles` for self-excited ones and with `forced` under drives of a
+period.  `symmetric` and `shooting` have the equations of orbits, `flow` integrates them with their variational
+equations, `continuation` follows their solutions, `floquet` the stability, `special` where it changes, and `entering`
+what leaves there.  `populations` has the orbits on which every population of equal pendula moves as one.
 """
 
 from nonlinear.orbits.branch import Branch
@@ -25,18 +23,18 @@ from nonlinear.orbits.cycles import (
     require_cycles,
 )
 from nonlinear.orbits.entering import LEAVES, leaving_branch
-from nonlinear.orbits.finite_swing import FiniteSwing, finite_swing
 from nonlinear.orbits.floquet import Floquet
 from nonlinear.orbits.flow import Flow
 from nonlinear.orbits.forced import (
+    FiniteSwing,
     LinearResponse,
+    finite_swing,
     follow_forced_orbits,
     forced_orbit,
     linear_response,
     require_forced_orbits,
 )
-from nonlinear.orbits.held import mode_along
-from nonlinear.orbits.modes import at_amplitude, mode_orbit, nonlinear_mode, orbit_where_off, oscillating
+from nonlinear.orbits.modes import at_amplitude, mode_along, mode_orbit, nonlinear_mode, orbit_where_off, oscillating
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.orbits.populations import PatternOrbit, free_amplitude, pattern_orbit
 from nonlinear.orbits.report import orbits_csv, orbits_record, orbits_text

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import isclose
@@ -15,7 +15,8 @@ from modal.modes import natural_modes
 from modal.report import TextResult, by_column, deferred
 from modal.scene.parameters import Variation
 from modal.types import Floats
-from nonlinear.orbits.continuation import OrbitPoint, OrbitProblem
+from nonlinear.orbits.between import refined_points
+from nonlinear.orbits.continuation import OrbitPoint, OrbitProblem, with_values
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.orbits.special import Special
 
@@ -107,3 +108,20 @@ class Branch(TextResult):
     def is_stable(self) -> tuple[bool, ...]:
         """Whether every orbit is stable."""
         return tuple(orbit.is_stable for orbit in self.orbits)
+
+
+def finished_branch(
+    origin: str,
+    problem: OrbitProblem,
+    points: Sequence[OrbitPoint],
+    specials: Callable[[Any, Sequence[OrbitPoint]], Iterator[Special]],
+    variation: Variation | None = None,
+    *,
+    complete: bool = True,
+    linear: float | None = None,
+) -> Branch:
+    """The branch of these points, of those between whose stability differs, and of those at values of the number."""
+    points = refined_points(problem, points)
+    special = tuple(specials(problem, points))
+    points = with_values(problem, points, variation) if variation else points
+    return Branch(origin, tuple(points), special, problem, variation, complete, linear)

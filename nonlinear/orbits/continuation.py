@@ -7,7 +7,7 @@ conserved quantities make some equations follow from the others) in the plane ac
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from math import isfinite, radians
@@ -156,6 +156,37 @@ def follow(
         yield current
 
 
+def follow_until(
+    problem: OrbitProblem,
+    steps: Iterable[OrbitPoint],
+    excess: Callable[[OrbitPoint], float],
+    max_orbits: int,
+    *,
+    smallest: float = 0.0,
+    report: Callable[[Sequence[OrbitPoint]], object] = lambda points: None,
+) -> tuple[list[OrbitPoint], bool]:
+    """The points up to the one where a test function reaches 0, and whether it does.
+
+    They end before that after `max_orbits`, and where the largest angle (rad) has become the `smallest`.
+    """
+    points: list[OrbitPoint] = []
+    for current in steps:
+        points.append(current)
+        report(points)
+        if excess(current) >= 0:
+            if len(points) > 1:
+                points[-1] = locate(problem, points[-2], current, excess)
+            return points, True
+        if len(points) >= max_orbits or current.orbit.amplitude < smallest:
+            break
+    return points, False
+
+
+def outside_range(first: OrbitPoint) -> Callable[[OrbitPoint], float]:
+    """A test function that reaches 0 where a number leaves its range, once past the first point at one of its ends."""
+    return lambda current: -0.5 if current is first else abs(float(current.u[-1]) - 0.5) - 0.5
+
+
 def between(
     problem: OrbitProblem, start_point: OrbitPoint, end_point: OrbitPoint, part: float, rcond: float | None = None
 ) -> OrbitPoint:
@@ -180,6 +211,12 @@ def place_in(variation: Variation, value: float) -> float:
     """The place of a value in the range of a number, 0 at its lower end and 1 at its upper one."""
     low, high = variation.values[0], variation.values[-1]
     return float(np.log(value / low) / np.log(high / low)) if variation.log else (value - low) / (high - low)
+
+
+def value_in(variation: Variation, place: float) -> float:
+    """The value at a place in the range of a number."""
+    low, high = variation.values[0], variation.values[-1]
+    return float(low * (high / low) ** place if variation.log else low + (high - low) * place)
 
 
 def with_values(problem: OrbitProblem, points: Sequence[OrbitPoint], variation: Variation) -> list[OrbitPoint]:

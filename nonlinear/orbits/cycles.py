@@ -18,18 +18,18 @@ from modal.scene.parameters import Variation, validate_variations, variation_of,
 from modal.types import Crew, Floats, map_by_crew
 from nonlinear.averaging import RelativeEquilibrium, average, relative_equilibria
 from nonlinear.dynamics.variational import Force
-from nonlinear.orbits.between import refined_points
-from nonlinear.orbits.branch import Branch, Report
+from nonlinear.orbits.branch import Branch, Report, finished_branch
 from nonlinear.orbits.continuation import (
     BRANCH_ORBITS_MAX,
     STEP_MAX,
     OrbitPoint,
-    at_edge,
     correct,
     follow,
+    follow_until,
     level,
+    outside_range,
+    place_in,
     tangent_of,
-    with_values,
 )
 from nonlinear.orbits.flow import ORBIT_TOLERANCE
 from nonlinear.orbits.orbit import ORBIT_RESIDUAL_MAX, Orbit
@@ -265,10 +265,15 @@ def follow_cycles(
 @checked
 def require_cycles(scene: Scene, variation: Variation) -> None:
     """Raise, without computing anything, what `follow_cycles` raises for this scene and variation."""
+    require_range(scene, variation)
+    require(scene, "a limit cycle")
+
+
+def require_range(scene: Scene, variation: Variation) -> None:
+    """Raise SceneError for a number of the scene along which no branch can be followed."""
     validate_variations(scene, [variation])
     if len(variation.values) < 2 or variation.path.endswith("count"):
         raise SceneError([f"{variation.path}: orbits need two or more values of a continuous parameter"])
-    require(scene, "a limit cycle")
 
 
 def beginnings(
@@ -322,30 +327,13 @@ class BranchWalk:
 
     def __call__(self, beginning: Beginning) -> Branch:
         """The branch from one end of the range until it leaves that, with its special points and the values."""
-        problem, variation = beginning.problem, beginning.problem.variation
-        assert variation
-        points, complete = self._follow(beginning)
-        points = refined_points(problem, points)
-        special = tuple(along_cycles(problem, points))
-        points = with_values(problem, points, variation)
-        return Branch(beginning.words, tuple(points), special, problem, variation, complete)
-
-    def _follow(self, beginning: Beginning) -> tuple[list[OrbitPoint], bool]:
-        """The points until the branch leaves the range, and whether it does."""
         problem, u = beginning.problem, beginning.u
-        inward = np.zeros(len(u))
-        inward[-1] = 1.0 if u[-1] < 0.5 else -1.0
-        points: list[OrbitPoint] = []
+        inward = np.append(np.zeros(len(u) - 1), 1.0 if u[-1] < 0.5 else -1.0)
         first = OrbitPoint(u, tangent_of(problem.equations(u)[1], inward), beginning.orbit)
-        for current in follow(problem, first, step=self.longest / 5, longest=self.longest, distance=self.distance):
-            points.append(current)
-            if len(points) > 1 and not 0 < current.u[-1] < 1:
-                points[-1] = at_edge(problem, points[-2], current)
-                return points, True
-            dies = not problem.clock and current.orbit.amplitude < DYING_AMPLITUDE_RATIO * beginning.orbit.amplitude
-            if len(points) >= self.max_orbits or dies:
-                break
-        return points, False
+        smallest = 0.0 if problem.clock else DYING_AMPLITUDE_RATIO * beginning.orbit.amplitude
+        steps = follow(problem, first, step=self.longest / 5, longest=self.longest, distance=self.distance)
+        points, complete = follow_until(problem, steps, outside_range(first), self.max_orbits, smallest=smallest)
+        return finished_branch(beginning.words, problem, points, along_cycles, problem.variation, complete=complete)
 
 
 def is_known(orbit: Orbit, branches: Sequence[Branch]) -> bool:
@@ -368,7 +356,7 @@ def first_special_point(
     y, period, leader = averaged_start(shooting(equilibrium.averaged.scene), equilibrium)
     problem = shooting(scene, leader=leader, variation=variation)
     u = solution(problem, y, period, value)
-    distance = problem.place(at) - problem.place(value)
+    distance = place_in(variation, at) - place_in(variation, value)
     towards = np.append(np.zeros(len(u) - 1), np.sign(distance))
     previous = OrbitPoint(u, tangent_of(problem.equations(u)[1], towards), problem.orbit(u))
     steps = follow(problem, previous, step=abs(distance) / 2, longest=max(2 * abs(distance), 0.05))

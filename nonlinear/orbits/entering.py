@@ -14,8 +14,7 @@ import numpy as np
 
 from modal.errors import ComputationError
 from modal.types import Floats
-from nonlinear.orbits.between import refined_points
-from nonlinear.orbits.branch import Branch
+from nonlinear.orbits.branch import Branch, finished_branch
 from nonlinear.orbits.continuation import (
     BRANCH_ORBITS_MAX,
     DENSE_BRANCH_ORBITS_MAX,
@@ -25,7 +24,6 @@ from nonlinear.orbits.continuation import (
     level,
     point,
     relative_distance,
-    with_values,
 )
 from nonlinear.orbits.cycles import turning
 from nonlinear.orbits.orbit import Orbit
@@ -60,10 +58,7 @@ def leaving_branch(branch: Branch, special: Special, *, max_orbits: int | None =
         raise ComputationError(f"no branch was found that leaves at this {special.kind}")
     max_orbits = max_orbits or (DENSE_BRANCH_ORBITS_MAX if problem.clock else BRANCH_ORBITS_MAX) // 4
     points = list(islice(_inside(problem, first, step), max_orbits))
-    points = refined_points(problem, points)
-    specials = tuple(along_cycles(problem, points))
-    points = with_values(problem, points, problem.variation) if problem.variation else points
-    return Branch(f"{special.kind} of {branch.origin}", tuple(points), specials, problem, problem.variation)
+    return finished_branch(f"{special.kind} of {branch.origin}", problem, points, along_cycles, problem.variation)
 
 
 def _at(branch: Branch, special: Special, times: int) -> tuple[Shooting, Floats, Floats]:

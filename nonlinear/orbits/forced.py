@@ -7,6 +7,11 @@ the linear response, the steady solution of
 
 about the equilibrium y_e under the mean load [Nayfeh1979, section 2.2], or
 else where the motion from there settles.
+
+The highest peak of a response at finite swing is found over the frequencies of a band, at each of which a sine of one
+size pushes the scene; the size is that at which the largest angle of any link over the band is the one requested. Each
+orbit is the one next to the linear response, or where the motion from there settles; where several motions coexist,
+others are not seen there, and `follow_forced_orbits` follows them.
 """
 
 from __future__ import annotations
@@ -17,14 +22,15 @@ import numpy as np
 
 from modal.errors import ComputationError, SceneError
 from modal.report import Displayed, Summary, silent
-from modal.scene import Scene, drive_period, require
+from modal.scene import Scene, SineForce, drive_period, require
 from modal.scene.doors import checked, formerly
-from modal.scene.parameters import Variation, validate_variations, variation_of, vary
+from modal.scene.motion import Acting
+from modal.scene.parameters import Variation, variation_of, vary
 from modal.types import Floats
 from nonlinear.averaging.equilibria import NEWTON_ROUNDS_MAX
 from nonlinear.orbits.branch import Branch, Report
 from nonlinear.orbits.continuation import DENSE_BRANCH_ORBITS_MAX, STEP_MAX, relative_distance
-from nonlinear.orbits.cycles import Beginning, BranchWalk, solution
+from nonlinear.orbits.cycles import Beginning, BranchWalk, require_range, solution
 from nonlinear.orbits.flow import ORBIT_TOLERANCE, Flow
 from nonlinear.orbits.orbit import CYCLE_SAMPLES, ORBIT_RESIDUAL_MAX, Orbit
 from nonlinear.orbits.shooting import Shooting, shooting
@@ -36,6 +42,10 @@ NOWHERE = (
     "no periodic motion was found, neither near the linear response nor where the motion from there settles: give "
     "another start: one whose motion settles"
 )
+BAND_FREQUENCIES = 33
+"""Format: `frequencies` over the band; near the highest they are five times as close."""
+SWING_ANGLE_ERROR = 2e-3
+"""Limit: relative error of the largest angle, above which "no force was found"."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -162,9 +172,7 @@ def follow_forced_orbits(
 @checked
 def require_forced_orbits(scene: Scene, variation: Variation) -> None:
     """Raise, without computing anything, what `follow_forced_orbits` raises for this scene and variation."""
-    validate_variations(scene, [variation])
-    if len(variation.values) < 2 or variation.path.endswith("count"):
-        raise SceneError([f"{variation.path}: orbits need two or more values of a continuous parameter"])
+    require_range(scene, variation)
     shooting(scene, variation=variation, cycles=1)
 
 
@@ -205,3 +213,81 @@ def _beginning_near(problem: Shooting, y: Floats, value: float | None, words: st
     if orbit.residual > ORBIT_RESIDUAL_MAX:
         raise ComputationError("the motion near this one does not close")
     return Beginning(problem, u, orbit, words)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FiniteSwing(Displayed):
+    """A force of `size` (N or N m), with which links turn by `angle` (rad) at most; per unit of it the highest `peak`.
+
+    `peak` is half the way between the extremes of the output, in its unit per that of the force, at `frequency` (Hz);
+    `responses` (W,) are those at `frequencies` (W,), and `stable` whether the orbit of the peak is.
+    """
+
+    size: float
+    angle: float
+    peak: float
+    frequency: float
+    stable: bool
+    frequencies: Floats
+    responses: Floats
+
+    def _summary(self) -> Summary:
+        facts = [("force", f"{self.size:.5g}"), ("largest angle", f"{np.degrees(self.angle):.4g}°")]
+        return Summary(f"Peak at finite swing: {self.peak:.6g} at {self.frequency:.5g} Hz", facts)
+
+
+@checked
+def finite_swing(
+    scene: Scene, on: str, direction: Acting, column: int, angle: float, band: tuple[float, float]
+) -> FiniteSwing:
+    """The highest peak of a coordinate under a sine at a point, where the largest angle of any link is `angle` (rad).
+
+    `column` is the coordinate's, a cart's 0 and links after it; `band` in Hz. Raise SceneError for scenes without
+    forced orbits, ComputationError if an orbit is not found.
+
+    >>> from modal import Bob, Pendulum, Scene
+    >>> scene = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0, damping=0.3)])])
+    >>> found = finite_swing(scene, "pendulum[0].links[0]", "horizontal", 0, 0.3, (0.4, 0.6))
+    >>> round(found.angle, 3), found.stable
+    (0.3, True)
+    """
+    if not 0 < angle < np.pi:
+        raise SceneError([f"angle {np.degrees(angle):g}: is above 0 and below 180 degrees"])
+    plain = scene.replace(force=())
+    grid = np.geomspace(*band, BAND_FREQUENCIES)
+
+    def forced_scene(size: float, frequency: float) -> Scene:
+        return plain.replace(force=(SineForce(on=on, direction=direction, amplitude=size, frequency_hz=frequency),))
+
+    size = angle / max(linear_response(forced_scene(1.0, f)).amplitude for f in grid.tolist())
+    for _ in range(4):
+        orbits = {f: forced_orbit(forced_scene(size, f)) for f in grid.tolist()}
+        widest = max(orbits, key=lambda f: orbits[f].amplitude)
+        orbits |= {f: forced_orbit(forced_scene(size, f)) for f in _between(sorted(orbits), widest)}
+        largest = max(orbit.amplitude for orbit in orbits.values())
+        if abs(largest / angle - 1) < SWING_ANGLE_ERROR:
+            break
+        size *= angle / largest
+    else:
+        raise ComputationError(f"no force was found at which the largest angle is {np.degrees(angle):g}°")
+    highest = max(orbits, key=lambda f: _half(orbits[f], column))
+    orbits |= {f: forced_orbit(forced_scene(size, f)) for f in _between(sorted(orbits), highest)}
+    frequencies = sorted(orbits)
+    responses = np.array([_half(orbits[f], column) for f in frequencies]) / size
+    best = int(responses.argmax())
+    orbit = orbits[frequencies[best]]
+    peak = float(responses[best])
+    return FiniteSwing(size, largest, peak, frequencies[best], orbit.is_stable, np.array(frequencies), responses)
+
+
+def _between(frequencies: list[float], middle: float) -> list[float]:
+    """More frequencies on both sides of one."""
+    at = frequencies.index(middle)
+    ends = frequencies[max(at - 1, 0)], frequencies[min(at + 1, len(frequencies) - 1)]
+    return [f for f in np.linspace(*ends, BAND_FREQUENCIES // 3).tolist() if f not in frequencies]
+
+
+def _half(orbit: Orbit, column: int) -> float:
+    """Half the way between the extremes of a coordinate over an orbit."""
+    values = orbit.coordinates[:, column]
+    return float(values.max() - values.min()) / 2

@@ -12,6 +12,7 @@ from modal.scene import Scene, name_of, sines_of
 from modal.types import Floats
 from nonlinear.dynamics import Mechanics
 from nonlinear.dynamics.minimal import drained_power
+from nonlinear.integration.within import between_samples, quintic
 from nonlinear.orbits.floquet import Floquet
 from nonlinear.orbits.flow import Flow, Path
 from nonlinear.system import Motion, State
@@ -132,17 +133,10 @@ class Orbit(Displayed):
     @cached_property
     def _samples(self) -> tuple[Floats, Floats, Floats]:
         """Times (N,) of a period, CYCLE_SAMPLES a cycle of the drives, with q and v there, (N, n)."""
-        half = self.flow.equations.layout.half
-        times = np.arange(CYCLE_SAMPLES * max(self.cycles, 1)) * (self.period / (CYCLE_SAMPLES * max(self.cycles, 1)))
+        half, count = self.flow.equations.layout.half, CYCLE_SAMPLES * max(self.cycles, 1)
+        times = np.asarray(np.arange(count) * (self.period / count), dtype=float)
         ends, states, rates = self.path
-        at = np.clip(np.searchsorted(ends, times, side="right") - 1, 0, len(ends) - 2)
-        h = np.diff(ends)[at][:, None]
-        curves = (states[:, :half], states[:, half:], rates[:, half:])
-        powers = quintic(h, *(curve[at + k] for curve in curves for k in (0, 1)))
-        part = (times - ends[at])[:, None] / h
-        q = sum(power * part**k for k, power in enumerate(powers))
-        v = sum(k * power * part ** (k - 1) for k, power in enumerate(powers) if k) / h
-        return np.asarray(times, dtype=float), np.asarray(q), np.asarray(v)
+        return times, *between_samples(ends, states[:, :half], states[:, half:], rates[:, half:], times)
 
     def _summary(self) -> Summary:
         facts = [
@@ -168,13 +162,6 @@ class Orbit(Displayed):
                 now = time
             rows.append(y)
         return np.array(rows)
-
-
-def quintic(h: Floats, x0: Floats, x1: Floats, v0: Floats, v1: Floats, a0: Floats, a1: Floats) -> Floats:
-    """Coefficients (6, K, L) of powers of t/h, of curves with these x, slopes and curvatures at t = 0 and h (K, 1)."""
-    v0, v1, a0, a1 = v0 * h, v1 * h, a0 * h**2, a1 * h**2
-    d, m, e = x1 - x0 - v0 - a0 / 2, v1 - v0 - a0, a1 - a0
-    return np.array([x0, v0, a0 / 2, 10 * d - 4 * m + e / 2, -15 * d + 7 * m - e, 6 * d - 3 * m + e / 2])
 
 
 def largest(times: Floats, x: Floats, v: Floats, a: Floats) -> Floats:

@@ -112,7 +112,7 @@ def pattern_orbit(
     E = pattern.sectors[0].states
     half = len(E) // 2
     turning = half + pattern.system.first + leader
-    c, T = E.T @ ((y - _rest(pattern)) / flow.scale), period
+    c, T = E.T @ ((y - pattern.rest) / flow.scale), period
     for _ in range(NEWTON_ROUNDS_MAX):
         start, arrival = _ends_of_motion(pattern, flow, c, T)
         gap = E.T @ ((arrival.y - start) / flow.scale)
@@ -138,17 +138,12 @@ def pattern_orbit(
     return PatternOrbit(pattern, orbit, arrival.V)
 
 
-def _rest(pattern: Pattern) -> Floats:
-    system = pattern.system
-    return np.concatenate((np.zeros(system.first), system.rest, np.zeros(system.first + system.n_links)))
-
-
 def _ends_of_motion(
     pattern: Pattern, flow: Flow, c: Floats, T: float, V: Floats | None = None
 ) -> tuple[Floats, Arrival]:
     """The start of a motion of the pattern, and its end with V in natural units, by default that of the pattern."""
     E = pattern.sectors[0].states
-    y = _rest(pattern) + flow.scale * (E @ c)
+    y = pattern.rest + flow.scale * (E @ c)
     arrival = flow(y, flow.scale[:, None] * (E if V is None else V), T)
     return y, arrival._replace(V=arrival.V / flow.scale[:, None])
 

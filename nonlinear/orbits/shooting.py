@@ -26,7 +26,7 @@ from modal.scene.parameters import Variable, Variation, find_places, vary, with_
 from modal.types import Floats
 from nonlinear.dynamics.variational import Force
 from nonlinear.integration.switches import numbers_of as switching_of
-from nonlinear.orbits.continuation import place_in
+from nonlinear.orbits.continuation import place_in, value_in
 from nonlinear.orbits.floquet import Floquet, of_monodromy, scaled_translations
 from nonlinear.orbits.flow import ORBIT_TOLERANCE, Arrival, Flow, NumberChange, Path
 from nonlinear.orbits.orbit import Orbit
@@ -154,7 +154,7 @@ class Shooting:
             parts.append(np.array([period * self.first.system.rate]))
         if self.variation:
             assert value is not None
-            parts.append(np.array([self.place(value)]))
+            parts.append(np.array([place_in(self.variation, value)]))
         return np.concatenate(parts)
 
     def period(self, u: Floats) -> float:
@@ -167,26 +167,9 @@ class Shooting:
         """The beginnings of all segments, (m, d)."""
         return np.asarray(u[: self.segments * self.size].reshape(self.segments, -1) * self.first.scale)
 
-    def place(self, value: float) -> float:
-        """The place of a value in the range, 0 at its lower end and 1 at its upper one."""
-        assert self.variation
-        return place_in(self.variation, value)
-
     def value(self, u: Floats) -> float | None:
         """The value of the number, None without one."""
-        return self.value_at(float(u[-1])) if self.variation else None
-
-    def value_at(self, place: float) -> float:
-        """The value at a place in the range."""
-        assert self.variation
-        low, high = self.variation.values[0], self.variation.values[-1]
-        return float(low * (high / low) ** place if self.variation.log else low + (high - low) * place)
-
-    def _stretch(self, place: float) -> float:
-        """The derivative of the value by its place in the range."""
-        assert self.variation
-        low, high = self.variation.values[0], self.variation.values[-1]
-        return float(self.value_at(place) * np.log(high / low)) if self.variation.log else high - low
+        return value_in(self.variation, float(u[-1])) if self.variation else None
 
     # -------------------------------------------------------------------------------------------------- equations
 
@@ -205,7 +188,7 @@ class Shooting:
                 J[rows, m * d] = end.path.rates[-1] / scale / m / self.first.system.rate
         r[-d:] -= self.gain
         if self.variation:
-            J[:, -1] = self._by_value(u, flow, ends)
+            J[:, -1] = self._by_value(self.variation, u, flow, ends)
         conditions, offset = self._conditions(len(u))
         return np.concatenate((r, conditions @ u - offset)), np.vstack((J, conditions))
 
@@ -214,22 +197,24 @@ class Shooting:
         part, V = period / self.segments, np.diag(self.first.scale)
         return [flow(y, V, part, start=k * part) for k, y in enumerate(states)]
 
-    def _by_value(self, u: Floats, flow: Flow, ends: list[Arrival]) -> Floats:
+    def _by_value(self, variation: Variation, u: Floats, flow: Flow, ends: list[Arrival]) -> Floats:
         """The derivative of the ends by the place of the number, (m d,)."""
+        place, low, high = float(u[-1]), variation.values[0], variation.values[-1]
+        stretch = value_in(variation, place) * np.log(high / low) if variation.log else high - low
         shifts = np.concatenate([self._time_shift(k, end, u) for k, end in enumerate(ends)])
         if flow.change is not None:
             value_slopes = np.concatenate([end.V[:, -1] / self.first.scale for end in ends])
-            return np.asarray(value_slopes + shifts) * self._stretch(u[-1])
+            return np.asarray(value_slopes + shifts) * stretch
         # the form of the equations changes with the number: a one-sided difference into the range, of which rounding
         # and curvature take equal parts
-        nudge = float(np.copysign(flow.tolerance**0.5, 0.5 - u[-1]))
-        flow, none = self.flow_at(self.value_at(float(u[-1]) + nudge)), np.zeros((self.size, 0))
+        nudge = float(np.copysign(flow.tolerance**0.5, 0.5 - place))
+        flow, none = self.flow_at(value_in(variation, place + nudge)), np.zeros((self.size, 0))
         part = self.period(u) / self.segments
         neighbours = [flow(y, none, part, start=k * part).y for k, y in enumerate(self.states(u))]
         slopes = [
             (neighbour - end.y) / self.first.scale / nudge for neighbour, end in zip(neighbours, ends, strict=True)
         ]
-        return np.concatenate(slopes) + shifts * self._stretch(u[-1])
+        return np.concatenate(slopes) + shifts * stretch
 
     def _time_shift(self, k: int, end: Arrival, u: Floats) -> Floats:
         """The effect of a change of the number on the end of segment k, in natural units, by its time alone."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -15,6 +15,9 @@ from nonlinear.orbits.floquet import PAIR_SPLIT_MIN
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.orbits.shooting import Shooting
 from nonlinear.orbits.symmetric import Quarter
+
+Passage = tuple[str, str, bool]
+"""The kind of a special point, the quantity that turns there, and whether orbits lose their symmetry."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -46,30 +49,15 @@ def along_backbone(problem: Quarter, points: Sequence[OrbitPoint]) -> Iterator[S
     differ c is that of the whole period: at c = 1 away from folds orbits branch off, at c = −1 of twice the period.
     """
     is_mirrored = problem.parts == 4
-    kinds = ((-1, "branch point", True), (1, "branch point", False))
-    if not is_mirrored:
-        kinds = ((1, "branch point", True), (-1, "period doubling", False))
 
     def energy(point: OrbitPoint) -> float:
         return problem.energy_slope(point.u, point.tangent)
 
-    def frequency(point: OrbitPoint) -> float:
-        return float(point.tangent[-1])
+    def passage(start: OrbitPoint, end: OrbitPoint, sign: int) -> Passage | None:
+        is_fold = at_energy_fold(sign, is_mirrored) and energy(start) * energy(end) < 0
+        return None if is_fold else symmetric_passage(sign, is_mirrored)
 
-    for index, (start, end) in enumerate(pairwise(points)):
-        specials: list[Special] = []
-        is_fold = energy(start) * energy(end) < 0
-        if is_fold:
-            specials.append(_special(problem, start, end, energy, "fold", index, "energy"))
-        if frequency(start) * frequency(end) < 0:
-            specials.append(_special(problem, start, end, frequency, "fold", index, "omega"))
-        for sign, kind, at_folds in kinds:
-            if not (at_folds and is_fold) and (test := passing(start, end, sign)):
-                specials.append(_special(problem, start, end, test, kind, index, breaks=is_mirrored and sign > 0))
-        specials += [
-            Special("collision", collision.orbit, index, collision) for collision in collisions(problem, start, end)
-        ]
-        yield from sorted(specials, key=lambda special: float((special.point.u - start.u) @ (end.u - start.u)))
+    return special_points(problem, points, {"energy": energy, "omega": last_slope}, passage)
 
 
 def along_cycles(problem: Shooting, points: Sequence[OrbitPoint]) -> Iterator[Special]:
@@ -79,25 +67,52 @@ def along_cycles(problem: Shooting, points: Sequence[OrbitPoint]) -> Iterator[Sp
     """
 
     def turning(point: OrbitPoint) -> float:
-        if problem.variation is None:
-            return problem.energy_slope(point.u, point.tangent)
-        return float(point.tangent[-1])
+        return last_slope(point) if problem.variation else problem.energy_slope(point.u, point.tangent)
+
+    def passage(start: OrbitPoint, end: OrbitPoint, sign: int) -> Passage | None:
+        if sign < 0:
+            return "period doubling", "", False
+        return None if turning(start) * turning(end) < 0 else ("branch point", "", False)
 
     of = problem.variation.path if problem.variation else "energy"
+    return special_points(problem, points, {of: turning}, passage)
+
+
+def last_slope(point: OrbitPoint) -> float:
+    """The slope of the last unknown along the branch: the number that is varied, or the period."""
+    return float(point.tangent[-1])
+
+
+def at_energy_fold(sign: int, is_mirrored: bool) -> bool:
+    """Whether c of symmetric orbits passes this sign of 1 where their energy turns."""
+    return sign == (-1 if is_mirrored else 1)
+
+
+def symmetric_passage(sign: int, is_mirrored: bool) -> Passage:
+    """What happens where c of symmetric orbits passes this sign of 1 away from folds."""
+    return "branch point" if is_mirrored or sign > 0 else "period doubling", "", is_mirrored and sign > 0
+
+
+def special_points(
+    problem: OrbitProblem,
+    points: Sequence[OrbitPoint],
+    folds: Mapping[str, Callable[[OrbitPoint], float]],
+    passage: Callable[[OrbitPoint, OrbitPoint, int], Passage | None],
+) -> Iterator[Special]:
+    """Where quantities turn, by their slopes along the branch, and where multipliers pass 1 or −1 or meet, in order."""
     for index, (start, end) in enumerate(pairwise(points)):
-        specials: list[Special] = []
-        is_fold = turning(start) * turning(end) < 0
-        if is_fold:
-            specials.append(_special(problem, start, end, turning, "fold", index, of))
-        for sign, kind, is_excluded in ((1, "branch point", is_fold), (-1, "period doubling", False)):
-            if not is_excluded and (test := passing(start, end, sign)):
-                specials.append(_special(problem, start, end, test, kind, index))
-        if problem.conservative:
-            specials += [
-                Special("collision", crossing.orbit, index, crossing) for crossing in collisions(problem, start, end)
-            ]
-        elif crossing := _torus_point(problem, start, end):
-            specials.append(Special("torus", crossing.orbit, index, crossing))
+        specials = [
+            _special(problem, start, end, slope, index, ("fold", of, False))
+            for of, slope in folds.items()
+            if slope(start) * slope(end) < 0
+        ]
+        for sign in (1, -1):
+            if (test := passing(start, end, sign)) and (what := passage(start, end, sign)):
+                specials.append(_special(problem, start, end, test, index, what))
+        if start.orbit.floquet.conservative:
+            specials += [Special("collision", place.orbit, index, place) for place in collisions(problem, start, end)]
+        elif place := _torus_point(problem, start, end):
+            specials.append(Special("torus", place.orbit, index, place))
         yield from sorted(specials, key=lambda special: float((special.point.u - start.u) @ (end.u - start.u)))
 
 
@@ -137,7 +152,7 @@ def collisions(problem: OrbitProblem, start: OrbitPoint, end: OrbitPoint) -> Ite
         yield bisect(problem, start, end, lambda point: point.orbit.floquet.n_split_pairs)
 
 
-def _torus_point(problem: Shooting, start: OrbitPoint, end: OrbitPoint) -> OrbitPoint | None:
+def _torus_point(problem: OrbitProblem, start: OrbitPoint, end: OrbitPoint) -> OrbitPoint | None:
     """Where a complex pair of multipliers passes the unit circle; None if a pair grew apart beyond it instead."""
     if start.orbit.floquet.n_split_pairs == end.orbit.floquet.n_split_pairs:
         return None
@@ -153,12 +168,10 @@ def _special(
     start: OrbitPoint,
     end: OrbitPoint,
     test: Callable[[OrbitPoint], float],
-    kind: str,
     index: int,
-    of: str = "",
-    *,
-    breaks: bool = False,
+    what: Passage,
 ) -> Special:
+    kind, of, breaks = what
     place = locate(problem, start, end, test, crossing=kind == "branch point")
     if kind == "branch point" and place.orbit.cycles and place.orbit.is_symmetric:
         of, breaks = "symmetry", True

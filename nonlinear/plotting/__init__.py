@@ -4,26 +4,24 @@ In: trajectories, studies, sweeps.  Out: a `Figure`, an image, or a GIF, MP4 or 
 and with `animation` for films.
 """
 
-from nonlinear.plotting.animation import SECONDS, animate, strobe
-from nonlinear.plotting.branches import branches_figure
+from nonlinear.plotting.animation import SECONDS, animate, film_orbit, show_film, strobe
+from nonlinear.plotting.branches import branches_figure, populations_figure
 from nonlinear.plotting.chaos import exponent_figure, finding_figure
 from nonlinear.plotting.ensembles import (
     basins_figure,
+    bifurcation_figure,
+    grid_figure,
+    rhythm_figure,
     section_figure,
     spread_figure,
+    strobes_figure,
 )
 from nonlinear.plotting.identification import fit_figure
-from nonlinear.plotting.notebooks import show_film
-from nonlinear.plotting.orbit_films import film_orbit
 from nonlinear.plotting.orbits import orbits_figure
-from nonlinear.plotting.populations import populations_figure
-from nonlinear.plotting.rhythms import grid_figure, rhythm_figure
 from nonlinear.plotting.run import run_figure
-from nonlinear.plotting.strobes import bifurcation_figure, strobes_figure
 from nonlinear.plotting.sweeps import sweep_figure, validate_axes
 from nonlinear.plotting.synchronization import sync_figure
-from nonlinear.plotting.verification import check_figure, spectrum_figure
-from nonlinear.plotting.work_precision import frequencies_figure, tradeoff_figure
+from nonlinear.plotting.verification import check_figure, frequencies_figure, spectrum_figure, tradeoff_figure
 
 __all__ = [
     "SECONDS",

@@ -1,11 +1,15 @@
 """Animations of a motion: the pendula next to their energies, as an animated GIF, an MP4 or an HTML page.
 
 A long run becomes a short, stroboscopic film, in which fast oscillations appear slow and slow changes become visible.
+
+A film shows a run, or an orbit next to its linear mode; in a notebook it is small, in both themes, and plays by itself.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from io import BytesIO
 from math import ceil, pi
 from textwrap import fill
 from typing import IO, TYPE_CHECKING, Any
@@ -15,17 +19,23 @@ from matplotlib.artist import Artist
 from matplotlib.text import Text
 
 from modal.errors import SceneError
+from modal.modes import Modes
 from modal.plotting.films import DPI, MovingFigure, Report, form_problems, frame_rate, require_writer, write_film
 from modal.plotting.layout import SMALL
-from modal.plotting.style import WIDTH, any_letters, secondary_colour, sheet
+from modal.plotting.style import SOLVED_POINTS, WIDTH, any_letters, secondary_colour, sheet, theme
+from modal.plotting.themes import ThemedPicture
 from modal.report import silent, visible
 from modal.scene import title_of
+from modal.scene.doors import require_type
 from modal.types import Floats
-from nonlinear.integration import Trajectory
+from nonlinear.integration import CLOSED, SolverInfo, Trajectory
 from nonlinear.plotting.artists import Gauges, Scenery
 from nonlinear.plotting.scene import Stage, energies_of, stage_of
+from nonlinear.reduction import start_in_mode, superpose
+from nonlinear.system import Motion
 
 if TYPE_CHECKING:
+    from nonlinear.orbits import Orbit
     from nonlinear.synchronization import Phases
 
 SIZE = (WIDTH, 9 / 16 * WIDTH)
@@ -180,3 +190,56 @@ def _check(form: str, fps: float | None, speed: float, seconds: float | None) ->
             problems.append(f"{name} {value!r}: must be positive")
     if problems:
         raise SceneError(problems)
+
+
+def show_film(trajectory: Trajectory, words: str = "", **options: Any) -> ThemedPicture:
+    """A film of a motion as a GIF on light and on dark paper, to be the last line of a cell.
+
+    `words` say what is seen, by default the scene's title; the options are those of `animate`, such as `speed`,
+    `seconds` and `fps`.  Raises what `animate` raises.
+
+    >>> from modal import load
+    >>> from nonlinear import simulate
+    >>> show_film(simulate(load("chain-1"), 1.0), "a pendulum swings", seconds=0.2)
+    ThemedPicture('a pendulum swings', gif)
+    """
+    require_type("trajectory", trajectory, "Trajectory")
+    films = []
+    for name in ("light", "dark"):
+        buffer = BytesIO()
+        with theme(name):
+            animate(trajectory, buffer, "gif", **options)
+        films.append(buffer.getvalue())
+    return ThemedPicture(films[0], films[1], words or visible(title_of(trajectory.scene)), "gif")
+
+
+def film_orbit(
+    orbit: Orbit,
+    stream: IO[bytes],
+    form: str,
+    *,
+    modes: Modes | None = None,
+    row: int = 0,
+    report: Callable[[float], object] = silent,
+) -> Shown:
+    """Write a film of four periods of an orbit, next to the mode of index `row` at the same largest angle."""
+    phase = np.linspace(0, 1, SOLVED_POINTS, endpoint=False)
+    rows = np.tile(orbit.states_at(phase * orbit.period), (4, 1))
+    times = (np.arange(4)[:, None] + phase).ravel() * orbit.period
+    trajectory = _trajectory(orbit, times, orbit.motion(rows), "the periodic orbit")
+    linear_motion = _linear(orbit, times, modes, row) if modes else None
+    return animate(trajectory, stream, form, second=linear_motion, report=report)
+
+
+def _linear(orbit: Orbit, times: Floats, modes: Modes, row: int) -> Trajectory:
+    """The linear mode with the same largest angle, its leading link on the same side."""
+    start = start_in_mode(orbit.scene, modes, row, 0, orbit.amplitude)
+    deflections, angles = orbit.state.links - orbit.flow.system.rest, start.links - orbit.flow.system.rest
+    if angles @ deflections < 0:
+        start = start_in_mode(orbit.scene, modes, row, 0, -orbit.amplitude)
+    motion = superpose(orbit.scene, start, corrected=False)(times)
+    return _trajectory(orbit, times, motion, "the linear mode")
+
+
+def _trajectory(orbit: Orbit, times: Floats, motion: Motion, words: str) -> Trajectory:
+    return Trajectory(orbit.scene, orbit.flow.system, times, motion, SolverInfo(words, CLOSED, "", 0.0))

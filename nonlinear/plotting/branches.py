@@ -1,21 +1,46 @@
-"""A picture of branches of configurations: their amplitudes and frequencies, and where each is stable."""
+"""Pictures of branches along a number: of configurations, and of the symmetric motions of populations.
+
+Branches are solid where they are stable, else dash-dotted, with special points marked; those of populations show the
+growth rates by sectors.
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Container, Sequence
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+import scipy
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from modal.errors import ComputationError
-from modal.plotting.layout import headline, key
-from modal.plotting.style import HUES, ink
-from modal.scene import title_of
-from nonlinear.plotting.stability import LABELS, DrawnBranch, branch_keys, figure_along, mark, stability_keys
+from modal.plotting.layout import headline, key, set_frame, set_values
+from modal.plotting.style import (
+    COMPUTED,
+    HUES,
+    PREDICTED,
+    UNSTABLE,
+    colour,
+    ink,
+    narrowing,
+    paper,
+    secondary_colour,
+    stack,
+)
+from modal.scene import Scene, title_of
+from modal.scene.parameters import Variation
+from modal.types import EPS, Floats
 
 if TYPE_CHECKING:
-    from nonlinear.synchronization import Branches, EquilibriumBranch
+    from nonlinear.synchronization import Branches, EquilibriumBranch, MotionBranch, PopulationDiagram
+
+LABELS = ("largest angle (°)", "angular frequency ω (rad/s)", "growth rate (1/s)")
+"""Of the panels of branches along a number."""
+SECTORS = {"own": "within its symmetry", "other": "towards the other motion"}
+"""The names of perturbations by which a motion loses stability."""
 
 
 def branches_figure(branches: Branches) -> Figure:
@@ -31,7 +56,10 @@ def branches_figure(branches: Branches) -> Figure:
         for axis, curve in zip(figure.axes, line.curves, strict=True):
             axis.plot(line.values, curve, ".", color=ink(), ms=5, zorder=4, label="_computed")
     headline(figure, title_of(branches.scene), "steady oscillations by averaged equations")
-    key(figure, _handles(branches), columns=2)
+    computed = Line2D([], [], ls="", marker=".", ms=5, color=ink(), label="computed value")
+    critical = Line2D([], [], label="critical value", **mark())
+    names = branch_keys([branch.words for branch in branches.branches])
+    key(figure, [*names, *stability_keys(), computed, critical], columns=2)
     return figure
 
 
@@ -43,7 +71,142 @@ def _drawn(branch: EquilibriumBranch) -> DrawnBranch:
     return DrawnBranch(branch.values, branch.is_stable, curves, points)
 
 
-def _handles(branches: Branches) -> list[Line2D]:
-    lines = branch_keys([branch.words for branch in branches.branches])
-    computed = Line2D([], [], ls="", marker=".", ms=5, color=ink(), label="computed value")
-    return [*lines, *stability_keys(), computed, Line2D([], [], label="critical value", **mark())]
+LINES: dict[bool, Any] = {True: COMPUTED, False: UNSTABLE}
+"""Of stable and of unstable parts."""
+
+
+class DrawnBranch(NamedTuple):
+    """A branch at K values of a number: where it is stable, a curve (K,) for each panel, and its special points.
+
+    Each of these is the shape of its mark, its value and its place in every panel.
+    """
+
+    values: Floats
+    is_stable: Sequence[bool]
+    curves: Sequence[Floats]
+    points: Sequence[tuple[str, float, Sequence[float]]]
+
+    def draw(self, axes: Sequence[Axes], number: int) -> None:
+        """Draw the branch by its number, its points above it."""
+        for k, (axis, curve) in enumerate(zip(axes, self.curves, strict=True)):
+            draw_branch(axis, self.values, curve, self.is_stable, number)
+            for shape, value, places in self.points:
+                axis.plot([value], [places[k]], **mark(shape))
+
+
+def figure_along(scene: Scene, variation: Variation, labels: Sequence[str], branches: Sequence[DrawnBranch]) -> Figure:
+    """A panel for each of the `labels`, the first from 0 on, with all branches along a number of the scene."""
+    figure, axes = stack(len(labels), sharex=True)
+    for number, branch in enumerate(branches):
+        branch.draw(axes, number)
+    for axis, label in zip(axes, labels, strict=True):
+        axis.set_ylabel(label)
+        if label.startswith("growth"):
+            axis.axhline(0.0, color=secondary_colour(), lw=0.8, zorder=1)
+    axes[0].set_ylim(0, 1.05 * axes[0].get_ylim()[1])
+    set_values(axes[-1], scene, variation)
+    return figure
+
+
+def draw_branch(axis: Axes, x: Floats, y: Floats, is_stable: Sequence[bool], number: int, *, steps: int = 12) -> None:
+    """One branch, in smooth pieces of equal stability that meet; unstable ones are half as wide, and above.
+
+    There are so many `steps` of a smooth curve for each that was computed.
+    """
+    fates = np.array(is_stable)
+    breaks = [0, *(np.flatnonzero(np.diff(fates)) + 1), len(fates)]
+    fine_x, fine_y = _smooth(x, y, steps)
+    for start, stop in pairwise(breaks):
+        piece = slice(steps * max(start - 1, 0), steps * (stop - 1) + 1)
+        fate = bool(fates[start])
+        look = {"color": colour(number), "ls": LINES[fate], "lw": narrowing(number) * (1.0 if fate else 0.5)}
+        axis.plot(fine_x[piece], fine_y[piece], **look, zorder=3 if fate else 3.5, label=f"_{number}")
+
+
+def _smooth(x: Floats, y: Floats, count: int) -> tuple[Floats, Floats]:
+    """Both with points between along the curve, by cubics that turn only where the curve does [Fritsch1984]."""
+    extents = [float(np.ptp(part[np.isfinite(part)])) if np.isfinite(part).any() else 0.0 for part in (x, y)]
+    steps = np.nan_to_num(
+        np.hypot(*(np.diff(part) / (extent or 1.0) for part, extent in zip((x, y), extents, strict=True)))
+    )
+    way = np.append(0.0, np.cumsum(np.maximum(steps, EPS**0.5)))
+    between = np.arange(count * (len(x) - 1) + 1) / count
+    fine = np.interp(between, np.arange(len(x)), way)
+    if len(x) < 3 or not (np.isfinite(x).all() and np.isfinite(y).all()):
+        return np.interp(fine, way, x), np.interp(fine, way, y)
+    x_of, y_of = (scipy.interpolate.PchipInterpolator(way, part) for part in (x, y))
+    return x_of(fine), y_of(fine)
+
+
+def mark(shape: str = "o") -> dict[str, Any]:
+    """The style of a special point."""
+    return {"ls": "", "marker": shape, "mfc": paper(), "mec": ink(), "ms": 6.0, "mew": 1.2, "zorder": 5}
+
+
+def branch_keys(names: Sequence[str]) -> list[Line2D]:
+    """The legend's line of each branch, with its number."""
+    return [
+        Line2D([], [], color=colour(number), lw=narrowing(number), label=f"{number + 1}: {name}")
+        for number, name in enumerate(names)
+    ]
+
+
+def stability_keys(fates: Container[bool] = (True, False)) -> list[Line2D]:
+    """The legend's lines of stable and unstable pieces, of those there are."""
+    return [
+        Line2D([], [], color=ink(), ls=style, label="stable" if fate else "unstable")
+        for fate, style in LINES.items()
+        if fate in fates
+    ]
+
+
+def populations_figure(diagram: PopulationDiagram) -> Figure:
+    """Growth rates of every motion: solid by Floquet multipliers, dashed by the averaged equations.
+
+    A thick line along 0 shows where the motion is stable; circles are thresholds, squares where it begins or ends.
+    """
+    branches = [branch for branch in diagram.branches if len(branch.values)]
+    if not branches:
+        raise ComputationError("no symmetric motion of the populations exists in this range")
+    figure, axes = stack(len(branches), sharex=True)
+    names = list(dict.fromkeys(name for branch in branches for name in branch.sectors))
+    for axis, branch in zip(axes, branches, strict=True):
+        _panel(axis, diagram, branch, names)
+    set_values(axes[-1], diagram.scene, diagram.variation)
+    headline(figure, title_of(diagram.scene), "motions of populations")
+    key(figure, _handles(names, any(not threshold.sector for threshold in diagram.thresholds)), columns=3)
+    return figure
+
+
+def _panel(axis: Axes, diagram: PopulationDiagram, branch: MotionBranch, names: list[str]) -> None:
+    axis.axhline(0.0, color=secondary_colour(), lw=0.8, zorder=1)
+    for low, high in diagram.intervals(branch):
+        axis.plot([low, high], [0.0, 0.0], color=secondary_colour(), lw=narrowing(0), solid_capstyle="butt", zorder=2)
+    windows = [(branch.values >= low) & (branch.values <= high) for low, high in diagram.windows(branch)]
+    for number, name in enumerate(names):
+        look: dict[str, Any] = {"color": colour(number), "zorder": 4}
+        exact, averaged_rates = branch.growth(name), branch.averaged_growth(name)
+        for window in windows if name in branch.sectors else ():
+            x = branch.values[window]
+            axis.plot(x, exact[window], lw=narrowing(number), label=f"_{name}", **look)
+            axis.plot(x, averaged_rates[window], ls=PREDICTED, lw=1.0, label=f"_{name} averaged", color=ink(), zorder=5)
+    for begins, shape in ((False, "o"), (True, "s")):
+        at = [
+            threshold.value
+            for threshold in diagram.thresholds
+            if threshold.pattern == branch.name and begins == (not threshold.sector)
+        ]
+        axis.plot(at, np.zeros(len(at)), **mark(shape))
+    set_frame(axis, "", "growth rate (1/s)", branch.name.capitalize())
+
+
+def _handles(names: list[str], ends: bool) -> list[Line2D]:
+    words = [SECTORS.get(name, name) for name in names]
+    lines = [Line2D([], [], color=colour(k), lw=narrowing(k), label=word) for k, word in enumerate(words)]
+    return [
+        *lines,
+        Line2D([], [], color=ink(), lw=1.0, ls=PREDICTED, label="averaged equations"),
+        Line2D([], [], color=secondary_colour(), lw=narrowing(0), label="stable"),
+        Line2D([], [], label="threshold", **mark()),
+        *[Line2D([], [], label="the motion itself begins or ends", **mark("s"))] * ends,
+    ]

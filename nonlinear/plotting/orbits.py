@@ -18,7 +18,7 @@ from modal.plotting.style import HUES, MARKED, PREDICTED, SOLVED_POINTS, seconda
 from modal.scene import Scene, title_of
 from modal.scene.parameters import Variation, vary
 from modal.types import Floats
-from nonlinear.plotting.stability import (
+from nonlinear.plotting.branches import (
     LABELS,
     DrawnBranch,
     branch_keys,

@@ -1,4 +1,4 @@
-"""Pictures of sweeps: quantities over one parameter as curves, over two parameters as maps."""
+"""Pictures of sweeps: curves over one parameter or over energy, maps over two parameters."""
 
 from __future__ import annotations
 
@@ -18,8 +18,10 @@ from modal.errors import ComputationError
 from modal.plotting.curves import draw_curves
 from modal.plotting.layout import NUMBER, TICKS_MAX, colour_bar, headline, legend, log_ticks, set_values
 from modal.plotting.style import (
+    BAND_OPACITY,
     HUES,
     LOG_RATIO,
+    MARKED,
     MOST_CURVES,
     VISIBLE_SHARE,
     WIDE,
@@ -39,6 +41,8 @@ from modal.scene.parameters import Variation
 from modal.scene.signal_names import column_name, column_words
 from modal.types import Floats
 from modal.vibration import KINDS
+from nonlinear.chaos import regular_exponent, usual_duration
+from nonlinear.sweeps import CHAOTIC, LYAPUNOV
 
 if TYPE_CHECKING:
     from nonlinear.sweeps import Sweep
@@ -47,6 +51,7 @@ KIND_COLOURS = 0, 1, 2
 """Of growth at the frequency, at half of it and at a combination."""
 FRACTIONS = {"order", "survivor_share"}
 """Quantities from 0 to 1, whose scales are linear however small they get."""
+MEDIAN = "_median"
 
 
 def sweep_figure(sweep: Sweep) -> Figure:
@@ -65,7 +70,7 @@ def sweep_figure(sweep: Sweep) -> Figure:
         raise ComputationError(f"{len(names)} quantities do not fit in a figure: measure at most {limit}")
     map_names = [name for name in names if name != "largest_multiplier"]  # its map is that of the growth rate
     if sweep.study.members and len(axes) == 1:
-        figure: Figure = deferred("nonlinear.plotting.energies:energies_figure")(sweep)
+        figure: Figure = deferred("nonlinear.plotting.sweeps:energies_figure")(sweep)
     else:
         figure = _curves(sweep, names) if len(axes) == 1 else _maps(sweep, map_names)
     words = f"{sweep.study.members} starts at random on each energy" if sweep.study.members else "sweep"
@@ -225,3 +230,35 @@ def edges(variation: Variation) -> Floats:
     middle = (values[1:] + values[:-1]) / 2
     edges = np.concatenate(([2 * values[0] - middle[0]], middle, [2 * values[-1] - middle[-1]]))
     return np.exp(edges) if variation.log else edges
+
+
+def energies_figure(sweep: Sweep) -> Figure:
+    """A panel for every quantity: the median over the energy, from 5 to 95 % of the starts; and the chaotic share."""
+    study = sweep.study
+    (variation,) = study.variations
+    medians = [name for name in sweep.columns if MEDIAN in name]
+    shares = [name for name in sweep.columns if name == CHAOTIC]
+    figure, axes = stack(len(medians) + len(shares), sharex=True)
+    for axis, name in zip(axes, medians, strict=False):
+        low, middle, high = (sweep.values(name.replace(MEDIAN, part)) for part in ("_q05", MEDIAN, "_q95"))
+        axis.fill_between(
+            variation.values, low, high, color=colour(0), alpha=BAND_OPACITY, lw=0, label="5 to 95 % of starts"
+        )
+        axis.plot(variation.values, middle, ".-", color=colour(0), label="median")
+        if name.startswith(LYAPUNOV):
+            _limit(axis, sweep)
+        axis.set_ylabel(label(name.replace(MEDIAN, "")))
+        legend(axis, 3)
+    for axis, name in zip(axes[len(medians) :], shares, strict=True):
+        axis.plot(variation.values, 100 * sweep.values(name), ".-", color=colour(1))
+        axis.set(ylabel="chaotic starts (%)", ylim=(-3, 103))
+    set_values(axes[-1], study.scene, variation, words="energy above rest (J)")
+    return figure
+
+
+def _limit(axis: Axes, sweep: Sweep) -> None:
+    """Above which an exponent is too large for regular motion in this many seconds."""
+    scene = sweep.study.scene
+    (seconds,) = (request.number for request in sweep.study.measures if request.name == LYAPUNOV)
+    limit = regular_exponent(scene, seconds or usual_duration(scene))
+    axis.axhline(limit, color=rest(), lw=1.0, ls=MARKED, label="limit of regular motion")

@@ -75,7 +75,7 @@ def _swings(begin: Axes, end: Axes, trajectory: Trajectory, period: float, pendu
     """Angles of top links in the first and the last four periods, at most half of the run each."""
     times = trajectory.times
     width = min(4 * period, float(times[-1] - times[0]) / 2)
-    tops = _tops(trajectory)[pendula]
+    tops = np.searchsorted(trajectory.system.pendulum, pendula)
     for axis, start, words in ((begin, times[0], "at first"), (end, times[-1] - width, "at the end")):
         x, angles = _window(trajectory, tops, float(start), width)
         draw_curves(axis, [(x, np.rad2deg(angle)) for angle in angles.T])
@@ -83,14 +83,6 @@ def _swings(begin: Axes, end: Axes, trajectory: Trajectory, period: float, pendu
         set_frame(axis, "time (s)", "angle (°)", f"Top links {words}")
     end.set_ylabel("")
     end.tick_params(labelleft=False)
-
-
-def _tops(trajectory: Trajectory) -> Ints:
-    """The index of every pendulum's top link, (N,)."""
-    tops = np.empty(trajectory.system.n_pendula, dtype=np.int64)
-    for group in trajectory.system.groups:
-        tops[group.pendula] = group.index[0]
-    return tops
 
 
 def _window(trajectory: Trajectory, links: Ints, start: float, width: float) -> tuple[Floats, Floats]:

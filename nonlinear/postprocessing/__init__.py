@@ -4,11 +4,24 @@ In: a `Trajectory`.  Out: signals at other times, line frequencies far finer tha
 Start with `summary`.
 """
 
-from nonlinear.postprocessing.extents import Extent, angles_of, extent_of, largest_angle, places_of
 from nonlinear.postprocessing.frequencies import LEAST_PERIODS, ORDER, SpectralLine, attention, line, lines
-from nonlinear.postprocessing.reaction_forces import reaction_forces_of
-from nonlinear.postprocessing.resampling import extremes, pick_links, resample
-from nonlinear.postprocessing.ropes import PushingLink, pushing_links, slack_words, words_of
+from nonlinear.postprocessing.reaction_forces import (
+    PushingLink,
+    pushing_links,
+    reaction_forces_of,
+    slack_words,
+    words_of,
+)
+from nonlinear.postprocessing.resampling import (
+    Extent,
+    angles_of,
+    extent_of,
+    extremes,
+    largest_angle,
+    pick_links,
+    places_of,
+    resample,
+)
 from nonlinear.postprocessing.series import WINDOW_NAME, last, power_spectrum, resolution, smooth
 from nonlinear.postprocessing.summary import run_inventory
 

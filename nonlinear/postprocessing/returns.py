@@ -18,7 +18,7 @@ import scipy
 
 from modal.types import Floats, Ints
 from nonlinear.integration import Trajectory
-from nonlinear.orbits.orbit import quintic
+from nonlinear.integration.within import quintic
 from nonlinear.postprocessing.reaction_forces import states_and_slopes
 from nonlinear.system import State, System, translations
 

@@ -19,9 +19,8 @@ from modal.scene import LengthLaw, SineMotion, refusals, title_of
 from modal.scene.doors import require_type
 from nonlinear.dynamics import Generated, Reduced, is_unstable_equilibrium
 from nonlinear.integration import CLOSED, EXPLICIT, SCIPY, TRUNCATED, SolverInfo, Trajectory, departure
-from nonlinear.postprocessing.extents import Extent, extent_of, places_of
-from nonlinear.postprocessing.resampling import extremes
-from nonlinear.postprocessing.ropes import slack_words
+from nonlinear.postprocessing.reaction_forces import slack_words
+from nonlinear.postprocessing.resampling import Extent, extent_of, extremes, places_of
 from nonlinear.reduction import CORRECTED, LINEAR
 from nonlinear.system import System
 

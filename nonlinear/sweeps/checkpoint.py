@@ -84,12 +84,12 @@ class RowFolder(Checkpoint):
         """The rows of a chunk, none where there is no file of it."""
         if not self._folder.path(number).exists():
             return []
-        chunk = self._study.chunk
-        places = range(number * chunk, min((number + 1) * chunk, self._study.size))
 
         def made(header: dict[str, Any], columns: Columns) -> list[Row]:
             points, reasons, names = (header[key] for key in ("points", "reasons", "columns"))
-            if not set(points) <= {*places} or any(values.shape != (len(points),) for values in columns.values()):
+            if not set(points) <= {*self._study.points_of(number)} or any(
+                values.shape != (len(points),) for values in columns.values()
+            ):
                 raise ValueError
             numbers = ({name: float(columns[name][k]) for name in row} for k, row in enumerate(names))
             return [Row(*row) for row in zip(points, numbers, map(str, reasons), strict=True)]

@@ -217,8 +217,7 @@ def _left(study: Study, known: Container[int], share: tuple[int, int]) -> dict[i
     left: dict[int, list[int]] = {}
     first, of = share
     for number in range(first, -(-study.size // study.chunk), of):
-        indices = range(number * study.chunk, min((number + 1) * study.chunk, study.size))
-        if wanted := [index for index in indices if index not in known]:
+        if wanted := [index for index in study.points_of(number) if index not in known]:
             left[number] = wanted
     return left
 
@@ -250,8 +249,7 @@ def _found(study: Study, left: Mapping[int, Sequence[int]], workers: int | None,
 
 
 def _chunk(study: Study, number: int, wanted: Sequence[int]) -> PointChunk:
-    indices = range(number * study.chunk, min((number + 1) * study.chunk, study.size))
-    return PointChunk([(index, study.point(index)) for index in indices], frozenset(wanted))
+    return PointChunk([(index, study.point(index)) for index in study.points_of(number)], frozenset(wanted))
 
 
 def _divided(chunk: PointChunk) -> list[PointChunk]:

@@ -143,6 +143,10 @@ class Study(Displayed):
         wanted = max(self.size // 4, 4 * CHUNK_MEMBERS_MIN)  # four chunks, unless they are small
         return int(max(min(wanted, fitting, 4 * STARTS_TOGETHER), CHUNK_MEMBERS_MIN))
 
+    def points_of(self, number: int) -> range:
+        """The points of a chunk, counted from 0."""
+        return range(number * self.chunk, min((number + 1) * self.chunk, self.size))
+
     @property
     def fingerprint(self) -> str:
         """A checksum that identifies the study."""

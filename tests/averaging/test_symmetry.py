@@ -18,7 +18,7 @@ from nonlinear.averaging import (
     relative_equilibria,
     relative_equilibrium,
 )
-from nonlinear.averaging.symmetry import count_copies, exchange, kinds
+from nonlinear.averaging.equilibria import count_copies, exchange, kinds
 from nonlinear.ensembles import ensemble
 from nonlinear.system import State
 

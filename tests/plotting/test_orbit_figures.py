@@ -15,7 +15,7 @@ from modal.plotting import save
 from modal.scene.parameters import parse_variations
 from nonlinear.orbits import follow_cycles, follow_forced_orbits, nonlinear_mode
 from nonlinear.plotting import orbits_figure
-from nonlinear.plotting.stability import draw_branch
+from nonlinear.plotting.branches import draw_branch
 
 PAIR = load("chain-2")
 

@@ -20,7 +20,7 @@ from modal.scene import Spring
 from modal.scene.parameters import Variation, vary
 from modal.scene.supports import Swing, Tilt
 from modal.types import Floats
-from nonlinear.averaging import averaged_pattern, patterns_of
+from nonlinear.averaging import OWN, averaged_pattern, patterns_of
 from nonlinear.integration import Trajectory
 from nonlinear.orbits import Flow, PatternOrbit, free_amplitude, pattern_orbit, periodic_orbit
 from nonlinear.plotting import populations_figure
@@ -142,7 +142,7 @@ def whole_map(scene: Scene, orbit: PatternOrbit) -> Floats:
 
 def times_of(orbit: PatternOrbit) -> list[int]:
     """How often the multipliers of every sector are among those of the whole scene."""
-    if orbit.pattern.is_split:
+    if orbit.pattern.sectors[0].name == OWN:
         return [1, 1, sum(population.size - 1 for population in orbit.pattern.populations)]
     return [1, *(population.size - 1 for population in orbit.pattern.populations if population.size > 1)]
 
