@@ -22,7 +22,7 @@ import numpy as np
 
 from modal.types import Floats, Ints
 from nonlinear.reduction.residual import residual_forces
-from nonlinear.system import Motion, System
+from nonlinear.system import Layout, Motion, System
 
 BLOCK = 64
 """Cost: samples between two values of the largest response so far, the least of any (benchmarks/few_modes.py)."""
@@ -61,13 +61,8 @@ def excite(
     `start` (2, S) are their η and η' at the start.  They oscillate: no ω is zero.
     """
     on = system.first
-    heads = [head[:, None][:, :on] for head in (motion.cart, motion.cart_rate)]
-    if system.structure is not None:
-        heads = [motion.supports, motion.support_rates]
-    q, v = (
-        np.concatenate(pair, axis=1)
-        for pair in zip(heads, (motion.links - system.rest, motion.link_rates), strict=True)
-    )
+    q, v = np.split(Layout.of(system, works=False).rows(motion), 2, axis=1)
+    q = q - system.coordinates_at_rest
     deflections = np.stack((q, v, np.gradient(v, times, axis=0, edge_order=2))).transpose(0, 2, 1)
     step = float(times[1] - times[0])
     turn = 1j * omega

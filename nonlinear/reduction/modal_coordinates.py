@@ -33,7 +33,7 @@ from modal.scene import Scene, validate_scene
 from modal.scene.doors import checked, checked_index
 from modal.types import Complexes, Floats, Ints
 from nonlinear.integration import modes_of
-from nonlinear.system import Motion, State, has_start, initial_state, of_plane
+from nonlinear.system import Layout, Motion, State, has_start, initial_state, of_plane, system_of
 
 USUAL_DEG = 5.0
 """Limit: the usual start, which `start` replaces: the largest angle of any link."""
@@ -122,12 +122,13 @@ def deflection(scene: Scene, motion: Motion) -> tuple[Floats, Floats]:
     """The q and v (T, n): the cart or the structure, then every link's angle, from the equilibrium."""
     if motion.links.ndim != 2:
         raise ComputationError("modal coordinates: only for motion in the plane")
-    q, v = motion.links - rest_angles(scene), motion.link_rates
-    if scene.is_structured:
-        return np.hstack((motion.supports, q)), np.hstack((motion.support_rates, v))
-    if scene.cart is not None:
-        q, v = (np.column_stack(pair) for pair in ((motion.cart - rest_cart(scene), q), (motion.cart_rate, v)))
-    return q, v
+    q, v = np.split(layout_of(scene).rows(motion), 2, axis=1)
+    return q - rest_coordinates(scene), v
+
+
+def layout_of(scene: Scene) -> Layout:
+    """The arrangement of (q, v) in the plane."""
+    return Layout.of(system_of(scene), works=False)
 
 
 def rest_angles(scene: Scene) -> Floats:
@@ -139,10 +140,13 @@ def rest_angles(scene: Scene) -> Floats:
     return np.where(np.array(ways) == "up", np.pi, 0.0)
 
 
-def rest_cart(scene: Scene) -> float:
-    """The cart's displacement (m) at equilibrium: 0, or where constant forces move it."""
-    equilibrium = equilibrium_of(scene)
-    return equilibrium.cart if equilibrium else 0.0
+def rest_coordinates(scene: Scene) -> Floats:
+    """The q (n,) at equilibrium: the displacement (m) of a cart is 0, or where constant forces move it."""
+    angles, equilibrium = rest_angles(scene), equilibrium_of(scene)
+    on_supports = np.zeros(layout_of(scene).half - len(angles))
+    if equilibrium and scene.cart is not None:
+        on_supports[0] = equilibrium.cart
+    return np.concatenate((on_supports, angles))
 
 
 @checked

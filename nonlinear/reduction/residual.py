@@ -67,7 +67,7 @@ def residual_forces(system: System, planes: list[Floats]) -> list[Floats]:
 def _on_structure(system: System, plane: Floats) -> Floats:
     """ρ = M(q) (q'' − a) (half, T), a being the accelerations of the equations of motion."""
     equations, (q, rate, turn) = _equations_of(system), plane
-    q = q + np.concatenate((np.zeros(system.first), system.rest))[:, None]
+    q = q + system.coordinates_at_rest[:, None]
     return equations.momenta(q, turn - equations.derivative(0.0, np.concatenate((q, rate)))[len(q) :])
 
 

@@ -29,7 +29,7 @@ from modal.errors import ComputationError
 from modal.types import Floats
 from nonlinear.dynamics import Generated, Minimal
 from nonlinear.dynamics.variational import Variational
-from nonlinear.system import Group, Load, Motion, State, System
+from nonlinear.system import Group, Layout, Load, Motion, State, System
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,6 +116,11 @@ class Truncated:
         return self.shapes[0] if self.system.cart else np.zeros(self.size)
 
     @cached_property
+    def layout(self) -> Layout:
+        """The arrangement of the y of the whole scene."""
+        return Layout.of(self.system, works=self.works)
+
+    @cached_property
     def works(self) -> bool:
         """Whether the work is the last component of y."""
         return self.system.works or self.load is not None
@@ -136,11 +141,6 @@ class Truncated:
         return Minimal(self.system, (None,) * len(self.system.groups), self.load)
 
     @cached_property
-    def carriers(self) -> Floats:
-        """The part of a structure in the shapes, (d, R)."""
-        return self.shapes[: self.system.first]
-
-    @cached_property
     def full_equations(self) -> tuple[Generated, Variational]:
         """The equations of the whole scene on a structure."""
         return Generated(self.system, self.load), Variational(self.system)
@@ -148,7 +148,7 @@ class Truncated:
     def _on_structure(self, time: float, y: Floats) -> Floats:
         R, (equations, momenta) = self.size, self.full_equations
         half, rates = equations.layout.half, equations.derivative(time, equations.begin(self.state(y)))
-        q = np.concatenate((y[:R] @ self.carriers.T, self.rest + y[:R] @ self.links.T))
+        q = self.rest + y[:R] @ self.shapes.T
         p = momenta.momenta(np.broadcast_to(q[:, None], (half, R)), self.shapes)
         accelerations = np.linalg.solve(self.shapes.T @ p, p.T @ rates[half : 2 * half])
         return np.concatenate((y[R : 2 * R], accelerations, rates[2 * half :]))
@@ -177,34 +177,21 @@ class Truncated:
 
     def begin(self, state: State) -> Floats:
         """The vector y of the closest state in the mass metric, with zero work."""
-        head, rate = ([state.cart], [state.cart_rate]) if self.system.cart else (state.supports, state.support_rates)
-        q, v = np.concatenate((head, state.links - self.rest)), np.concatenate((rate, state.link_rates))
-        return np.concatenate((q @ self.dual, v @ self.dual, [0.0] * self.works))
+        y, half = self.layout.begin(state), self.layout.half
+        return np.concatenate(((y[:half] - self.rest) @ self.dual, y[half : 2 * half] @ self.dual, y[2 * half :]))
 
     def read(self, rows: Floats) -> Motion:
         """The motion of every link in vectors (T, size)."""
         R = self.size
-        eta, rate = rows[:, :R], rows[:, R : 2 * R]
-        carriers = self.carriers[: 0 if self.system.structure is None else None].T
-        return Motion(
-            links=self.rest + eta @ self.links.T,
-            link_rates=rate @ self.links.T,
-            cart=eta @ self.cart,
-            cart_rate=rate @ self.cart,
-            work=rows[:, -1] if self.works else np.zeros(len(rows)),
-            supports=eta @ carriers,
-            support_rates=rate @ carriers,
-        )
+        q, v = self.rest + rows[:, :R] @ self.shapes.T, rows[:, R : 2 * R] @ self.shapes.T
+        return self.layout.read(np.hstack((q, v, rows[:, 2 * R :])))
 
     @property
     def scale(self) -> Floats:
-        """Natural units of y, (size,): those that turn a link by 1 rad, or move the cart by l where none turns."""
-        reach = np.maximum(np.abs(self.links).max(axis=0), np.abs(self.cart) / self.system.length)
-        if self.system.structure is not None:
-            carrier_reach = np.abs(self.carriers) / np.reshape(self.system.first_units, (-1, 1))
-            reach = np.maximum(reach, carrier_reach.max(axis=0, initial=0.0))
-        half = 1 / reach
-        return np.concatenate((half, half * self.system.rate, [self.system.energy] * self.works))
+        """Natural units of y, (size,): those that move some coordinate by its natural unit."""
+        units, size = self.layout.natural(self.system), self.layout.half
+        half = 1 / (np.abs(self.shapes) / units[:size, None]).max(axis=0)
+        return np.concatenate((half, half * self.system.rate, units[2 * size :]))
 
     def project(self, y: Floats) -> tuple[Floats, float]:
         """The shapes are the coordinates: there are no constraints."""

@@ -182,7 +182,7 @@ class Survey(Displayed):
     def equations(self, chosen: Ints) -> Truncated:
         """The reduced equations in these shapes."""
         shapes, dual = (np.ascontiguousarray(part[:, chosen]) for part in (self.shapes, self.dual))
-        return Truncated(self.system, self.system.rest, shapes, dual)
+        return Truncated(self.system, self.system.coordinates_at_rest, shapes, dual)
 
 
 @checked

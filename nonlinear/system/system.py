@@ -340,6 +340,11 @@ class System(Displayed):
         return angles
 
     @cached_property
+    def coordinates_at_rest(self) -> Floats:
+        """The coordinates q of motion in the plane at rest: 0 before those of links, then `rest`, (half,)."""
+        return np.concatenate((np.zeros(self.first), self.rest))
+
+    @cached_property
     def mass(self) -> Floats:
         """Mass (kg) of every link in the order of the file, (L,)."""
         return self.by_link("mass")
