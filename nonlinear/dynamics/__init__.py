@@ -14,7 +14,7 @@ from nonlinear.dynamics.contacts import Contacts, Escaping, contacts_of, escapin
 from nonlinear.dynamics.elimination import Banded, Elimination, loses_digits
 from nonlinear.dynamics.forms import Form, form_of, jacobian_of, module_of
 from nonlinear.dynamics.generated import Generated, Lanes, Written
-from nonlinear.dynamics.hamiltonian import Hamiltonian, SpatialHamiltonian
+from nonlinear.dynamics.hamiltonian import Hamiltonian
 from nonlinear.dynamics.inputs import Inputs, Instant
 from nonlinear.dynamics.maximal import Maximal
 from nonlinear.dynamics.mechanics import Mechanics, Reactions, vectors
@@ -54,7 +54,6 @@ __all__ = [
     "Recursion",
     "Reduced",
     "Spatial",
-    "SpatialHamiltonian",
     "SpatialRecursion",
     "StructureSteps",
     "Symmetry",

@@ -194,7 +194,8 @@ def damper_power(group: Group, u: Any, w: Any) -> Any:
 def joint_energy(group: Group, u: Floats) -> Floats:
     """Energy (J) of every joint spring, (n, P, ...)."""
     _, _, z, rest = _bend(group, u)
-    return np.asarray(2 * _spread(group.block.stiffness, u) * np.arctan2(np.sqrt(z), np.sqrt(rest)) ** 2)
+    half_angle = np.arctan(np.sqrt(z) / np.sqrt(where(rest, rest, DIVISOR_MIN)))
+    return np.asarray(2 * _spread(group.block.stiffness, u) * half_angle**2)
 
 
 def _bend(group: Group, u: Any) -> tuple[Any, Any, Any, Any]:

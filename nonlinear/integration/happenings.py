@@ -19,7 +19,7 @@ import scipy
 
 from modal.errors import ComputationError
 from modal.types import Booleans, Floats, Ints
-from nonlinear.dynamics import Arranged, Hamiltonian, Reduced, SpatialHamiltonian
+from nonlinear.dynamics import Arranged, Hamiltonian, Reduced
 from nonlinear.integration.passages import Level, passages
 from nonlinear.integration.switched import Switched
 from nonlinear.integration.within import Inside, Step
@@ -50,7 +50,7 @@ def component_of(equations: Equations, reading: Any) -> tuple[Level, float] | No
     Momenta, positions of constraints and unit vectors made of angles have no such component.
     """
     inner = equations.inner if isinstance(equations, Reduced) else equations
-    if not isinstance(reading, CoordinateReading) or isinstance(inner, Hamiltonian | SpatialHamiltonian):
+    if not isinstance(reading, CoordinateReading) or isinstance(inner, Hamiltonian):
         return None
     if not isinstance(inner, Arranged | Switched):
         return None

@@ -24,7 +24,6 @@ from nonlinear.dynamics import (
     Recursion,
     Reduced,
     Spatial,
-    SpatialHamiltonian,
     SpatialRecursion,
     Symmetry,
     form_of,
@@ -263,7 +262,7 @@ def equations_of(
             return Generated(system, load=load)
         return Spatial(system, tuple(SpatialRecursion(group) for group in system.groups), load)
     if choice.form == "hamiltonian":
-        return SpatialHamiltonian(system, load) if system.spatial else Hamiltonian(system, load)
+        return Hamiltonian(system, load)
     if choice.compiled:
         with without_interrupts():
             from nonlinear.dynamics.compiled import Compiled

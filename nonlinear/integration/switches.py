@@ -17,7 +17,7 @@ from nonlinear.dynamics.forms import Form, form_of
 from nonlinear.dynamics.switching import Pairs, joint_value, switching_of, with_contacts
 from nonlinear.dynamics.text import Function, Module, function_in
 from nonlinear.integration.changes import TEXTS, Places, changing, compiled_source
-from nonlinear.system import NO_KICKS, Friction, Kicks, System, constants_of, entries_of
+from nonlinear.system import NO_KICKS, Friction, Kicks, System
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(6)
 INPUT_ASIDE = 1e-3
@@ -258,5 +258,5 @@ def numbers_of(system: System) -> tuple[float, ...]:
 def switches_of(system: System, *, has_load: bool = False, works: bool | None = None) -> Switches:
     """The switches of a system, under a load if `has_load`, with the work counted or not."""
     form, (kicks, _) = with_contacts(form_of(system, has_load=has_load, works=works)), kicks_of(system)
-    constants = switching_of(form, kicks).constants(form.numbers(entries_of(system), constants_of(system)))
+    constants = switching_of(form, kicks).constants(form.numbers_of(system))
     return Switches(form, kicks, constants, numbers_of(system))

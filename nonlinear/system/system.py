@@ -341,8 +341,9 @@ class System(Displayed):
 
     @cached_property
     def coordinates_at_rest(self) -> Floats:
-        """The coordinates q of motion in the plane at rest: 0 before those of links, then `rest`, (half,)."""
-        return np.concatenate((np.zeros(self.first), self.rest))
+        """The coordinates q at rest: 0 before those of links, then `rest`, in space unit vectors, (half,)."""
+        links = np.outer(self.by_link("sigma"), [0.0, 0.0, 1.0]) if self.spatial else self.rest
+        return np.concatenate((np.zeros(self.first), links.ravel()))
 
     @cached_property
     def mass(self) -> Floats:
