@@ -27,9 +27,16 @@ from modal.report import NOTHING, Displayed, Form, ReportColumn, Result, silent
 from modal.scene import Scene, require, validate_scene
 from modal.scene.doors import checked
 from modal.types import Floats
-from nonlinear.accuracy.attempts import error_time_count
-from nonlinear.accuracy.candidates import Candidate, GivenUpError, Question, list_candidates
-from nonlinear.accuracy.references import Reference, enclose_reference, reference_of
+from nonlinear.accuracy.advice import error_time_count
+from nonlinear.accuracy.references import (
+    Candidate,
+    GivenUpError,
+    Question,
+    Reference,
+    enclose_reference,
+    list_candidates,
+    reference_of,
+)
 from nonlinear.integration import Trajectory, estimate_timescales, taylor, validate_numbers
 from nonlinear.system import Layout, Motion, State, apart, initial_state, system_of, validate_state
 

@@ -38,7 +38,7 @@ import numpy as np
 
 from modal.extend.laws import DragLaw
 from modal.types import Floats
-from nonlinear.dynamics.feedback import input_of
+from nonlinear.dynamics.inputs import input_of
 from nonlinear.system import ActingForce, Group, System
 
 

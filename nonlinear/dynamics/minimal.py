@@ -23,7 +23,6 @@ from modal.structure.carriers import inner
 from modal.types import Floats, Ints
 from nonlinear.dynamics.bearing import Bearing, apply_inverse_mass
 from nonlinear.dynamics.contacts import Rubbed, Sticking
-from nonlinear.dynamics.feedback import input_of
 from nonlinear.dynamics.forces import (
     Base,
     External,
@@ -33,7 +32,7 @@ from nonlinear.dynamics.forces import (
     modal_drag,
     plane_drag,
 )
-from nonlinear.dynamics.inputs import Inputs, Instant, Lengths, with_lengths
+from nonlinear.dynamics.inputs import Inputs, Instant, Lengths, input_of, with_lengths
 from nonlinear.dynamics.recursion import (
     Answer,
     Bias,
@@ -55,7 +54,6 @@ class GroupBody(Protocol):
 
     def response(self, links: Any, rates: Any, torques: Any) -> Projection:
         """Return their reaction to motions of their first joints, under generalized forces on the links."""
-        ...
 
 
 class Projection(Protocol):

@@ -36,7 +36,7 @@ from nonlinear.integration.arguments import TIGHTEST
 from nonlinear.integration.kernels import integrator
 from nonlinear.integration.readiness import Forgone, Offer, best_of, forgone_by
 from nonlinear.integration.steppers import EXPLICIT, SCIPY, SMALLEST
-from nonlinear.integration.switched import Switched
+from nonlinear.integration.switches import Switched
 from nonlinear.integration.timescales import estimate_timescales
 from nonlinear.system import Equations, Group, Load, System, ends_may_meet, system_of
 

@@ -11,7 +11,7 @@ from modal.scene.doors import require_type
 from modal.types import Floats
 from nonlinear.dynamics import Lanes, Reactions, vectors
 from nonlinear.integration import Choice, Trajectory, equations_of
-from nonlinear.integration.switched import Switched
+from nonlinear.integration.switches import Switched
 from nonlinear.system import Layout, Motion, numbers_of
 
 

@@ -33,11 +33,12 @@ from modal.types import Complexes, Floats
 from nonlinear.reduction.modal_coordinates import (
     along_rail,
     deflection,
+    join,
     layout_of,
     modal_motion,
     rest_coordinates,
+    split,
 )
-from nonlinear.reduction.two_planes import join, split
 from nonlinear.system import Motion, State, motion_of
 
 LINEAR, CORRECTED = "linear modes", "corrected modes"

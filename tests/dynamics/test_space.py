@@ -41,10 +41,8 @@ from nonlinear.system import (
     entries_of,
     of_plane,
     system_of,
-    unit_vectors,
-    velocities,
 )
-from nonlinear.system.state import angles_of
+from nonlinear.system.state import angles_of, unit_vectors, velocities
 
 EZ = np.array([0.0, 0.0, 1.0])
 

@@ -14,7 +14,8 @@ from modal.errors import SceneError
 from modal.scene import Bob, Cart, Pendulum, Rod, Scene
 from nonlinear.dynamics import Hamiltonian
 from nonlinear.simulation import simulate
-from nonlinear.system import State, of_plane, system_of, unit_vectors, velocities
+from nonlinear.system import State, of_plane, system_of
+from nonlinear.system.state import unit_vectors, velocities
 
 SEEDS = range(30)
 EZ = np.array([0.0, 0.0, 1.0])

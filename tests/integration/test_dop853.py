@@ -18,14 +18,15 @@ from support.uncompiled import uncompiled
 from modal import Bob, Cart, Pendulum, Scene, load
 from modal.scene import VanDerPol
 from modal.types import Floats
-from nonlinear.dynamics import Elimination, Generated, Mechanics, Minimal, Recursion, Reduced, mechanics
+from nonlinear.dynamics import Generated, Mechanics, Minimal, Recursion, Reduced, mechanics
 from nonlinear.dynamics.compiled import Compiled, available
+from nonlinear.dynamics.elimination import Elimination
 from nonlinear.dynamics.text import function_in
-from nonlinear.integration import Choice, Pace, Request, SciPyStepper, equations_of, method, methods
+from nonlinear.integration import Choice, Request, equations_of, method, methods
 from nonlinear.integration.driver import Drive
 from nonlinear.integration.floats import FloatStepper, attempt_of, wide_attempt
 from nonlinear.integration.method import Shares
-from nonlinear.integration.steppers import Sweeper
+from nonlinear.integration.steppers import Pace, SciPyStepper, Sweeper
 from nonlinear.simulation import simulate
 from nonlinear.system import Event, State, System, initial_state, state_at_rest, system_of
 

@@ -18,8 +18,7 @@ from modal.scene import Bob, Cart, Fixed, Pendulum, Rod, Scene
 from nonlinear.integration import Trajectory, modes_of
 from nonlinear.postprocessing import summary
 from nonlinear.reduction import simulate_truncated, start_in_mode, survey_modes
-from nonlinear.reduction.truncated import Truncated
-from nonlinear.reduction.truncation import Kept, Survey
+from nonlinear.reduction.truncation import Kept, Survey, Truncated
 from nonlinear.simulation import simulate
 from nonlinear.system import State, system_of
 
