@@ -15,34 +15,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from modal.structure import CarrierEnd, End, LinkEnd, Moving, SpringNumbers, Structure
+from modal.structure import CarrierEnd, End, LinkEnd, SpringNumbers, Structure
 from modal.types import Booleans, Ints
 from nonlinear.system import Group, System, drawn_place, place_of
 
 Vector = tuple[Any, Any]
-
-
-class Carrying(Protocol):
-    """Interface of supports at an instant; groups of pendula are given by their numbers."""
-
-    def pivots(self, group: int) -> tuple[Vector, Vector]:
-        """Displacements (m) and velocities (m/s) of first joints, (P, ...) each."""
-
-    def point(self, end: CarrierEnd) -> tuple[Vector, Moving, Vector]:
-        """The displacement of a point of a support, how it moves, and its velocity."""
-
-    def angle(self, number: int, values: Sequence[Any] | None = None) -> Any:
-        """The angle (rad) of a support, or of other `values` of its coordinates."""
-
-    def push(self, number: int, moving: Moving, force: Vector) -> None:
-        """A force (N) on a point of a support."""
-
-    def turn(self, number: int, torque: Any) -> None:
-        """A torque (N m) on a support."""
 
 
 class Tension(NamedTuple):
@@ -170,7 +151,7 @@ class Springs:
         components = array_of([vector[k] for k in (0, 1) for vector in vectors])
         return components.reshape(2, len(vectors), *components.shape[1:]), array_of(rest)
 
-    def tensions(self, q: Any, v: Any, carrying: Carrying) -> list[tuple[Ints, Tension]]:
+    def tensions(self, q: Any, v: Any, carrying: Any) -> list[tuple[Ints, Tension]]:
         """The forces of springs of each kind, with their numbers, at coordinates q and rates v (half, ...)."""
         tight, loose, torsion = self.kinds
         stiffness, damping = (_spread(part, q) for part in self.numbers)
@@ -197,16 +178,16 @@ class Springs:
             tensions.append((torsion, twist_law(stiffness[torsion], damping[torsion], *angles)))
         return tensions
 
-    def _angle_between(self, spring: SpringNumbers, values: Any, carrying: Carrying) -> Any:
+    def _angle_between(self, spring: SpringNumbers, values: Any, carrying: Any) -> Any:
         first, second = (self._angle(end, values, carrying) for end in spring.ends)
         return second - first
 
-    def _angle(self, end: End, values: Any, carrying: Carrying) -> Any:
+    def _angle(self, end: End, values: Any, carrying: Any) -> Any:
         if isinstance(end, LinkEnd):
             return values[self.structure.size + end.link]
         return carrying.angle(end.carrier, values) if isinstance(end, CarrierEnd) else 0.0
 
-    def _node_motion(self, q: Any, v: Any, carrying: Carrying) -> tuple[Any, Any]:
+    def _node_motion(self, q: Any, v: Any, carrying: Any) -> tuple[Any, Any]:
         """Displacements and velocities (2, N + 1, ...) of all points, the ground last."""
         size, (nodes, _) = self.structure.size, self.nodes
         count = len(nodes.link)
@@ -233,7 +214,7 @@ class Springs:
                 places[k, number], speeds[k, number] = place[k], speed[k]
         return places, speeds
 
-    def forces(self, q: Any, v: Any, carrying: Carrying) -> Strained:
+    def forces(self, q: Any, v: Any, carrying: Any) -> Strained:
         """Their forces; those on supports at which they end are added at once."""
         size, (nodes, pairs) = self.structure.size, self.nodes
         links, count = q[size:], len(nodes.link)

@@ -67,9 +67,7 @@ def component_of(equations: Equations, reading: Any) -> tuple[Level, float] | No
     Momenta, positions of constraints and unit vectors made of angles have no such component.
     """
     inner = equations.inner if isinstance(equations, Reduced) else equations
-    if not isinstance(reading, CoordinateReading) or isinstance(inner, Hamiltonian):
-        return None
-    if not isinstance(inner, Arranged | Switched):
+    if not isinstance(reading, CoordinateReading) or isinstance(inner, Hamiltonian) or not isinstance(inner, Arranged):
         return None
     if inner is equations:
         return Level(reading.row + inner.layout.half * reading.rate, reading.level, turns=False), 1.0

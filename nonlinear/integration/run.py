@@ -175,8 +175,7 @@ def _sampled(equations: Equations, y: Floats, times: Floats, pace: Pace) -> Pace
     """A pace that stops at the samples of feedback, the first of which is taken."""
     if not equations.system.is_sampled:
         return pace
-    free = equations.free if isinstance(equations, Switched) else cast("Arranged", equations)
-    samples = free.inputs.samples
+    samples = cast("Arranged", equations).inputs.samples
     breaks = samples.begin(*times[[0, -1]].tolist())
     samples.take(float(times[0]), y.tolist())
     return replace(pace, breaks=tuple(sorted({*pace.breaks, *breaks[1:]})), landing=samples.take)

@@ -156,8 +156,8 @@ class Stepper(Protocol):
     def exact(self, time: float) -> Floats:
         """The y at one time within the last step, as accurate as the step itself."""
 
-    def restart(self, y: Floats, time: float | None = None) -> None:
-        """Continue from another y at the present time, or at one within the last step."""
+    def restart(self, y: Floats) -> None:
+        """Continue from another y at the present time."""
 
 
 @runtime_checkable
@@ -288,13 +288,9 @@ class SciPyStepper:
         self._done += solver.nfev
         return np.asarray(solver.y)
 
-    def restart(self, y: Floats, time: float | None = None) -> None:
-        """Continue from another y; an explicit method that stays at the same time keeps its step size."""
-        if time is None and self.method in EXPLICIT:
-            self._solver.y, self._solver.f = y, self._solver.fun(self.time, y)
-            return
-        self._done += self._solver.nfev
-        self._solver = self._start_solver(self.time if time is None else time, y, self.time - self.before)
+    def restart(self, y: Floats) -> None:
+        """Continue from another y with the same step size: the method is explicit."""
+        self._solver.y, self._solver.f = y, self._solver.fun(self.time, y)
 
 
 class HasDerivative(Protocol):

@@ -19,10 +19,12 @@ from modal.types import Floats
 from nonlinear.dynamics.contacts import JAMMED, contacts_of, escaping, jams
 from nonlinear.dynamics.forms import Form, form_of
 from nonlinear.dynamics.generated import Generated, InputFunction, Rate, Written
+from nonlinear.dynamics.inputs import Inputs
+from nonlinear.dynamics.minimal import Arranged
 from nonlinear.dynamics.switching import Pairs, joint_value, switching_of, with_contacts
 from nonlinear.dynamics.text import Function, Module, function_in
 from nonlinear.integration.changes import TEXTS, Places, changing, compiled_source
-from nonlinear.system import NO_KICKS, Friction, Kicks, Layout, Load, Motion, State, System
+from nonlinear.system import NO_KICKS, Friction, Kicks, Load, System
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(6)
 INPUT_ASIDE = 1e-3
@@ -272,7 +274,7 @@ Phase = tuple[list[float], int]
 
 
 @dataclass(eq=False)
-class Switched(Written):
+class Switched(Written, Arranged):
     """The equations `free` with switches: a phase lasts until `change`, `contact_inputs` being those in it.
 
     `met_switch` is the one at which the last step ended, until its change; `look` are the values of all at the present
@@ -280,12 +282,23 @@ class Switched(Written):
     """
 
     free: Generated
+    system: System = field(init=False)
+    load: Load | None = field(init=False)
+    counts_work: bool = field(init=False)
     state: list[float] = field(init=False, default_factory=list)
     contact_inputs: list[float] = field(init=False, default_factory=list)
     met_switch: int | None = field(init=False, default=None)
     look: Any = field(init=False, default=None)
     rests: bool = field(init=False, default=False)
     phase: Phase = field(init=False, default=([], 0))
+
+    def __post_init__(self) -> None:
+        self.system, self.load, self.counts_work = self.free.system, self.free.load, self.free.counts_work
+
+    @cached_property
+    def inputs(self) -> Inputs:
+        """The inputs that depend on time, with the samples of loops."""
+        return self.free.inputs
 
     @cached_property
     def switches(self) -> Switches:
@@ -416,11 +429,7 @@ class Switched(Written):
         time_inputs = self.free.inputs_at
         if not self.switches.places.J:
             return time_inputs
-        return (
-            (lambda time, y: [*time_inputs(time, y), *self.contact_inputs])
-            if time_inputs
-            else (lambda time, y: self.contact_inputs)
-        )
+        return lambda time, y: [*(time_inputs(time, y) if time_inputs else ()), *self.contact_inputs]
 
     def rates_in(self, contact_inputs: Sequence[Sequence[float]]) -> Callable[[Any, Any], Any]:
         """The derivative (size, S) of several states in phases with these inputs of contacts, (S, 2 J)."""
@@ -446,31 +455,3 @@ class Switched(Written):
     def level(self, y: list[float]) -> None:
         """Take the rounding by which sticking contacts move from y, in place."""
         self.switches.project(y, self.state)
-
-    @property
-    def system(self) -> System:
-        """The scene as arrays."""
-        return self.free.system
-
-    @property
-    def load(self) -> Load | None:
-        """The external load."""
-        return self.free.load
-
-    @property
-    def layout(self) -> Layout:
-        """The arrangement of y."""
-        return self.free.layout
-
-    @property
-    def scale(self) -> Floats:
-        """Natural units of y, (size,)."""
-        return self.free.scale
-
-    def begin(self, state: State) -> Floats:
-        """The vector y of a state."""
-        return self.free.begin(state)
-
-    def read(self, rows: Floats) -> Motion:
-        """The motion in vectors (T, size)."""
-        return self.free.read(rows)
