@@ -33,8 +33,10 @@ from modal.scene.length_laws import LengthLaw
 from modal.types import NOISE_OF_SUM, Floats
 from modal.vibration.courses import Course, Polynomials, in_floats
 from nonlinear.dynamics.contacts import Gripping
+from nonlinear.dynamics.springs import array_of
 from nonlinear.dynamics.tape import Symbol, where
 from nonlinear.system import AppliedForces, Group, Layout, Load, System
+from nonlinear.system.system import spread
 
 if TYPE_CHECKING:
     from nonlinear.system.loops import ActingLoop
@@ -319,8 +321,8 @@ class Inputs:
         if not acting:
             return NOTHING
         if self.system.structure is not None:
-            return AppliedForces(0.0, _array_of(acting[first:]), _array_of(acting[:first]))
-        return AppliedForces(acting[0] if first else 0.0, _array_of(acting[first:]))
+            return AppliedForces(0.0, array_of(acting[first:]), array_of(acting[:first]))
+        return AppliedForces(acting[0] if first else 0.0, array_of(acting[first:]))
 
     def _lengths(self, laws: Sequence[tuple[Any, Any, Any]]) -> Lengths:
         links = self.system.n_links
@@ -333,7 +335,7 @@ class Inputs:
             for part, number in zip(parts, numbers, strict=True):
                 for place in places.tolist():
                     part[place] = number
-        return Lengths(*(_array_of(part) for part in parts))
+        return Lengths(*(array_of(part) for part in parts))
 
     @cached_property
     def _of_time_alone(self) -> Inputs:
@@ -347,10 +349,7 @@ class Inputs:
 
 def with_lengths(group: Group, moving: Any, length: Any) -> Group:
     """A group with other lengths (n, P, ...) of its links, of which those that are `moving` (L,) are bobs on ropes."""
-    is_on_rope, centre = (
-        part.reshape(*part.shape, *[1] * (np.ndim(length) - part.ndim))
-        for part in (moving[group.index], group.block.centre)
-    )
+    is_on_rope, centre = (spread(part, length) for part in (moving[group.index], group.block.centre))
     return replace(group, block=replace(group.block, length=length, centre=np.where(is_on_rope, length, centre)))
 
 
@@ -426,13 +425,3 @@ def _is_smooth(values: Floats, looks: int, error: float) -> bool:
     chosen = np.concatenate((windows[:: max(looks // 2, 1)], windows[-1:]))
     fit = np.einsum("lk,wk->wl", basis, np.einsum("wl,lk->wk", chosen, basis))
     return bool(np.abs(chosen - fit).max() <= error)
-
-
-def _array_of(values: Sequence[Any]) -> Any:
-    """An array (L, ...) of numbers, arrays or symbols."""
-    plain = all(isinstance(value, (float, int)) for value in values)
-    if plain or any(isinstance(value, np.ndarray) for value in values):
-        return np.array(np.broadcast_arrays(*values), dtype=float)
-    array = np.empty(len(values), dtype=object)
-    array[:] = values
-    return array

@@ -22,6 +22,7 @@ import numpy as np
 from modal.structure import CarrierEnd, End, LinkEnd, SpringNumbers, Structure
 from modal.types import Booleans, Ints
 from nonlinear.system import Group, System, drawn_place, place_of
+from nonlinear.system.system import spread
 
 Vector = tuple[Any, Any]
 
@@ -154,14 +155,14 @@ class Springs:
     def tensions(self, q: Any, v: Any, carrying: Any) -> list[tuple[Ints, Tension]]:
         """The forces of springs of each kind, with their numbers, at coordinates q and rates v (half, ...)."""
         tight, loose, torsion = self.kinds
-        stiffness, damping = (_spread(part, q) for part in self.numbers)
+        stiffness, damping = (spread(part, q) for part in self.numbers)
         tensions = []
         if len(tight) or len(loose):
             places, speeds = self._node_motion(q, v, carrying)
             _, (first_nodes, second_nodes) = self.nodes
             stretch, speed = (part[:, second_nodes] - part[:, first_nodes] for part in (places, speeds))
             if len(tight):
-                vector, rest = _spread(self.drawn_vectors[0], stretch), _spread(self.drawn_vectors[1], q)
+                vector, rest = spread(self.drawn_vectors[0], stretch), spread(self.drawn_vectors[1], q)
                 part = stretch[:, tight], speed[:, tight]
                 law = stiffness[tight], damping[tight], *vector, rest
                 tensions.append((tight, _tension(stiffness[tight], stretch_law(*law, *part[0], *part[1]))))
@@ -201,7 +202,7 @@ class Springs:
                 for upper_part, steps, pivot in zip(upper, steps_below, carrying.pivots(number), strict=True):
                     for k in (0, 1):
                         upper_part[k][group.index] = steps[k] + pivot[k]
-            theta, omega, below = links[nodes.link], v[size:][nodes.link], _spread(nodes.below, links)
+            theta, omega, below = links[nodes.link], v[size:][nodes.link], spread(nodes.below, links)
             S, C = np.sin(theta), np.cos(theta)
             offset = below * S, -(below * versine(theta))
             turning = below * (C * omega), -(below * (S * omega))
@@ -238,14 +239,14 @@ class Springs:
         at_joints: list[Any] = [None] * len(self.system.groups)
         on, moment = np.full((2, 2, *links.shape), 0.0, dtype=links.dtype)
         if count:
-            below = _spread(nodes.below, links)
+            below = spread(nodes.below, links)
             for k in (0, 1):
                 np.add.at(on[k], nodes.link, pushes[k, :count])
                 np.add.at(moment[k], nodes.link, below * pushes[k, :count])
             for number, group in enumerate(self.system.groups):
                 part, theta = on[:, group.index], links[group.index]
                 through = np.cumsum(part[:, ::-1], axis=1)[:, ::-1]
-                arms = _spread(group.block.length, theta) * (through - part) + moment[:, group.index]
+                arms = spread(group.block.length, theta) * (through - part) + moment[:, group.index]
                 torques[group.index] = torques[group.index] + (np.cos(theta) * arms[0] - np.sin(theta) * arms[1])
                 at_joints[number] = through[:, 0]
         return Strained(torques, at_joints, power, on)
@@ -253,7 +254,7 @@ class Springs:
 
 def _upper(group: Group, angles: Any, rates: Any) -> tuple[Any, Any]:
     """Displacements and velocities (2, n, P, ...) of upper joints, as if the first were at rest."""
-    length = _spread(group.block.length, angles)
+    length = spread(group.block.length, angles)
     steps = np.stack((length * np.sin(angles), -(length * versine(angles))))
     moves = np.stack((length * (np.cos(angles) * rates), -(length * (np.sin(angles) * rates))))
     return np.cumsum(steps, axis=1) - steps, np.cumsum(moves, axis=1) - moves
@@ -267,16 +268,9 @@ def versine(angle: Any) -> Any:
 
 def array_of(values: Sequence[Any]) -> Any:
     """An array (N, ...) of numbers, arrays or symbols."""
-    if any(isinstance(value, np.ndarray) and value.ndim for value in values):
+    if any(isinstance(value, np.ndarray) for value in values):
         return np.stack(np.broadcast_arrays(*values))
     plain = all(isinstance(value, float | int) for value in values)
     array = np.empty(len(values), dtype=float if plain else object)
     array[:] = values
     return array
-
-
-def _spread(constant: Any, like: Any) -> Any:
-    """Constants (…, N) as (…, N, 1) where their operands have further axes."""
-    return (
-        constant.reshape(*constant.shape, *[1] * (like.ndim - constant.ndim)) if like.ndim > constant.ndim else constant
-    )
