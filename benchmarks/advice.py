@@ -37,7 +37,8 @@ import numpy as np
 
 from modal import Bob, Body, Cart, ComputationError, Fixed, Pendulum, Rod, Scene
 from modal.scene import VanDerPol
-from nonlinear.accuracy import Advice, Candidate, Question, choose_references
+from nonlinear.accuracy import Advice, Candidate
+from nonlinear.accuracy.references import Question, choose_references
 from nonlinear.integration import SMALLEST, estimate_timescales, extent, sample_times
 from nonlinear.reduction import CORRECTED, LINEAR
 from nonlinear.simulation import advise

@@ -25,7 +25,7 @@ from modal.scene.feedback import Feedback, GainMatrix
 from nonlinear import simulate
 from nonlinear.dynamics import Generated
 from nonlinear.dynamics.inputs import Inputs
-from nonlinear.integration.switched import Switched
+from nonlinear.integration.switches import Switched
 from nonlinear.system import AppliedForces, State, initial_state, system_of
 
 RUNS = {

@@ -34,7 +34,6 @@ from nonlinear.dynamics import (
     Minimal,
     Recursion,
     Spatial,
-    SpatialHamiltonian,
     SpatialRecursion,
 )
 from nonlinear.integration import Choice, Request, equations_of
@@ -116,7 +115,7 @@ def in_forms(name: str, scene: Scene, seconds: float) -> list[tuple[str, ...]]:
         lagrange = Spatial(system, tuple(map(SpatialRecursion, system.groups)))
         forms = [
             ("Lagrange, unit vectors", lagrange, "spatial"),
-            ("Hamilton", SpatialHamiltonian(system), "hamiltonian"),
+            ("Hamilton", Hamiltonian(system), "hamiltonian"),
         ]
     else:
         forms = [

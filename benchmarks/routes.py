@@ -19,9 +19,11 @@ from modal import Scene, matrices
 from modal.plotting.style import colour, ink, secondary_colour
 from nonlinear.dynamics import Generated
 from nonlinear.dynamics.compiled import Compiled
-from nonlinear.integration import Choice, Drive, Pace, SciPyStepper, Stepper, equations_of, estimate_timescales
+from nonlinear.integration import Choice, equations_of, estimate_timescales
 from nonlinear.integration import taylor as series
+from nonlinear.integration.driver import Drive
 from nonlinear.integration.floats import FloatStepper
+from nonlinear.integration.steppers import Pace, SciPyStepper, Stepper
 from nonlinear.integration.taylor import TaylorStepper, first_step
 from nonlinear.system import Equations, State, System, of_plane, system_of
 

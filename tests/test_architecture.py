@@ -318,8 +318,7 @@ KEPT = {
     "nonlinear.dynamics.recursion": "the text",
     "nonlinear.dynamics.contacts": "the text of joints that stick",
     "nonlinear.dynamics.elimination": "the text of short chains",
-    "nonlinear.dynamics.hamiltonian": "the canonical form in space, an independent route",
-    "nonlinear.reduction.truncated": "the motion in a few modes",
+    "nonlinear.reduction.truncation": "the motion in a few modes",
     "nonlinear.postprocessing.frequencies": "the amplitude series of a frequency",
     "nonlinear.chaos.studies": "the energies that a section can have",
 }

@@ -5,7 +5,7 @@ with its time and its error against a reference, up to the horizon
 
     t* = ln(tolerable/ε)/λ
 
-beyond which the motion is unpredictable.  Start with `advice`; `candidates` lists the methods, `references` has the
+beyond which the motion is unpredictable.  Start with `advice`; `references` has the candidates and the
 solutions with which they are compared, `frequencies` compares the ways to natural frequencies.
 """
 
@@ -14,11 +14,9 @@ from typing import TYPE_CHECKING
 from modal.lazy import lazy_attributes
 
 if TYPE_CHECKING:
-    from nonlinear.accuracy.advice import Advice, advice_table, seek_accuracy
-    from nonlinear.accuracy.attempts import Goal
-    from nonlinear.accuracy.candidates import Candidate, Question, list_candidates
-    from nonlinear.accuracy.frequencies import FrequencyRow, FrequencyTradeoff, frequencies_table, measure_frequencies
-    from nonlinear.accuracy.references import choose_references
+    from nonlinear.accuracy.advice import Advice, Goal, advice_table, seek_accuracy
+    from nonlinear.accuracy.frequencies import FrequencyTradeoff, frequencies_table, measure_frequencies
+    from nonlinear.accuracy.references import Candidate, list_candidates
     from nonlinear.accuracy.work_precision import (
         WorkPrecision,
         WorkPrecisionRow,
@@ -29,14 +27,11 @@ if TYPE_CHECKING:
 __all__ = [
     "Advice",
     "Candidate",
-    "FrequencyRow",
     "FrequencyTradeoff",
     "Goal",
-    "Question",
     "WorkPrecision",
     "WorkPrecisionRow",
     "advice_table",
-    "choose_references",
     "frequencies_table",
     "list_candidates",
     "measure_frequencies",

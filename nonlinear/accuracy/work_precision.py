@@ -27,19 +27,18 @@ from modal.report import NOTHING, Displayed, Form, ReportColumn, Result, silent
 from modal.scene import Scene, require, validate_scene
 from modal.scene.doors import checked
 from modal.types import Floats
-from nonlinear.accuracy.attempts import error_time_count
-from nonlinear.accuracy.candidates import Candidate, GivenUpError, Question, list_candidates
-from nonlinear.accuracy.references import Reference, enclose_reference, reference_of
-from nonlinear.integration import Trajectory, estimate_timescales, taylor, validate_numbers
-from nonlinear.system import (
-    Motion,
-    State,
-    System,
-    apart,
-    initial_state,
-    system_of,
-    validate_state,
+from nonlinear.accuracy.advice import error_time_count
+from nonlinear.accuracy.references import (
+    Candidate,
+    GivenUpError,
+    Question,
+    Reference,
+    enclose_reference,
+    list_candidates,
+    reference_of,
 )
+from nonlinear.integration import Trajectory, estimate_timescales, taylor, validate_numbers
+from nonlinear.system import Layout, Motion, State, apart, initial_state, system_of, validate_state
 
 REFERENCE_PATIENCE = 120.0
 """Limit: seconds of the reference's run, beyond which a shorter duration is requested."""
@@ -315,17 +314,10 @@ def late(motion: Motion, reference: Trajectory) -> float:
     last = reference.times >= (1 - PHASE_WINDOW) * reference.times[-1]
     if apart(motion, reference.motion)[last].max() > 1:
         return nan
-    (q, _), (sure, rate) = (_flat(states, reference.system, last) for states in (motion, reference.motion))
-    shift = 0.0 - float(np.sum(rate * (q - sure)) / (np.sum(rate**2) or 1.0))
+    system = reference.system
+    layout = Layout.of(system, works=False, width=3 if system.spatial else 1)
+    units = layout.natural(system)[: layout.half]
+    moved, sure = (layout.rows(states.at(last)) for states in (motion, reference.motion))
+    (lag, _), (_, rate) = (np.split(rows, 2, axis=1) for rows in (moved - sure, sure))
+    shift = 0.0 - float(np.sum(rate * lag / units**2) / (np.sum((rate / units) ** 2) or 1.0))
     return shift if abs(shift) <= PHASE_WINDOW * reference.times[-1] else nan
-
-
-def _flat(motion: Motion, system: System, rows: Any) -> tuple[Floats, Floats]:
-    """The q and q' at these samples, (T, n): the cart, or supports, in lengths of the longest link, then every link."""
-    count = int(np.sum(rows))
-    links = (part[rows].reshape(count, -1) for part in (motion.links, motion.link_rates))
-    carts: Any = (part[rows] / system.length for part in (motion.cart, motion.cart_rate))
-    if system.structure is not None:
-        carts = (part[rows] / system.first_units for part in (motion.supports, motion.support_rates))
-    q, v = (np.column_stack(pair) for pair in zip(carts, links, strict=True))
-    return q, v

@@ -11,16 +11,15 @@ for long chains, or compiled (`compiled`, extra `fast`).  Start with `minimal`;
 
 from nonlinear.dynamics.compiling import children_without_interrupts, without_interrupts
 from nonlinear.dynamics.contacts import Contacts, Escaping, contacts_of, escaping, links_of_contacts
-from nonlinear.dynamics.elimination import Banded, Elimination, loses_digits
-from nonlinear.dynamics.forms import Form, form_of, jacobian_of, module_of
+from nonlinear.dynamics.elimination import Banded, loses_digits
+from nonlinear.dynamics.forms import form_of, jacobian_of, module_of
 from nonlinear.dynamics.generated import Generated, Lanes, Written
-from nonlinear.dynamics.hamiltonian import Hamiltonian, SpatialHamiltonian
-from nonlinear.dynamics.inputs import Inputs, Instant
+from nonlinear.dynamics.hamiltonian import Hamiltonian
 from nonlinear.dynamics.maximal import Maximal
 from nonlinear.dynamics.mechanics import Mechanics, Reactions, vectors
 from nonlinear.dynamics.minimal import Arranged, GroupBody, Minimal, Recursion
 from nonlinear.dynamics.spatial import Spatial, SpatialRecursion
-from nonlinear.dynamics.steps import StructureSteps, link_steps, sine_steps, structure_steps, support_steps
+from nonlinear.dynamics.steps import link_steps, sine_steps, structure_steps, support_steps
 from nonlinear.dynamics.symmetries import (
     Reduced,
     Symmetry,
@@ -37,14 +36,10 @@ __all__ = [
     "Arranged",
     "Banded",
     "Contacts",
-    "Elimination",
     "Escaping",
-    "Form",
     "Generated",
     "GroupBody",
     "Hamiltonian",
-    "Inputs",
-    "Instant",
     "Lanes",
     "Maximal",
     "Mechanics",
@@ -54,9 +49,7 @@ __all__ = [
     "Recursion",
     "Reduced",
     "Spatial",
-    "SpatialHamiltonian",
     "SpatialRecursion",
-    "StructureSteps",
     "Symmetry",
     "Tape",
     "Written",

@@ -15,11 +15,18 @@ import numpy as np
 
 from modal.errors import MissingExtraError
 from modal.types import Floats, Ints
-from nonlinear.dynamics.compiled_structure import FlatStructure, flat_of, link_at, rate_on_carriers, with_own_room
+from nonlinear.dynamics.compiled_structure import (
+    FlatStructure,
+    flat_of,
+    joint_moment,
+    link_at,
+    rate_on_carriers,
+    with_own_room,
+)
 from nonlinear.dynamics.compiling import available, compiled, in_place
 from nonlinear.dynamics.forces import joint_law
 from nonlinear.dynamics.minimal import Minimal
-from nonlinear.dynamics.programs import programs_of, run_program
+from nonlinear.dynamics.programs import programs_of
 from nonlinear.dynamics.recursion import (
     NOTHING_BELOW,
     Answer,
@@ -42,10 +49,8 @@ SINCOS_ANGLE_MAX = 1e6
 """Tolerance: rad, up to which `sincos` reduces angles exactly; beyond the library does."""
 
 
-_joint_law, _sincos = in_place(joint_law), in_place(sincos)
-_tip_response, _link_response, _geared_response, _link_acceleration = map(
-    in_place, (tip_response, link_response, geared_response, link_acceleration)
-)
+_sincos, _joint_law, _geared_response = map(in_place, (sincos, joint_law, geared_response))
+_tip_response, _link_response, _link_acceleration = map(in_place, (tip_response, link_response, link_acceleration))
 
 
 @in_place
@@ -64,16 +69,10 @@ def _sines(angles, sin, cos):  # type: ignore[no-untyped-def]
 
 @in_place
 def _joint(links, laws, angles, rates, i, top):  # type: ignore[no-untyped-def]
-    """Moment (N m) on link i of the spring, damper and laws above it, and the power (W) of the parts that do work."""
-    stiffness, damping, rest, start, end = links[i, 7], links[i, 8], links[i, 9], int(links[i, 10]), int(links[i, 11])
-    angle, speed = angles[i], rates[i]
-    if not top:
-        angle, speed = angle - angles[i - 1], speed - rates[i - 1]
-    elastic, working = _joint_law(angle - rest, speed, stiffness, damping)
-    if end:
-        conserved, driving = run_program(laws, start, end, angle - rest, speed)
-        elastic, working = elastic + conserved, working + driving
-    return elastic + working, working * speed
+    """`joint_moment` of the joint above link i."""
+    if top:
+        return joint_moment(laws, links[i], angles[i], rates[i])
+    return joint_moment(laws, links[i], angles[i] - angles[i - 1], rates[i] - rates[i - 1])
 
 
 @in_place

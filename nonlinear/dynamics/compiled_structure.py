@@ -38,20 +38,11 @@ STRAIGHT, ARC, TURNING = range(3)
 TIGHT, LOOSE, TORSION = range(3)
 GROUND, ON_LINK, ON_CARRIER = range(3)
 
-_sincos, _joint_law, _versine = in_place(sincos), in_place(joint_law), in_place(versine)
-_tip_response, _link_response, _link_acceleration, _driven = (
-    in_place(tip_response),
-    in_place(link_response),
-    in_place(link_acceleration),
-    in_place(driven),
-)
-_swung, _turn_motion, _along_arc, _turn_displacement = (
-    in_place(swing_path),
-    in_place(turn_point),
-    in_place(along_arc),
-    in_place(turn_displacement),
-)
-_stretch_law, _slack, _eliminate = in_place(stretch_law), in_place(slack), in_place(eliminate)
+_sincos, _joint_law, _versine, _driven = map(in_place, (sincos, joint_law, versine, driven))
+_tip_response, _link_response, _link_acceleration = map(in_place, (tip_response, link_response, link_acceleration))
+_swung, _turn_motion, _along_arc = map(in_place, (swing_path, turn_point, along_arc))
+_turn_displacement, _stretch_law = map(in_place, (turn_displacement, stretch_law))
+_slack, _eliminate = map(in_place, (slack, eliminate))
 
 
 class FlatStructure(NamedTuple):
@@ -334,6 +325,19 @@ def link_at(links, i):  # type: ignore[no-untyped-def]
 
 
 @in_place
+def joint_moment(laws, law, bend, speed):  # type: ignore[no-untyped-def]
+    """Moment (N m) of the spring, damper and laws above a link with the constants `law`, and the power (W) of working.
+
+    `bend` is the angle between the link and what is above it.
+    """
+    elastic, working = _joint_law(bend - law[9], speed, law[7], law[8])
+    if law[11]:
+        conserved, driving = run_program(laws, int(law[10]), int(law[11]), bend - law[9], speed)
+        elastic, working = elastic + conserved, working + driving
+    return elastic + working, working * speed
+
+
+@in_place
 def _hinge(F, links, laws, y, half, i, top, c):  # type: ignore[no-untyped-def]
     """Moment (N m) on link i of the spring, damper and laws above it, and the power (W) of the parts that do work."""
     at, law = len(F.kind) + i, links[i]
@@ -342,11 +346,7 @@ def _hinge(F, links, laws, y, half, i, top, c):  # type: ignore[no-untyped-def]
         bend, speed = bend - y[at - 1], speed - y[half + at - 1]
     elif F.angle[c] >= 0:
         bend, speed = bend - y[F.angle[c]], speed - y[half + F.angle[c]]
-    elastic, working = _joint_law(bend - law[9], speed, law[7], law[8])
-    if law[11]:
-        conserved, driving = run_program(laws, int(law[10]), int(law[11]), bend - law[9], speed)
-        elastic, working = elastic + conserved, working + driving
-    return elastic + working, working * speed
+    return joint_moment(laws, law, bend, speed)
 
 
 @in_place

@@ -57,19 +57,13 @@ def loses_digits(group: Group, system: System) -> bool:
 
 
 class Elimination:
-    """A group of short chains, as arrays (n, P, ...) of any type that `sine` and `cosine` accept."""
+    """A group of short chains, as arrays (n, P) of any type."""
 
-    def __init__(
-        self, group: Group, tail: int = 0, sine: Any = np.sin, cosine: Any = np.cos, winding: Any = None
-    ) -> None:
-        block, self.sine, self.cosine, self.winding = group.block, sine, cosine, winding
-        numbers = (block.mass, block.length, block.centre, block.inertia)
-        self.A = np.array(pair.inertia_matrix(*numbers)).reshape(group.n, *block.b.shape, *[1] * tail)
-        self.b = block.b.reshape(*block.b.shape, *[1] * tail)
-        self.masses = block.mass.sum(0).reshape(*block.b.shape[1:], *[1] * tail)
-        self.length = block.length
-        rotor = block.rotor.reshape(*block.b.shape, *[1] * tail)
-        self.rotor: Any = rotor if group.has_rotors else None
+    def __init__(self, group: Group, winding: Any = None) -> None:
+        block = group.block
+        self.A = np.array(pair.inertia_matrix(block.mass, block.length, block.centre, block.inertia))
+        self.b, self.masses, self.length, self.winding = block.b, block.mass.sum(0), block.length, winding
+        self.rotor: Any = block.rotor if group.has_rotors else None
 
     def square_rates(self, rates: Any, columns: Any = slice(None)) -> Any:
         """θ'², less l''/l where lengths change."""
@@ -132,7 +126,7 @@ class Eliminated:
         """The lower half of M_kl and force_k of the pendula in these columns, summed."""
         body, (angles, rates, torques) = self.body, (part[:, columns] for part in self.parts)
         A, b, mass = body.A[:, :, columns], body.b[:, columns], body.masses[columns]
-        s, c, ww = body.sine(angles), body.cosine(angles), body.square_rates(rates, columns)
+        s, c, ww = np.sin(angles), np.cos(angles), body.square_rates(rates, columns)
         rotor: Any = None if body.rotor is None else body.rotor[:, columns]
         turning, slopes = [turn for *_, turn in slopes], [slope[:2] for slope in slopes]
         M, side = body.equations(A, s, c, ww, list(torques - (b * bias[0]) * c + (b * bias[1]) * s), rotor)

@@ -38,8 +38,9 @@ import numpy as np
 
 from modal.extend.laws import DragLaw
 from modal.types import Floats
-from nonlinear.dynamics.feedback import input_of
+from nonlinear.dynamics.inputs import input_of
 from nonlinear.system import ActingForce, Group, System
+from nonlinear.system.system import spread
 
 
 class External(NamedTuple):
@@ -156,7 +157,8 @@ def external_of_forces(
                 reach = length[k, columns] if k < row else centre[k, columns] if below is None else below
                 theta = angles[k, columns]
                 component = along * np.cos(theta) if along else -down * np.sin(theta)
-                torques[k, columns] = torques[k, columns] + _broadcast(reach, theta) * (size * component)
+                arm = spread(reach, theta) if np.ndim(reach) else reach
+                torques[k, columns] = torques[k, columns] + arm * (size * component)
                 if speed is not None:
                     axial = along * np.sin(theta) if along else down * np.cos(theta)
                     power = power + (speed[k, columns] * (size * axial)).sum(0)
@@ -198,10 +200,6 @@ def resultants(system: System, angles: Floats, time: float, y: Any = ()) -> tupl
             if below is not None:
                 moments[link] += (below - centre[link]) * float(normals[link] @ push)
     return forces, moments, float(on_cart(system, sizes))
-
-
-def _broadcast(constant: Any, like: Any) -> Any:
-    return constant if np.ndim(constant) == 0 else constant.reshape(-1, *[1] * (like.ndim - 1))
 
 
 def joint_law(gamma: Any, rate: Any, stiffness: Any, damping: Any) -> Any:
@@ -303,8 +301,3 @@ def relative(values: Any, base: Any = None) -> Any:
 def bend(group: Group, angles: Any, base: Any = None) -> Any:
     """The angle (rad) of every link relative to the one above, less its equilibrium value, (n, P, ...)."""
     return relative(angles, base) - spread(group.joint_rest, angles)
-
-
-def spread(constant: Any, like: Any) -> Any:
-    """Constants of links (n, P), or as many axes as they have, next to values (n, P, ...)."""
-    return constant.reshape(*constant.shape, *[1] * (like.ndim - constant.ndim))

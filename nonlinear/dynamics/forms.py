@@ -87,6 +87,10 @@ class Form:
         numbers, has = (*entries, *constants), (*self.present, *self.ratios, *[True] * (self.constant_count or 0))
         return [number for number, is_present in zip(numbers, has, strict=True) if is_present]
 
+    def numbers_of(self, system: System) -> list[Any]:
+        """Those of a system's own."""
+        return self.numbers(entries_of(system), constants_of(system))
+
 
 def form_of(
     system: System,

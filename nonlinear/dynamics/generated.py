@@ -19,7 +19,7 @@ from nonlinear.dynamics.forms import Form, form_of, module_of
 from nonlinear.dynamics.inputs import Inputs
 from nonlinear.dynamics.minimal import Arranged, Minimal, Recursion
 from nonlinear.dynamics.text import Module
-from nonlinear.system import Group, Layout, Load, Numbers, System, constants_of, entries_of
+from nonlinear.system import Group, Layout, Load, Numbers, System
 
 UNDEFINED = (ZeroDivisionError, OverflowError, ValueError)
 """Raised by Python's floats where NumPy's give inf or nan."""
@@ -86,11 +86,15 @@ class Generated(Written, Arranged):
         """The key of the text."""
         return form_of(self.system, has_load=self.load is not None, works=self.layout.works)
 
+    @property
+    def numbers(self) -> list[float]:
+        """The numbers p of the form, (P,)."""
+        return self.form.numbers_of(self.system)
+
     @cached_property
     def constants(self) -> list[float]:
         """The numbers in the text for this scene."""
-        numbers = entries_of(self.system), constants_of(self.system)
-        return module_of(self.form).constants(self.form.numbers(*numbers))
+        return module_of(self.form).constants(self.numbers)
 
     @cached_property
     def rate(self) -> Rate:

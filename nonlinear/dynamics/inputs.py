@@ -13,24 +13,100 @@ scene has it:
     of every contact with dry friction the torque or force that it exerts while it slides (N m or N), 0 where it sticks;
     then of every contact 1 where it sticks, 0 where it slides; on a rail with a coefficient μ, first, instead of the
     friction −s μ sign N
+
+Inputs of feedback loops (`nonlinear.system.loops`) for a state in any arithmetic, and held between samples.
 """
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import inf
-from typing import Any, NamedTuple
+from math import inf, ulp
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from modal.errors import ComputationError, SceneError
 from modal.scene.length_laws import LengthLaw
-from modal.types import Floats
+from modal.types import NOISE_OF_SUM, Floats
 from modal.vibration.courses import Course, Polynomials, in_floats
 from nonlinear.dynamics.contacts import Gripping
-from nonlinear.dynamics.feedback import HeldInputs
+from nonlinear.dynamics.springs import array_of
+from nonlinear.dynamics.tape import Symbol, where
 from nonlinear.system import AppliedForces, Group, Layout, Load, System
+from nonlinear.system.system import spread
+
+if TYPE_CHECKING:
+    from nonlinear.system.loops import ActingLoop
+
+
+def input_of(loop: ActingLoop, y: Any) -> Any:
+    """The input (N or N m) of a loop at y = (q, q', …), floats, arrays of many states, complex numbers or symbols."""
+    total: Any = 0.0
+    for k, (gain, (places, rest)) in enumerate(zip(loop.gains, loop.readings, strict=True)):
+        value: Any = 0.0 - rest if rest else 0.0
+        for place, factor in places:
+            value = value + (y[place] if factor == 1.0 else factor * y[place])
+        total = total - gain * (value - loop.references[k] if loop.references else value)
+    return total if loop.limit is None or not loop.gains else _clip(total, loop.limit)
+
+
+def _clip(value: Any, limit: Any) -> Any:
+    """The value within ±limit."""
+    choose = Symbol.where if isinstance(value, Symbol) else where
+    below = choose(value - limit, limit, value)
+    return choose(-limit - below, -limit, below)
+
+
+class HeldInputs:
+    """The inputs of sampled loops, each computed at its sample time and held until the next one."""
+
+    def __init__(self, loops: Sequence[ActingLoop]) -> None:
+        self.loops = [loop for loop in loops if loop.sample_time]
+        self.times: list[list[float]] = [[] for _ in self.loops]
+        self.inputs: list[list[float]] = [[] for _ in self.loops]
+
+    def begin(self, start: float, end: float, most: int = 1_000_000) -> list[float]:
+        """Forget all; the times (s) of samples until the end, ascending; raise SceneError for too many."""
+        self.inputs = [[] for _ in self.loops]
+        counts = [(end - start) / loop.sample_time * (1 + NOISE_OF_SUM) for loop in self.loops]
+        for loop, count in zip(self.loops, counts, strict=True):
+            if count > most:
+                place = f"feedback[{loop.entry}].sample_time = {loop.sample_time!r}"
+                raise SceneError([f"{place}: makes {count:.3g} samples in this run: at most {most} are taken"])
+        self.times = [
+            (start + loop.sample_time * np.arange(int(count) + 1)).tolist()
+            for loop, count in zip(self.loops, counts, strict=True)
+        ]
+        every = np.unique([time for times in self.times for time in times])
+        apart = np.append(True, np.diff(every) > NOISE_OF_SUM * np.abs(every[1:]))
+        return [float(time) for time in every[apart]]
+
+    def take(self, time: float, y: Sequence[float]) -> None:
+        """The samples that are due at a time (s) and a state."""
+        for loop, times, inputs in zip(self.loops, self.times, self.inputs, strict=True):
+            k = bisect_right(times, time + NOISE_OF_SUM * abs(time) + ulp(0.0)) - 1
+            if k >= 0 and time - times[k] <= NOISE_OF_SUM * abs(time):
+                inputs[k:] = [float(input_of(loop, y))]
+
+    def at(self, time: float) -> list[float]:
+        """Held inputs of all loops at a time (s) of the motion; raise ComputationError if its samples are not known."""
+        held = []
+        for loop, times, inputs in zip(self.loops, self.times, self.inputs, strict=True):
+            k = bisect_right(times, time) - 1 - loop.delayed_samples
+            if not times or k >= len(inputs):
+                raise ComputationError("the held inputs of sampled feedback are not stored with a run")
+            held.append(inputs[k] if k >= 0 else 0.0)
+        return held
+
+    def beside(self, times: Any) -> list[Any]:
+        """The same at times (S,) at once, each (S,)."""
+        shape = np.shape(times)
+        columns = [self.at(time) for time in np.ravel(times).tolist()]
+        return [np.reshape(row, shape) for row in zip(*columns, strict=True)] if self.loops else []
+
 
 NOTHING = AppliedForces()
 CLOCK = Polynomials(np.empty(0), np.zeros(1), np.array([[0.0, 1.0]]))
@@ -245,8 +321,8 @@ class Inputs:
         if not acting:
             return NOTHING
         if self.system.structure is not None:
-            return AppliedForces(0.0, _array_of(acting[first:]), _array_of(acting[:first]))
-        return AppliedForces(acting[0] if first else 0.0, _array_of(acting[first:]))
+            return AppliedForces(0.0, array_of(acting[first:]), array_of(acting[:first]))
+        return AppliedForces(acting[0] if first else 0.0, array_of(acting[first:]))
 
     def _lengths(self, laws: Sequence[tuple[Any, Any, Any]]) -> Lengths:
         links = self.system.n_links
@@ -259,7 +335,7 @@ class Inputs:
             for part, number in zip(parts, numbers, strict=True):
                 for place in places.tolist():
                     part[place] = number
-        return Lengths(*(_array_of(part) for part in parts))
+        return Lengths(*(array_of(part) for part in parts))
 
     @cached_property
     def _of_time_alone(self) -> Inputs:
@@ -273,10 +349,7 @@ class Inputs:
 
 def with_lengths(group: Group, moving: Any, length: Any) -> Group:
     """A group with other lengths (n, P, ...) of its links, of which those that are `moving` (L,) are bobs on ropes."""
-    is_on_rope, centre = (
-        part.reshape(*part.shape, *[1] * (np.ndim(length) - part.ndim))
-        for part in (moving[group.index], group.block.centre)
-    )
+    is_on_rope, centre = (spread(part, length) for part in (moving[group.index], group.block.centre))
     return replace(group, block=replace(group.block, length=length, centre=np.where(is_on_rope, length, centre)))
 
 
@@ -352,13 +425,3 @@ def _is_smooth(values: Floats, looks: int, error: float) -> bool:
     chosen = np.concatenate((windows[:: max(looks // 2, 1)], windows[-1:]))
     fit = np.einsum("lk,wk->wl", basis, np.einsum("wl,lk->wk", chosen, basis))
     return bool(np.abs(chosen - fit).max() <= error)
-
-
-def _array_of(values: Sequence[Any]) -> Any:
-    """An array (L, ...) of numbers, arrays or symbols."""
-    plain = all(isinstance(value, (float, int)) for value in values)
-    if plain or any(isinstance(value, np.ndarray) for value in values):
-        return np.array(np.broadcast_arrays(*values), dtype=float)
-    array = np.empty(len(values), dtype=object)
-    array[:] = values
-    return array

@@ -22,11 +22,12 @@ from modal.errors import ComputationError
 from modal.report import Displayed
 from modal.types import Booleans, Floats
 from nonlinear.dynamics.bearing import Bearing
-from nonlinear.dynamics.forces import forces_of, relative, resultants, spread, spring_energy
+from nonlinear.dynamics.forces import forces_of, relative, resultants, spring_energy
 from nonlinear.dynamics.inputs import with_lengths
 from nonlinear.dynamics.spatial import joint_energy
 from nonlinear.dynamics.structure import carriers_of
 from nonlinear.system import Group, Layout, Motion, System
+from nonlinear.system.system import spread
 
 Along = tuple[Any, Any]
 """Components of first joints along the rail and down, each combined with that of links (T, n, P)."""

@@ -23,7 +23,6 @@ from modal.structure.carriers import inner
 from modal.types import Floats, Ints
 from nonlinear.dynamics.bearing import Bearing, apply_inverse_mass
 from nonlinear.dynamics.contacts import Rubbed, Sticking
-from nonlinear.dynamics.feedback import input_of
 from nonlinear.dynamics.forces import (
     Base,
     External,
@@ -33,7 +32,7 @@ from nonlinear.dynamics.forces import (
     modal_drag,
     plane_drag,
 )
-from nonlinear.dynamics.inputs import Inputs, Instant, Lengths, with_lengths
+from nonlinear.dynamics.inputs import Inputs, Instant, Lengths, input_of, with_lengths
 from nonlinear.dynamics.recursion import (
     Answer,
     Bias,
@@ -55,7 +54,6 @@ class GroupBody(Protocol):
 
     def response(self, links: Any, rates: Any, torques: Any) -> Projection:
         """Return their reaction to motions of their first joints, under generalized forces on the links."""
-        ...
 
 
 class Projection(Protocol):
@@ -375,23 +373,20 @@ class Unanswering:
 
 
 class Recursion:
-    """One pass up and one down in NumPy, for arrays (n, P, ...) of any type that `sine` and `cosine` accept.
+    """One pass up and one down in NumPy, for arrays (n, P, ...) of any type.
 
     Where lengths change, `winding` are their speeds and accelerations, (n, P) each.
     """
 
-    def __init__(
-        self, group: Group, tail: int = 0, sine: Any = np.sin, cosine: Any = np.cos, winding: Any = None
-    ) -> None:
-        self.sine, self.cosine, self.winding = sine, cosine, winding
-        links, rotor = links_of(group), group.block.rotor
+    def __init__(self, group: Group, tail: int = 0, winding: Any = None) -> None:
+        self.winding, links, rotor = winding, links_of(group), group.block.rotor
         self.links = [type(link)(*(v.reshape(-1, *[1] * tail) for v in link)) for link in links] if tail else links
         self.rotors: Any = rotor.reshape(*rotor.shape, *[1] * tail) if group.has_rotors else None
 
     def response(self, angles: Any, rates: Any, torques: Any) -> Projection:
         """The reactions of the pendula to motions of their first joints."""
         bias = self._bias(rates)
-        at = self.sine(angles), self.cosine(angles), rates, torques, bias
+        at = np.sin(angles), np.cos(angles), rates, torques, bias
         if self.rotors is not None:
             return RecursedWithRotors(self, *geared_upward(self.links, self.rotors, *at), bias)
         return Recursed(self, *upward(self.links, *at), bias)

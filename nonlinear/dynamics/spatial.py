@@ -50,6 +50,7 @@ from nonlinear.dynamics.minimal import Projection, Suspended
 from nonlinear.dynamics.recursion import Answer, RecursiveLink, driven, links_of
 from nonlinear.dynamics.tape import DIVISOR_MIN, where
 from nonlinear.system import Group
+from nonlinear.system.system import spread
 
 NEXT, LAST = [1, 2, 0], [2, 0, 1]
 DOWN = np.array([0.0, 0.0, 1.0])
@@ -109,15 +110,15 @@ def _link_response(
     link: RecursiveLink, below: SpatialAnswer, u: Any, w: Any, Q: Any, sign: Any
 ) -> tuple[SpatialAnswer, SpatialTurn]:
     l, ll, mc, J = link.l, link.l * link.l, link.mc, link.J
-    v = u + sign * _like(DOWN, u)
+    v = u + sign * spread(DOWN, u)
     beta = sign / v[2]
     M, p, Q = _mirrored_form(v, beta, below.M), _reflect(v, beta, below.p), _reflect(v, beta, Q)[:2]
     N, r, mu, inward = M[:2, :2], M[:2, 2], M[2, 2], sign * dot(w, w)
     tau, delta = N[0, 0] + N[1, 1], N[0, 0] * N[1, 1] - N[0, 1] * N[1, 0]
     inertia_sum = J + ll * tau
     det = J * inertia_sum + ll * ll * delta
-    unit = _like(ONE, N)
-    inverse = (J * unit + ll * _like(ADJOINT, N) * N[::-1, ::-1]) / det
+    unit = spread(ONE, N)
+    inverse = (J * unit + ll * spread(ADJOINT, N) * N[::-1, ::-1]) / det
     y, rho = p[:2] + l * inward * r, _pair(inverse, r)
     e = l * y - Q
     matrix, force = np.empty_like(M), np.empty_like(p)
@@ -144,10 +145,6 @@ def downward(links: Sequence[RecursiveLink], turns: Sequence[SpatialTurn], a: An
         accelerations.append(_reflect(turn.v, turn.beta, image))
         a = a + link.l * accelerations[-1]
     return accelerations
-
-
-def _like(constant: Any, array: Any) -> Any:
-    return constant.reshape(constant.shape + (1,) * (array.ndim - constant.ndim))
 
 
 def _times(M: Any, x: Any) -> Any:
@@ -178,9 +175,9 @@ def joint_moments(group: Group, u: Any, w: Any) -> Any:
     hinge = np.zeros_like(u)
     if group.sprung:
         above, below, z, rest = _bend(group, u)
-        hinge -= _spread(group.block.stiffness, u) * _per_sine(z, rest) * cross(above, below)
+        hinge -= spread(group.block.stiffness, u[0]) * _per_sine(z, rest) * cross(above, below)
     if group.has_dampers:
-        hinge -= _spread(group.block.damping, u) * _relative(cross(u, w))
+        hinge -= spread(group.block.damping, u[0]) * _relative(cross(u, w))
     hinge[:, :-1] -= hinge[:, 1:].copy()
     return hinge
 
@@ -188,17 +185,18 @@ def joint_moments(group: Group, u: Any, w: Any) -> Any:
 def damper_power(group: Group, u: Any, w: Any) -> Any:
     """Power (W) of the joint dampers, never positive, (...)."""
     bend_rates = _relative(cross(u, w))
-    return -np.sum(_spread(group.block.damping, u) * dot(bend_rates, bend_rates), axis=(0, 1))
+    return -np.sum(spread(group.block.damping, u[0]) * dot(bend_rates, bend_rates), axis=(0, 1))
 
 
 def joint_energy(group: Group, u: Floats) -> Floats:
     """Energy (J) of every joint spring, (n, P, ...)."""
     _, _, z, rest = _bend(group, u)
-    return np.asarray(2 * _spread(group.block.stiffness, u) * np.arctan2(np.sqrt(z), np.sqrt(rest)) ** 2)
+    half_angle = np.arctan(np.sqrt(z) / np.sqrt(where(rest, rest, DIVISOR_MIN)))
+    return np.asarray(2 * spread(group.block.stiffness, u[0]) * half_angle**2)
 
 
 def _bend(group: Group, u: Any) -> tuple[Any, Any, Any, Any]:
-    below = _spread(group.block.sigma, u) * u
+    below = spread(group.block.sigma, u[0]) * u
     above = np.empty_like(below)
     above[:, 0] = DOWN.reshape(3, *[1] * (u.ndim - 2))
     above[:, 1:] = below[:, :-1]
@@ -214,10 +212,6 @@ def _per_sine(z: Any, rest: Any) -> Any:
 
 def _relative(values: Any) -> Any:
     return np.diff(values, axis=1, prepend=0.0)
-
-
-def _spread(constant: Floats, u: Any) -> Floats:
-    return constant.reshape(*constant.shape, *[1] * (u.ndim - 3))
 
 
 class SpatialRecursion:
@@ -274,7 +268,7 @@ class Spatial(Suspended):
             power = np.sum(dot(moments, cross(links, rates)))
         if support is not None:
             along, down = support
-            b = group.block.b.reshape(*group.block.b.shape, *[1] * (links.ndim - 3))
+            b = spread(group.block.b, links[0])
             power = power - (b * (along * rates[0] + down * rates[2])).sum((0, 1))
         if group.sprung or group.has_dampers:
             hinges = joint_moments(group, links, rates)

@@ -15,34 +15,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from modal.structure import CarrierEnd, End, LinkEnd, Moving, SpringNumbers, Structure
+from modal.structure import CarrierEnd, End, LinkEnd, SpringNumbers, Structure
 from modal.types import Booleans, Ints
 from nonlinear.system import Group, System, drawn_place, place_of
+from nonlinear.system.system import spread
 
 Vector = tuple[Any, Any]
-
-
-class Carrying(Protocol):
-    """Interface of supports at an instant; groups of pendula are given by their numbers."""
-
-    def pivots(self, group: int) -> tuple[Vector, Vector]:
-        """Displacements (m) and velocities (m/s) of first joints, (P, ...) each."""
-
-    def point(self, end: CarrierEnd) -> tuple[Vector, Moving, Vector]:
-        """The displacement of a point of a support, how it moves, and its velocity."""
-
-    def angle(self, number: int, values: Sequence[Any] | None = None) -> Any:
-        """The angle (rad) of a support, or of other `values` of its coordinates."""
-
-    def push(self, number: int, moving: Moving, force: Vector) -> None:
-        """A force (N) on a point of a support."""
-
-    def turn(self, number: int, torque: Any) -> None:
-        """A torque (N m) on a support."""
 
 
 class Tension(NamedTuple):
@@ -170,17 +152,17 @@ class Springs:
         components = array_of([vector[k] for k in (0, 1) for vector in vectors])
         return components.reshape(2, len(vectors), *components.shape[1:]), array_of(rest)
 
-    def tensions(self, q: Any, v: Any, carrying: Carrying) -> list[tuple[Ints, Tension]]:
+    def tensions(self, q: Any, v: Any, carrying: Any) -> list[tuple[Ints, Tension]]:
         """The forces of springs of each kind, with their numbers, at coordinates q and rates v (half, ...)."""
         tight, loose, torsion = self.kinds
-        stiffness, damping = (_spread(part, q) for part in self.numbers)
+        stiffness, damping = (spread(part, q) for part in self.numbers)
         tensions = []
         if len(tight) or len(loose):
             places, speeds = self._node_motion(q, v, carrying)
             _, (first_nodes, second_nodes) = self.nodes
             stretch, speed = (part[:, second_nodes] - part[:, first_nodes] for part in (places, speeds))
             if len(tight):
-                vector, rest = _spread(self.drawn_vectors[0], stretch), _spread(self.drawn_vectors[1], q)
+                vector, rest = spread(self.drawn_vectors[0], stretch), spread(self.drawn_vectors[1], q)
                 part = stretch[:, tight], speed[:, tight]
                 law = stiffness[tight], damping[tight], *vector, rest
                 tensions.append((tight, _tension(stiffness[tight], stretch_law(*law, *part[0], *part[1]))))
@@ -197,16 +179,16 @@ class Springs:
             tensions.append((torsion, twist_law(stiffness[torsion], damping[torsion], *angles)))
         return tensions
 
-    def _angle_between(self, spring: SpringNumbers, values: Any, carrying: Carrying) -> Any:
+    def _angle_between(self, spring: SpringNumbers, values: Any, carrying: Any) -> Any:
         first, second = (self._angle(end, values, carrying) for end in spring.ends)
         return second - first
 
-    def _angle(self, end: End, values: Any, carrying: Carrying) -> Any:
+    def _angle(self, end: End, values: Any, carrying: Any) -> Any:
         if isinstance(end, LinkEnd):
             return values[self.structure.size + end.link]
         return carrying.angle(end.carrier, values) if isinstance(end, CarrierEnd) else 0.0
 
-    def _node_motion(self, q: Any, v: Any, carrying: Carrying) -> tuple[Any, Any]:
+    def _node_motion(self, q: Any, v: Any, carrying: Any) -> tuple[Any, Any]:
         """Displacements and velocities (2, N + 1, ...) of all points, the ground last."""
         size, (nodes, _) = self.structure.size, self.nodes
         count = len(nodes.link)
@@ -220,7 +202,7 @@ class Springs:
                 for upper_part, steps, pivot in zip(upper, steps_below, carrying.pivots(number), strict=True):
                     for k in (0, 1):
                         upper_part[k][group.index] = steps[k] + pivot[k]
-            theta, omega, below = links[nodes.link], v[size:][nodes.link], _spread(nodes.below, links)
+            theta, omega, below = links[nodes.link], v[size:][nodes.link], spread(nodes.below, links)
             S, C = np.sin(theta), np.cos(theta)
             offset = below * S, -(below * versine(theta))
             turning = below * (C * omega), -(below * (S * omega))
@@ -233,7 +215,7 @@ class Springs:
                 places[k, number], speeds[k, number] = place[k], speed[k]
         return places, speeds
 
-    def forces(self, q: Any, v: Any, carrying: Carrying) -> Strained:
+    def forces(self, q: Any, v: Any, carrying: Any) -> Strained:
         """Their forces; those on supports at which they end are added at once."""
         size, (nodes, pairs) = self.structure.size, self.nodes
         links, count = q[size:], len(nodes.link)
@@ -257,14 +239,14 @@ class Springs:
         at_joints: list[Any] = [None] * len(self.system.groups)
         on, moment = np.full((2, 2, *links.shape), 0.0, dtype=links.dtype)
         if count:
-            below = _spread(nodes.below, links)
+            below = spread(nodes.below, links)
             for k in (0, 1):
                 np.add.at(on[k], nodes.link, pushes[k, :count])
                 np.add.at(moment[k], nodes.link, below * pushes[k, :count])
             for number, group in enumerate(self.system.groups):
                 part, theta = on[:, group.index], links[group.index]
                 through = np.cumsum(part[:, ::-1], axis=1)[:, ::-1]
-                arms = _spread(group.block.length, theta) * (through - part) + moment[:, group.index]
+                arms = spread(group.block.length, theta) * (through - part) + moment[:, group.index]
                 torques[group.index] = torques[group.index] + (np.cos(theta) * arms[0] - np.sin(theta) * arms[1])
                 at_joints[number] = through[:, 0]
         return Strained(torques, at_joints, power, on)
@@ -272,7 +254,7 @@ class Springs:
 
 def _upper(group: Group, angles: Any, rates: Any) -> tuple[Any, Any]:
     """Displacements and velocities (2, n, P, ...) of upper joints, as if the first were at rest."""
-    length = _spread(group.block.length, angles)
+    length = spread(group.block.length, angles)
     steps = np.stack((length * np.sin(angles), -(length * versine(angles))))
     moves = np.stack((length * (np.cos(angles) * rates), -(length * (np.sin(angles) * rates))))
     return np.cumsum(steps, axis=1) - steps, np.cumsum(moves, axis=1) - moves
@@ -286,16 +268,9 @@ def versine(angle: Any) -> Any:
 
 def array_of(values: Sequence[Any]) -> Any:
     """An array (N, ...) of numbers, arrays or symbols."""
-    if any(isinstance(value, np.ndarray) and value.ndim for value in values):
+    if any(isinstance(value, np.ndarray) for value in values):
         return np.stack(np.broadcast_arrays(*values))
     plain = all(isinstance(value, float | int) for value in values)
     array = np.empty(len(values), dtype=float if plain else object)
     array[:] = values
     return array
-
-
-def _spread(constant: Any, like: Any) -> Any:
-    """Constants (…, N) as (…, N, 1) where their operands have further axes."""
-    return (
-        constant.reshape(*constant.shape, *[1] * (like.ndim - constant.ndim)) if like.ndim > constant.ndim else constant
-    )

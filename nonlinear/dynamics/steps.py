@@ -54,7 +54,7 @@ from nonlinear.dynamics.minimal import Minimal
 from nonlinear.dynamics.recursion import Answer, RecursiveLink, Turn, link_acceleration, link_response
 from nonlinear.dynamics.tape import Tape, directional_derivatives
 from nonlinear.dynamics.text import Module
-from nonlinear.system import System, constants_of, entries_of
+from nonlinear.system import System
 from nonlinear.system.numbers import BEFORE, FIELDS, dampers_of
 
 LINK = (
@@ -214,7 +214,7 @@ class StructureSteps:
     @property
     def numbers(self) -> list[Any]:
         """The numbers p of the system: those entries, then the constants of prescribed motions."""
-        return self.form.numbers(entries_of(self.system), constants_of(self.system))
+        return self.form.numbers_of(self.system)
 
     @cached_property
     def module(self) -> Module:

@@ -9,7 +9,6 @@ page JavaScript.
 
 from __future__ import annotations
 
-import cmath
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -40,14 +39,6 @@ FUNCTIONS: dict[str, Mapping[str, Any]] = {
     "arrays": {
         **{name: getattr(np, name) for name in ("sin", "cos", "sqrt", "arctan", "exp", "log", "tanh")},
         "where": where,
-    },
-    "complex": {
-        "sin": cmath.sin,
-        "cos": cmath.cos,
-        "sqrt": cmath.sqrt,
-        "arctan": cmath.atan,
-        **{name: getattr(cmath, name) for name in ("exp", "log", "tanh")},
-        "where": lambda x, a, b: a if x.real > 0 else b,
     },
 }
 Function = Callable[..., Any]

@@ -25,7 +25,6 @@ from nonlinear.dynamics.mechanics import energies
 from nonlinear.dynamics.switching import switching_of, with_contacts
 from nonlinear.dynamics.tape import gradient, partials
 from nonlinear.dynamics.text import Module
-from nonlinear.system import constants_of, entries_of
 
 Force = Callable[[float], Floats]
 WRITTEN_DERIVATIVES_MAX = 8
@@ -116,11 +115,6 @@ class Variational(Generated):
             J[..., k, :] = values[size + k]
         return rate, J
 
-    @property
-    def numbers(self) -> list[float]:
-        """The numbers p of the form, (P,)."""
-        return self.form.numbers(entries_of(self.system), constants_of(self.system))
-
     def moved_by(self, change: Floats, y: Floats, u: Any = (), input_change: Any = ()) -> Floats:
         """The derivative (d, S) of y' at many y at once (d, S) along a change δp (P,) of the numbers.
 
@@ -141,7 +135,7 @@ class Variational(Generated):
 
     def energy_slope(self, y: Floats) -> Floats:
         """The derivative of the energy (J) by y, (d,)."""
-        return self._slope_of("energy", y)
+        return np.array(self._gradient("energy")(y.tolist()))
 
     def momenta(self, q: Floats, v: Floats) -> Floats:
         """The momenta ∂T/∂q' = M(q) v (half, S) at many coordinates q and rates v (half, S)."""
@@ -158,9 +152,7 @@ class Variational(Generated):
 
     @cached_property
     def _momenta(self) -> Any:
-        module = _gradients(self._free_form)
-        constants = module.constants(self._free_form.numbers(entries_of(self.system), constants_of(self.system)))
-        return module.function("momenta", constants, "arrays")
+        return self._gradient("momenta", "arrays")
 
     def momentum_slope(self, y: Floats) -> Floats:
         """The derivative by y, (d,), of the invariant of a cart without a spring: p_x and the impulse of dampers.
@@ -168,12 +160,12 @@ class Variational(Generated):
         That is p_x + c x + Σ c_k x_k + D_x·q with the dampings c of the cart and c_k of the centres of links, at x_k,
         and the row D_x of damping ratios.
         """
-        return self._slope_of("momentum", y)
+        return np.array(self._gradient("momentum")(y.tolist()))
 
-    def _slope_of(self, name: str, y: Floats) -> Floats:
+    def _gradient(self, name: str, target: str = "floats") -> Any:
+        """A function of `_gradients`."""
         module = _gradients(self._free_form)
-        constants = module.constants(self._free_form.numbers(entries_of(self.system), constants_of(self.system)))
-        return np.array(module.function(name, constants)(y.tolist()))
+        return module.function(name, module.constants(self._free_form.numbers_of(self.system)), target)
 
     @cached_property
     def _free_form(self) -> Form:

@@ -1,7 +1,7 @@
 """Motions of several segments and their derivatives with respect to numbers and initial states, all at once.
 
 Every derivative has a column of its own, in which that number or component of the start has an imaginary part
-(`nonlinear.integration.analytic`); all columns of a segment take the steps that its motion needs.
+(`nonlinear.integration.crowds`); all columns of a segment take the steps that its motion needs.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from modal.errors import ComputationError
 from modal.types import Booleans, Floats, Ints
 from nonlinear.dynamics import Lanes
 from nonlinear.identification.points import PointReading
-from nonlinear.integration.analytic import Analytic
+from nonlinear.integration.crowds import Analytic
 from nonlinear.integration.lanes import LaneTask, integrate
 from nonlinear.integration.method import within_shares
 from nonlinear.integration.within import Step

@@ -3,7 +3,7 @@
 In: a scene and the arguments of a run (`arguments`).  Out: a `Trajectory`: states at sampled times, events, and
 the drifts of energy, momentum and constraints.  `methods` chooses equations and integrator, with a reason; `driver`
 advances the steppers of `steppers`, of `floats` for generated equations, of `compiled` (extra `fast`) or of `taylor`;
-steps end at `switches`, and what happens within them is seen by `watches` and, of one run, by `happenings`; `twins`
+steps end at `switches`, and what happens within them is seen by `watches` and, of one run, by `driver`; twins in `run`
 measure how fast a small difference grows; `tubes` contain a motion provably (extra `certified`).  Start with `run`.
 """
 
@@ -24,16 +24,14 @@ from nonlinear.integration.arguments import (
     validate_whole,
 )
 from nonlinear.integration.changes import names_in, switching_source
-from nonlinear.integration.driver import Drive
 from nonlinear.integration.meeting import MEETING, meeting_source
 from nonlinear.integration.methods import ASKED, FORMS, Choice, choose, equations_of, validate_method
-from nonlinear.integration.run import Request, SimulationError, prepare
-from nonlinear.integration.steppers import EXPLICIT, SCIPY, SMALLEST, Pace, SciPyStepper, Stepper
+from nonlinear.integration.run import Request, SimulationError, aside, departure, perturb_last_digits, prepare, slightly
+from nonlinear.integration.steppers import EXPLICIT, SCIPY, SMALLEST
 from nonlinear.integration.switches import switches_of
 from nonlinear.integration.timescales import estimate_timescales, modes_of, sample_count
 from nonlinear.integration.trajectory import CLOSED, TRUNCATED, SolverInfo, Trajectory
 from nonlinear.integration.tubes import PROVED, Tube, enclose_motion
-from nonlinear.integration.twins import aside, departure, perturb_last_digits, slightly
 
 __all__ = [
     "ASKED",
@@ -49,13 +47,9 @@ __all__ = [
     "TIGHTEST",
     "TRUNCATED",
     "Choice",
-    "Drive",
-    "Pace",
     "Request",
-    "SciPyStepper",
     "SimulationError",
     "SolverInfo",
-    "Stepper",
     "Trajectory",
     "Tube",
     "aside",

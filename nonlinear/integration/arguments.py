@@ -224,7 +224,7 @@ def extents(system: System, rest: Floats, layout: Layout, y: Floats, scale: Floa
 def extent(state: State, system: System, times: Floats | None = None) -> float:
     """That of one start, or with `times` (T,) the size of its motion, which time drives."""
     layout = Layout.of(system, works=False, width=3 if system.spatial else 1)
-    rest = np.outer(system.by_link("sigma"), [0.0, 0.0, 1.0]) if system.spatial else system.rest
+    rest = system.coordinates_at_rest[system.first :]
     y, scale = layout.begin(state)[:, None], layout.natural(system)[:, None]
     start = system, rest.reshape(-1, 1), layout, y, scale
     return float((extents(*start) if times is None else shaken(*start, times))[0])

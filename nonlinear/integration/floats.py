@@ -46,7 +46,7 @@ from nonlinear.integration.steppers import (
     DOP853Solver,
     DOP853Stepper,
 )
-from nonlinear.integration.switched import Phase, Switched
+from nonlinear.integration.switches import Phase, Switched
 from nonlinear.integration.within import Step
 from nonlinear.system import Equations
 

@@ -63,18 +63,15 @@ class LaneSwitches(Protocol):
 
     def inputs(self, state: Any) -> Any:
         """The contribution of a state to the inputs of the rates, arrays (S,)."""
-        ...
 
     def values(self, u: Any, w: Any, y: Any, f: Any, state: Any) -> tuple[Any, Any]:
         """The values (count, S) and their rates, of y and y' (size, S) of the motion, inputs u and their rates w."""
-        ...
 
     def change(self, t: float, j: int, y: Any, f: Any, state: Any) -> Any:
         """The y (size,) or (size, 1 + k) of one member after value j has passed, with its state changed in place.
 
         For j = `count` inputs have jumped.
         """
-        ...
 
 
 @dataclass(frozen=True, eq=False)

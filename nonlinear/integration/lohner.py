@@ -31,7 +31,6 @@ from modal.errors import ComputationError
 from modal.exact import flint as import_flint
 from nonlinear.dynamics import Generated, jacobian_of, module_of
 from nonlinear.dynamics.text import FUNCTIONS
-from nonlinear.system import constants_of, entries_of
 
 Ball = Any
 """A ball `arb` of python-flint; in functions of the equations also an `acb`, or a power series of balls."""
@@ -85,10 +84,9 @@ class BallEquations:
 
     def __init__(self, equations: Generated, bits: int) -> None:
         form, system = equations.form, equations.system
-        numbers = form.numbers(entries_of(system), constants_of(system))
         rates, (slopes, self._rows, self._columns) = module_of(form), jacobian_of(form)
         with flint().ctx.workprec(bits):
-            balls = [flint().arb(number) for number in numbers]
+            balls = [flint().arb(number) for number in equations.numbers]
             self._rates = rates.function("rates", rates.constants(balls, "balls"), "balls")
             self._slopes = slopes.function("jacobian", slopes.constants(balls, "balls"), "balls")
         self.size, self.mechanical = equations.layout.size, 2 * equations.layout.half

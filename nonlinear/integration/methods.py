@@ -24,7 +24,6 @@ from nonlinear.dynamics import (
     Recursion,
     Reduced,
     Spatial,
-    SpatialHamiltonian,
     SpatialRecursion,
     Symmetry,
     form_of,
@@ -37,7 +36,7 @@ from nonlinear.integration.arguments import TIGHTEST
 from nonlinear.integration.kernels import integrator
 from nonlinear.integration.readiness import Forgone, Offer, best_of, forgone_by
 from nonlinear.integration.steppers import EXPLICIT, SCIPY, SMALLEST
-from nonlinear.integration.switched import Switched
+from nonlinear.integration.switches import Switched
 from nonlinear.integration.timescales import estimate_timescales
 from nonlinear.system import Equations, Group, Load, System, ends_may_meet, system_of
 
@@ -263,7 +262,7 @@ def equations_of(
             return Generated(system, load=load)
         return Spatial(system, tuple(SpatialRecursion(group) for group in system.groups), load)
     if choice.form == "hamiltonian":
-        return SpatialHamiltonian(system, load) if system.spatial else Hamiltonian(system, load)
+        return Hamiltonian(system, load)
     if choice.compiled:
         with without_interrupts():
             from nonlinear.dynamics.compiled import Compiled

@@ -138,33 +138,26 @@ class Stepper(Protocol):
     @property
     def time(self) -> float:
         """Current time (s)."""
-        ...
 
     @property
     def y(self) -> Floats:
         """Current y, (size,)."""
-        ...
 
     @property
     def calls(self) -> int:
         """Number of derivatives computed."""
-        ...
 
     def step(self) -> None:
         """Take one step; raise ComputationError if that fails."""
-        ...
 
     def inside(self, times: Floats) -> Floats:
         """The y (T, size) at times within the last step, as accurate as the integrator's dense output."""
-        ...
 
     def exact(self, time: float) -> Floats:
         """The y at one time within the last step, as accurate as the step itself."""
-        ...
 
-    def restart(self, y: Floats, time: float | None = None) -> None:
-        """Continue from another y at the present time, or at one within the last step."""
-        ...
+    def restart(self, y: Floats) -> None:
+        """Continue from another y at the present time."""
 
 
 @runtime_checkable
@@ -184,7 +177,6 @@ class Sweeper(Stepper, Protocol):
         Returns the y (T, size) at those times that are reached, (s, y) at `all_ends` of steps or at the last, and the
         number of steps. Raise ComputationError if not even the first step succeeds.
         """
-        ...
 
 
 class SciPyStepper:
@@ -296,13 +288,9 @@ class SciPyStepper:
         self._done += solver.nfev
         return np.asarray(solver.y)
 
-    def restart(self, y: Floats, time: float | None = None) -> None:
-        """Continue from another y; an explicit method that stays at the same time keeps its step size."""
-        if time is None and self.method in EXPLICIT:
-            self._solver.y, self._solver.f = y, self._solver.fun(self.time, y)
-            return
-        self._done += self._solver.nfev
-        self._solver = self._start_solver(self.time if time is None else time, y, self.time - self.before)
+    def restart(self, y: Floats) -> None:
+        """Continue from another y with the same step size: the method is explicit."""
+        self._solver.y, self._solver.f = y, self._solver.fun(self.time, y)
 
 
 class HasDerivative(Protocol):
@@ -311,7 +299,6 @@ class HasDerivative(Protocol):
     @property
     def derivative(self) -> Derivative:
         """The derivative y' as a function of time and y."""
-        ...
 
 
 E = TypeVar("E", bound=HasDerivative)

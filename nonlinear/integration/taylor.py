@@ -163,10 +163,9 @@ class TaylorStepper:
         """The y at one time within the last step."""
         return np.asarray(self.inside(np.array([time]))[0])
 
-    def restart(self, y: Floats, time: float | None = None) -> None:
-        """Continue from another y at the present time, or at one within the last step."""
+    def restart(self, y: Floats) -> None:
+        """Continue from another y at the present time."""
         self.integrator.state[:] = y
-        self.integrator.time = self.time if time is None else time
         self._coefficients, self._from = np.array(y)[None], self.time
 
 

@@ -134,7 +134,6 @@ class Watch(Protocol):
 
     def see(self, step: Step) -> None:
         """A step of all lanes, of which some may have been refused."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,7 +25,7 @@ from nonlinear.averaging.equations import ARRAY_ENTRIES
 from nonlinear.dynamics.elimination import SINGULAR
 from nonlinear.dynamics.generated import UNDEFINED, InputFunction, Rate
 from nonlinear.dynamics.variational import Force, Variational
-from nonlinear.integration.analytic import imaginary_after_kick, impulses_since
+from nonlinear.integration.crowds import imaginary_after_kick, impulses_since
 from nonlinear.integration.floats import FloatDOP853, FloatStep, Numbers, attempt_of
 from nonlinear.integration.method import (
     ERROR_POWER,
@@ -38,7 +38,7 @@ from nonlinear.integration.method import (
     Shares,
     control_steps,
 )
-from nonlinear.integration.switched import Switched
+from nonlinear.integration.switches import Switched
 from nonlinear.system import System
 
 ORBIT_TOLERANCE = 1e-12

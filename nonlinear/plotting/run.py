@@ -38,7 +38,7 @@ from modal.scene.doors import require_type
 from modal.scene.signal_names import link_names, signal_words
 from modal.statespace.loops import loops_of
 from modal.types import Floats
-from nonlinear.dynamics.feedback import HeldInputs, input_of
+from nonlinear.dynamics.inputs import HeldInputs, input_of
 from nonlinear.integration import Trajectory
 from nonlinear.plotting.scene import ANGLES_AT_ONCE, carrier_name
 from nonlinear.postprocessing import WINDOW_NAME, power_spectrum, resample, resolution

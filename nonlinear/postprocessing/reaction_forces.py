@@ -25,7 +25,7 @@ from modal.scene.doors import checked, require_type
 from modal.types import Floats, Ints
 from nonlinear.dynamics import Lanes, Reactions, vectors
 from nonlinear.integration import Choice, Trajectory, equations_of
-from nonlinear.integration.switched import Switched
+from nonlinear.integration.switches import Switched
 from nonlinear.integration.within import between_samples, crossing
 from nonlinear.postprocessing.resampling import resample
 from nonlinear.system import Layout, Motion, numbers_of

@@ -9,7 +9,6 @@ where ρ is the residual of the motion in the full equations (`residual`) and e 
 """
 
 from nonlinear.reduction.defect import LARGEST, defect_error
-from nonlinear.reduction.excitation import SAMPLES_PER_PERIOD
 from nonlinear.reduction.modal_coordinates import (
     USUAL_DEG,
     ModalMotion,
@@ -22,7 +21,7 @@ from nonlinear.reduction.modal_coordinates import (
     start_in_mode,
     usual_start,
 )
-from nonlinear.reduction.residual import residual_forces
+from nonlinear.reduction.residual import SAMPLES_PER_PERIOD, residual_forces
 from nonlinear.reduction.superposition import CORRECTED, LINEAR, Superposition, superpose
 from nonlinear.reduction.truncation import in_modes, simulate_truncated, survey_modes
 

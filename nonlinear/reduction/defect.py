@@ -23,8 +23,7 @@ from modal.assembly import Matrices, matrices
 from modal.eigen import is_singular
 from modal.types import Floats
 from nonlinear.integration.timescales import SAMPLES_MAX
-from nonlinear.reduction.excitation import BLOCK, SAMPLES_PER_PERIOD
-from nonlinear.reduction.residual import residual_forces
+from nonlinear.reduction.residual import BLOCK, SAMPLES_PER_PERIOD, residual_forces
 from nonlinear.reduction.superposition import Flat, ModalSwing, Superposition
 from nonlinear.system import System, system_of
 

@@ -13,6 +13,14 @@ a z_r without a conjugate (λ_r real) counting once.  For D = 0 and λ = iω bot
 z_r varies as exp(λ_r t).  Modes that share an eigenvalue are separated by their small Gram matrix.  A translation that
 no damper brakes, λ = 0 and Dφ = 0, is a double eigenvalue with one shape: its η and η' are separate, by the first form,
 because φᵀM q' is its momentum, which every other mode leaves at 0.
+
+Conversion between a motion in space and two motions in vertical planes, exact for small angles.
+
+With θ from equilibrium and p = θ (cos φ, sin φ) along the rail and across it, s = sin θ/θ, σ = −1 for inverted links:
+
+    u = σ (s p, cos θ),    u' = σ (s p' + r (p·p') p, −s p·p'),    r = (θ cos θ − sin θ)/θ³
+
+so that p is an angle in the plane relative to equilibrium; for an inverted link it has the opposite sign.
 """
 
 from __future__ import annotations
@@ -33,7 +41,7 @@ from modal.scene import Scene, validate_scene
 from modal.scene.doors import checked, checked_index
 from modal.types import Complexes, Floats, Ints
 from nonlinear.integration import modes_of
-from nonlinear.system import Motion, State, has_start, initial_state, of_plane
+from nonlinear.system import Layout, Motion, State, has_start, initial_state, of_plane, system_of
 
 USUAL_DEG = 5.0
 """Limit: the usual start, which `start` replaces: the largest angle of any link."""
@@ -122,12 +130,13 @@ def deflection(scene: Scene, motion: Motion) -> tuple[Floats, Floats]:
     """The q and v (T, n): the cart or the structure, then every link's angle, from the equilibrium."""
     if motion.links.ndim != 2:
         raise ComputationError("modal coordinates: only for motion in the plane")
-    q, v = motion.links - rest_angles(scene), motion.link_rates
-    if scene.is_structured:
-        return np.hstack((motion.supports, q)), np.hstack((motion.support_rates, v))
-    if scene.cart is not None:
-        q, v = (np.column_stack(pair) for pair in ((motion.cart - rest_cart(scene), q), (motion.cart_rate, v)))
-    return q, v
+    q, v = np.split(layout_of(scene).rows(motion), 2, axis=1)
+    return q - rest_coordinates(scene), v
+
+
+def layout_of(scene: Scene) -> Layout:
+    """The arrangement of (q, v) in the plane."""
+    return Layout.of(system_of(scene), works=False)
 
 
 def rest_angles(scene: Scene) -> Floats:
@@ -139,10 +148,13 @@ def rest_angles(scene: Scene) -> Floats:
     return np.where(np.array(ways) == "up", np.pi, 0.0)
 
 
-def rest_cart(scene: Scene) -> float:
-    """The cart's displacement (m) at equilibrium: 0, or where constant forces move it."""
-    equilibrium = equilibrium_of(scene)
-    return equilibrium.cart if equilibrium else 0.0
+def rest_coordinates(scene: Scene) -> Floats:
+    """The q (n,) at equilibrium: the displacement (m) of a cart is 0, or where constant forces move it."""
+    angles, equilibrium = rest_angles(scene), equilibrium_of(scene)
+    on_supports = np.zeros(layout_of(scene).half - len(angles))
+    if equilibrium and scene.cart is not None:
+        on_supports[0] = equilibrium.cart
+    return np.concatenate((on_supports, angles))
 
 
 @checked
@@ -234,3 +246,44 @@ def usual_start(scene: Scene) -> State:
     modes, row = modes_of(scene), first_that_swings(scene) - 1
     state = start_in_mode(scene, modes, row, copy_along(modes, row), radians(USUAL_DEG))
     return state if scene.space == "plane" else of_plane(state)
+
+
+SERIES_ANGLE = 0.02
+"""Tolerance: rad, below which series replace quotients, whose digits cancel: an error of 1e-13 on either side."""
+
+
+def split(scene: Scene, start: State) -> tuple[State, State]:
+    """The plane states along the rail, with the cart, and across it."""
+    rest = rest_angles(scene)
+    u, w = (np.cos(rest)[:, None] * part for part in (start.links, start.link_rates))
+    theta = np.arctan2(np.hypot(u[:, 0], u[:, 1]), u[:, 2])
+    s, r = (part[:, None] for part in factors(theta))
+    p = u[:, :2] / s
+    rate = (w[:, :2] + r / s * w[:, 2:] * p) / s
+    return (
+        State(rest + p[:, 0], rate[:, 0], start.cart, start.cart_rate),
+        State(rest + p[:, 1], rate[:, 1]),
+    )
+
+
+def join(scene: Scene, along: Motion, across: Motion) -> Motion:
+    """Unit vectors (T, L, 3) and their rates."""
+    rest = rest_angles(scene)
+    p = np.stack((along.links - rest, across.links - rest), axis=-1)
+    rate = np.stack((along.link_rates, across.link_rates), axis=-1)
+    theta, sigma = np.linalg.norm(p, axis=-1), np.cos(rest)[:, None]
+    s, r = factors(theta)
+    inner = np.sum(p * rate, axis=-1)
+    u = sigma * np.concatenate((s[..., None] * p, np.cos(theta)[..., None]), axis=-1)
+    flat = s[..., None] * rate + (r * inner)[..., None] * p
+    w = sigma * np.concatenate((flat, (-s * inner)[..., None]), axis=-1)
+    return Motion(u, w, along.cart, along.cart_rate, along.work)
+
+
+def factors(theta: Floats) -> tuple[Floats, Floats]:
+    """The s and r of angles θ ≥ 0 (rad)."""
+    is_small = theta < SERIES_ANGLE
+    safe = np.where(is_small, 1.0, theta)
+    r = (safe * np.cos(safe) - np.sin(safe)) / safe**3
+    series = -1 / 3 + theta**2 / 30 - theta**4 / 840
+    return np.sinc(theta / np.pi), np.where(is_small, series, r)

@@ -30,8 +30,15 @@ from modal.report import Displayed
 from modal.scene import Fixed, Scene, require
 from modal.scene.doors import checked
 from modal.types import Complexes, Floats
-from nonlinear.reduction.modal_coordinates import along_rail, deflection, modal_motion, rest_angles
-from nonlinear.reduction.two_planes import join, split
+from nonlinear.reduction.modal_coordinates import (
+    along_rail,
+    deflection,
+    join,
+    layout_of,
+    modal_motion,
+    rest_coordinates,
+    split,
+)
 from nonlinear.system import Motion, State, motion_of
 
 LINEAR, CORRECTED = "linear modes", "corrected modes"
@@ -110,14 +117,7 @@ class Flat:
     def motion(self, times: Floats) -> Motion:
         """The same as angles (T, L) and a cart or supports."""
         q, v, _ = self.deflections(times)
-        none = np.zeros(len(times))
-        if self.scene.is_structured:
-            on = q.shape[1] - self.scene.n_links
-            links = q[:, on:] + rest_angles(self.scene), v[:, on:]
-            return Motion(*links, none, none, none, q[:, :on], v[:, :on])
-        on = int(self.scene.cart is not None)
-        cart, cart_rate = (q[:, 0], v[:, 0]) if on else (none, none)
-        return Motion(q[:, on:] + rest_angles(self.scene), v[:, on:], cart, cart_rate, none)
+        return layout_of(self.scene).read(np.hstack((q + rest_coordinates(self.scene), v)))
 
 
 @dataclass(frozen=True, eq=False, repr=False)

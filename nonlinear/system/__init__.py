@@ -4,7 +4,7 @@ In: a `Scene` and a start.  Out: a `System`, a `State` (positions and velocities
 with `system`.
 """
 
-from modal.assembly import Hoisting, Hoists
+from modal.assembly import Hoists
 from nonlinear.system.events import (
     NO_FRICTION,
     NO_KICKS,
@@ -29,7 +29,14 @@ from nonlinear.system.numbers import (
     system_with,
     system_with_constants,
 )
-from nonlinear.system.populations import Population, burdens, populations_of, representation_obstacles, representatives
+from nonlinear.system.populations import (
+    Population,
+    burdens,
+    populations_of,
+    representation_obstacles,
+    representatives,
+    translations,
+)
 from nonlinear.system.prescribed import UP, ActingForce
 from nonlinear.system.state import (
     AppliedForces,
@@ -41,11 +48,8 @@ from nonlinear.system.state import (
     apart,
     motion_of,
     of_plane,
-    unit_vectors,
-    velocities,
 )
 from nonlinear.system.system import Group, JointTerm, System, drawn_place, ends_may_meet, place_of, slack_of, system_of
-from nonlinear.system.translations import translations
 
 __all__ = [
     "NO_FRICTION",
@@ -59,7 +63,6 @@ __all__ = [
     "EventRecord",
     "Friction",
     "Group",
-    "Hoisting",
     "Hoists",
     "JointTerm",
     "Kicks",
@@ -97,8 +100,6 @@ __all__ = [
     "system_with_constants",
     "translations",
     "turning_point",
-    "unit_vectors",
     "validate_state",
-    "velocities",
 ]
 __dir__ = __all__.copy

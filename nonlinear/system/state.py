@@ -143,33 +143,26 @@ class Equations(Protocol):
     @property
     def system(self) -> System:
         """The scene as arrays."""
-        ...
 
     @property
     def load(self) -> Load | None:
         """The external load."""
-        ...
 
     def derivative(self, time: float, y: Floats) -> Floats:
         """The time derivative of y, (size,)."""
-        ...
 
     def begin(self, state: State) -> Floats:
         """The vector y of a state."""
-        ...
 
     def read(self, rows: Floats) -> Motion:
         """The motion in vectors (T, size)."""
-        ...
 
     @property
     def scale(self) -> Floats:
         """Natural units of y, (size,)."""
-        ...
 
     def project(self, y: Floats) -> tuple[Floats, float]:
         """The nearest y that satisfies every constraint, and the largest violation removed (0 without any)."""
-        ...
 
 
 @dataclass(frozen=True)

@@ -101,11 +101,11 @@ class JointTerm:
         return self._times_scale(bent - at_rest)
 
     def _times_scale(self, values: Any) -> Any:
-        return values * _beside(np.asarray(self.scale), values) if np.any(self.scale != 1.0) else values
+        return values * spread(np.asarray(self.scale), values) if np.any(self.scale != 1.0) else values
 
     def _parameters(self, like: Any) -> dict[str, Any]:
         names = (parameter.name for parameter in self.law.parameters)
-        return {name: _beside(number, like) for name, number in zip(names, self.numbers, strict=True)}
+        return {name: spread(number, like) for name, number in zip(names, self.numbers, strict=True)}
 
     def forces(self, velocities: Any) -> Any:
         """The forces (N) of one on centres of mass, (d, C, ...), at velocities (m/s)."""
@@ -137,9 +137,9 @@ class JointTerm:
         return replace(self, scale=self.scale * (factor[self.columns] if np.ndim(factor) else factor))
 
 
-def _beside(number: Any, like: Any) -> Any:
-    """A number of every joint next to values with further axes."""
-    return number.reshape(*number.shape, *[1] * (np.ndim(like) - np.ndim(number)))
+def spread(constant: Any, like: Any) -> Any:
+    """An array of constants, of joints or of links, next to values with further axes."""
+    return constant.reshape(*constant.shape, *[1] * (np.ndim(like) - constant.ndim))
 
 
 def joint_terms(pendula: Sequence[Pendulum], where: str = "placed_laws") -> tuple[JointTerm, ...]:
@@ -338,6 +338,12 @@ class System(Displayed):
         for group in self.groups:
             angles[group.index] = group.rest
         return angles
+
+    @cached_property
+    def coordinates_at_rest(self) -> Floats:
+        """The coordinates q at rest: 0 before those of links, then `rest`, in space unit vectors, (half,)."""
+        links = np.outer(self.by_link("sigma"), [0.0, 0.0, 1.0]) if self.spatial else self.rest
+        return np.concatenate((np.zeros(self.first), links.ravel()))
 
     @cached_property
     def mass(self) -> Floats:

@@ -8,8 +8,16 @@ amplitude,
 the modal content of a motion, and the swing that a travel leaves.  Start with `modes`.
 """
 
-from nonlinear.verification.modes import AMPLITUDES_DEG, ONE_PERCENT, Check, ModeCheck, check
-from nonlinear.verification.motion import Comparison, ModeInMotion, compare
+from nonlinear.verification.modes import (
+    AMPLITUDES_DEG,
+    ONE_PERCENT,
+    Check,
+    Comparison,
+    ModeCheck,
+    ModeInMotion,
+    check,
+    compare,
+)
 from nonlinear.verification.tables import check_table, comparison_table
 from nonlinear.verification.travels import swing_after
 

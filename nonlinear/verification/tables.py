@@ -26,8 +26,7 @@ from modal.report import (
 from modal.scene import describe, left_out, title_of
 from modal.scene.doors import checked
 from nonlinear.postprocessing import PushingLink, words_of
-from nonlinear.verification.modes import ANGLE_MAX_DEG, Check, Measurement, ModeCheck
-from nonlinear.verification.motion import Comparison, ModeInMotion
+from nonlinear.verification.modes import ANGLE_MAX_DEG, Check, Comparison, Measurement, ModeCheck, ModeInMotion
 
 DIGITS_BEYOND = 1e-3
 """Format: of the error of κ, how far its digits go."""

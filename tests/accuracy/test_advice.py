@@ -24,8 +24,7 @@ from nonlinear import AppliedForces, initial_state, level_crossing, resume, simu
 from nonlinear import files as recordings
 from nonlinear import load as load_run
 from nonlinear.accuracy import advice_table
-from nonlinear.accuracy.advice import TOLERANCE_RATIO, Advice, _difference, _with_errors
-from nonlinear.accuracy.attempts import Attempt, TriedRun
+from nonlinear.accuracy.advice import TOLERANCE_RATIO, Advice, Attempt, TriedRun, _difference, _with_errors
 from nonlinear.integration import Choice, Request, SimulationError, Trajectory
 from nonlinear.reduction import start_in_mode
 from nonlinear.simulation import advise

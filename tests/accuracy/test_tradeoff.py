@@ -24,7 +24,6 @@ from modal import Bob, Cart, ComputationError, Pendulum, Rod, Scene, load, matri
 from modal.plotting import save
 from nonlinear.accuracy import (
     Candidate,
-    Question,
     WorkPrecision,
     WorkPrecisionRow,
     list_candidates,
@@ -32,13 +31,12 @@ from nonlinear.accuracy import (
     tradeoff_table,
 )
 from nonlinear.accuracy import work_precision as module
-from nonlinear.accuracy.candidates import GivenUpError
-from nonlinear.accuracy.references import Reference, reference_of
+from nonlinear.accuracy.references import GivenUpError, Question, Reference, reference_of
 from nonlinear.accuracy.work_precision import late
 from nonlinear.integration import aside, slightly
 from nonlinear.plotting import tradeoff_figure
 from nonlinear.reduction import CORRECTED, LINEAR, deflection, rest_angles, start_in_mode, superpose
-from nonlinear.reduction.two_planes import join, split
+from nonlinear.reduction.modal_coordinates import join, split
 from nonlinear.simulation import simulate
 from nonlinear.system import Motion, State, apart, initial_state, of_plane, system_of
 
@@ -155,7 +153,7 @@ def steps_for_seconds() -> Iterator[None]:
     with usually(uncompiled, nullcontext)(), pytest.MonkeyPatch.context() as patched:
         clock = count()
         patched.setattr(module, "perf_counter", count().__next__)
-        patched.setattr("nonlinear.accuracy.candidates.perf_counter", lambda: 1e-4 * next(clock))
+        patched.setattr("nonlinear.accuracy.references.perf_counter", lambda: 1e-4 * next(clock))
         yield
 
 
@@ -275,7 +273,7 @@ def test_a_reference_that_takes_too_long_is_refused(monkeypatch: pytest.MonkeyPa
 def test_a_run_that_plainly_takes_too_long_is_given_up_soon(monkeypatch: pytest.MonkeyPatch) -> None:
     """On a clock that advances by 1 s at every look, half of the patience is over at the tenth step."""
     clock = count()
-    monkeypatch.setattr("nonlinear.accuracy.candidates.perf_counter", lambda: float(next(clock)))
+    monkeypatch.setattr("nonlinear.accuracy.references.perf_counter", lambda: float(next(clock)))
     far, near = (Question(PAPER, in_mode(1, 5.0), np.linspace(0.0, end, 11), patience=20.0) for end in (1e4, 0.1))
     with pytest.raises(GivenUpError, match=r"given up after 11 s, at .* s of the motion"):
         Candidate("minimal", "RK45", 1e-6).prepare(far)()

@@ -31,7 +31,7 @@ from nonlinear.orbits.modes import mode_orbit
 from nonlinear.synchronization.study import study_synchronization
 from nonlinear.system import State, system_of
 from nonlinear.verification import check
-from nonlinear.verification.motion import compare
+from nonlinear.verification.modes import compare
 
 PUSH = {"on": "pendulum[0].links[0]", "kind": "sine", "amplitude": 1.5, "frequency_hz": 0.47}
 PULL = {"on": "pendulum[0].links[0]", "kind": "constant", "amplitude": 1.5}

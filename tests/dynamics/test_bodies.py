@@ -33,7 +33,8 @@ from nonlinear.dynamics import (
 )
 from nonlinear.dynamics.compiled import Compiled
 from nonlinear.dynamics.recursion import RecursiveLink, downward, upward
-from nonlinear.integration import TIGHTEST, Pace, taylor
+from nonlinear.integration import TIGHTEST, taylor
+from nonlinear.integration.steppers import Pace
 from nonlinear.integration.taylor import TaylorStepper
 from nonlinear.simulation import simulate
 from nonlinear.system import AppliedForces, State, system_of

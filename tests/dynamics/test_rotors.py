@@ -18,8 +18,9 @@ from modal.errors import SceneError
 from modal.scene import InitialCondition, scene_from
 from modal.types import Floats
 from nonlinear import simulate
-from nonlinear.dynamics import Elimination, Generated, Minimal, Recursion
+from nonlinear.dynamics import Generated, Minimal, Recursion
 from nonlinear.dynamics.compiled import Compiled
+from nonlinear.dynamics.elimination import Elimination
 from nonlinear.system import initial_state, system_of
 
 MOTOR: dict[str, Any] = {"rotor_inertia": 6.3e-5, "gear_ratio": 36.0}

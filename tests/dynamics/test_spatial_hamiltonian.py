@@ -12,30 +12,16 @@ from test_space import acted_on, any_state, central, flat_state, spatial_of, unw
 
 from modal.errors import SceneError
 from modal.scene import Bob, Cart, Pendulum, Rod, Scene
-from nonlinear.dynamics import Hamiltonian, SpatialHamiltonian
-from nonlinear.dynamics.hamiltonian import free_momentum
+from nonlinear.dynamics import Hamiltonian
 from nonlinear.simulation import simulate
-from nonlinear.system import State, of_plane, system_of, unit_vectors, velocities
+from nonlinear.system import State, of_plane, system_of
+from nonlinear.system.state import unit_vectors, velocities
 
 SEEDS = range(30)
 EZ = np.array([0.0, 0.0, 1.0])
 
 
-def free_of(equations: SpatialHamiltonian, rates: np.ndarray) -> np.ndarray:
-    """(p_x, P) (half,) of the rates (x', u') or of their derivatives: the two are linear in them alike."""
-    first, system = equations.layout.first, equations.system
-    P, rail = np.empty(len(rates)), 0.0
-    for place, group in zip(equations.lagrangian.places, system.groups, strict=True):
-        part = free_momentum(group, rates[first:][place], rates[0] if first else 0.0)
-        P[first:][place] = part.links
-        rail += part.rail.sum()
-    if first:
-        assert system.cart is not None
-        P[0] = rail + system.cart.mass * rates[0]
-    return P
-
-
-def dense(equations: SpatialHamiltonian, rates: np.ndarray) -> np.ndarray:
+def dense(equations: Hamiltonian, rates: np.ndarray) -> np.ndarray:
     """(p_x, P) from M, b and A of the pair as full matrices."""
     system, first = equations.system, equations.layout.first
     A, b = np.zeros((system.n_links, system.n_links)), np.zeros(system.n_links)
@@ -58,13 +44,12 @@ def dense(equations: SpatialHamiltonian, rates: np.ndarray) -> np.ndarray:
 def test_the_derivative_is_lagranges_mapped_to_momenta(seed: int) -> None:
     """π = P − (u·P) u, so π' follows from u'' by the chain rule, with springs, dampers, drag, loads, moved supports."""
     scene, push = acted_on(seed)
-    equations, lagrangian = SpatialHamiltonian(system_of(scene), push), spatial_of(scene, push)
+    equations, lagrangian = Hamiltonian(system_of(scene), push), spatial_of(scene, push)
     state = any_state(lagrangian, np.random.default_rng(seed))
     theirs = lagrangian.derivative(0.3, lagrangian.begin(state))
     half, first = equations.layout.half, equations.layout.first
     v = theirs[:half]
     P, turning = dense(equations, v), dense(equations, theirs[half : 2 * half])
-    np.testing.assert_allclose(free_of(equations, v), P, rtol=0, atol=1e-13 * np.abs(P).max())
     u, w = (part[first:].reshape(-1, 3) for part in (lagrangian.begin(state)[:half], v))
     p, slope = (part[first:].reshape(-1, 3) for part in (P, turning))
     along = np.sum(u * p, axis=1, keepdims=True)
@@ -80,7 +65,7 @@ def test_the_derivative_is_lagranges_mapped_to_momenta(seed: int) -> None:
 def test_the_motion_is_that_of_H_by_diracs_brackets(seed: int) -> None:
     """u' = (1 − u uᵀ) ∂H/∂π and π' = −(1 − u uᵀ) ∂H/∂u + (π uᵀ − u πᵀ) ∂H/∂π, by differences of H."""
     scene = undamped(spatial_scene(seed))
-    equations = SpatialHamiltonian(system_of(scene))
+    equations = Hamiltonian(system_of(scene))
     y = equations.begin(any_state(spatial_of(scene), np.random.default_rng(seed)))
     half, first = equations.layout.half, equations.layout.first
 
@@ -114,7 +99,7 @@ def test_fifty_digits_agree() -> None:
     """A bob below a rod on a cart: H from T of the Cartesian velocities, its brackets by differences of 50 digits."""
     links = (Rod(mass=1.5, length=0.75), Bob(mass=0.5, length=1.25))
     scene = Scene(gravity=9.75, space="space", support=Cart(mass=2.0), pendulum=(Pendulum(links=links),))
-    equations = SpatialHamiltonian(system_of(scene))
+    equations = Hamiltonian(system_of(scene))
     state = any_state(spatial_of(scene), np.random.default_rng(3))
     y = equations.begin(state)
     with mp.workdps(50):
@@ -173,7 +158,7 @@ def _in_digits(g: float, cart: float, upper: tuple[float, ...], lower: tuple[flo
 @pytest.mark.parametrize("seed", range(8))
 def test_in_the_plane_of_the_rail_they_are_those_of_the_plane(seed: int) -> None:
     scene = spatial_scene(seed)
-    equations, flat = SpatialHamiltonian(system_of(scene)), Hamiltonian(system_of(scene.in_plane))
+    equations, flat = Hamiltonian(system_of(scene)), Hamiltonian(system_of(scene.in_plane))
     state = flat_state(equations, np.random.default_rng(seed))
     cart = (state.cart, state.cart_rate) if equations.system.cart else (0.0, 0.0)
     state = State(unwound(spatial_of(scene), state.links), state.link_rates, *cart)
@@ -196,7 +181,7 @@ def still(state: State) -> State:
 
 def test_states_come_back_and_stay_on_their_spheres() -> None:
     scene = spatial_scene(3)
-    equations, rng = SpatialHamiltonian(system_of(scene)), np.random.default_rng(5)
+    equations, rng = Hamiltonian(system_of(scene)), np.random.default_rng(5)
     states = [any_state(spatial_of(scene), rng) for _ in range(4)]
     rows = np.array([equations.begin(state) for state in states])
     motion = equations.read(rows)
@@ -234,7 +219,7 @@ def test_a_run_is_that_of_unit_vectors_and_keeps_energy_and_spin() -> None:
 
 def test_nothing_changes_the_momentum_of_a_free_cart() -> None:
     scene = spatial_scene(3).replace(support=Cart(mass=1.0))
-    equations = SpatialHamiltonian(system_of(scene))
+    equations = Hamiltonian(system_of(scene))
     y = equations.begin(any_state(spatial_of(scene), np.random.default_rng(1)))
     assert y[equations.layout.half] != 0.0
     assert equations.derivative(0.0, y)[equations.layout.half] == 0.0

@@ -16,7 +16,7 @@ from modal.types import Floats
 from nonlinear import Event, State, simulate
 from nonlinear.ensembles import Ensemble, compilation_table, compile_engines, ensemble, members_of
 from nonlinear.ensembles.costs import code_of, first_numbers
-from nonlinear.integration import SciPyStepper
+from nonlinear.integration.steppers import SciPyStepper
 from nonlinear.postprocessing import extremes
 from nonlinear.sweeps import parse_measures
 from nonlinear.system import system_of

@@ -15,7 +15,7 @@ from modal import Bob, Cart, ComputationError, Pendulum, Scene, SceneError, load
 from modal.types import Floats
 from nonlinear import AppliedForces, Trajectory, resume, simulate, state_at_rest
 from nonlinear import files as recordings
-from nonlinear.integration import Pace, SciPyStepper
+from nonlinear.integration.steppers import Pace, SciPyStepper
 from nonlinear.integration.taylor import available
 from nonlinear.simulation import advise
 from nonlinear.system import Load, State

@@ -12,8 +12,8 @@ from amounts import usually
 from modal import Bob, Cart, ComputationError, Pendulum, Scene, load
 from modal.report import silent
 from nonlinear.dynamics import Generated, form_of
-from nonlinear.integration import Pace, SimulationError, readiness, taylor
-from nonlinear.integration.steppers import Sweeper
+from nonlinear.integration import SimulationError, readiness, taylor
+from nonlinear.integration.steppers import Pace, Sweeper
 from nonlinear.integration.taylor import TaylorStepper
 from nonlinear.simulation import simulate
 from nonlinear.system import initial_state, state_at_rest, system_of

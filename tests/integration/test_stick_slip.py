@@ -16,7 +16,7 @@ from modal.scene import Cart, Scene, scene_from
 from nonlinear import SimulationError, simulate
 from nonlinear.integration import Choice, Trajectory, equations_of, floats
 from nonlinear.integration.floats import samples
-from nonlinear.integration.switched import Switched
+from nonlinear.integration.switches import Switched
 from nonlinear.postprocessing import reaction_forces_of
 from nonlinear.simulation import resume
 from nonlinear.system import AppliedForces, State, system_of, turning_point

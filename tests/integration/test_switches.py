@@ -19,11 +19,10 @@ from nonlinear import State, simulate
 from nonlinear.dynamics import Generated
 from nonlinear.dynamics.inputs import Inputs
 from nonlinear.integration import Trajectory
-from nonlinear.integration.happenings import lowest, root
+from nonlinear.integration.driver import lowest, root
 from nonlinear.integration.meeting import AGAIN, MET, cubic_at, highest, meet
 from nonlinear.integration.method import LOOKS
-from nonlinear.integration.switched import Switched
-from nonlinear.integration.switches import Switches, switches_of
+from nonlinear.integration.switches import Switched, Switches, switches_of
 from nonlinear.system import system_of
 
 ESCAPEMENT = {"kind": "escapement", "impulse": 0.05, "angle_deg": 3.0}

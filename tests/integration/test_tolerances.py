@@ -9,8 +9,8 @@ import pytest
 
 from modal import Bob, Fixed, Pendulum, Scene
 from nonlinear import simulate
-from nonlinear.integration.passages import Level, starts_of
 from nonlinear.integration.steppers import tolerance_factor
+from nonlinear.integration.watches import Level, starts_of
 from nonlinear.integration.within import crossing
 from nonlinear.system import Layout, State, system_of
 

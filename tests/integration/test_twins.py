@@ -13,7 +13,7 @@ from nonlinear import AppliedForces, SimulationError, State, simulate, state_at_
 from nonlinear.accuracy import advice_table
 from nonlinear.dynamics import exactly_symmetric, is_unstable_equilibrium
 from nonlinear.integration import Request, aside, departure, perturb_last_digits
-from nonlinear.integration.twins import DEPARTURE_DISTANCE, TWIN_DISTANCE
+from nonlinear.integration.run import DEPARTURE_DISTANCE, TWIN_DISTANCE
 from nonlinear.postprocessing.summary import text
 from nonlinear.simulation import advise, certain
 from nonlinear.system import apart, of_plane
@@ -137,7 +137,7 @@ def test_what_leaves_the_plane_of_the_rail_is_told() -> None:
 
 
 def test_a_stiff_twin_is_followed_for_a_while_only(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("nonlinear.integration.twins.TWIN_STEPS_MAX", 20)
+    monkeypatch.setattr("nonlinear.integration.run.TWIN_STEPS_MAX", 20)
     growth = departure(simulate(PAIR, 12.0, start=LEVEL))
     assert growth is not None
     assert 0.0 < growth.seconds < 3.0

@@ -15,9 +15,10 @@ from nonlinear.accuracy.references import apart
 from nonlinear.dynamics import Mechanics
 from nonlinear.reduction import defect_error, residual_forces, rest_angles, start_in_mode, superpose
 from nonlinear.reduction.defect import DEFECT_SAFETY, SAMPLES_PER_PERIOD, StepResponse, running
-from nonlinear.reduction.two_planes import factors, join, split
+from nonlinear.reduction.modal_coordinates import factors, join, split
 from nonlinear.simulation import simulate
-from nonlinear.system import Motion, State, of_plane, system_of, unit_vectors
+from nonlinear.system import Motion, State, of_plane, system_of
+from nonlinear.system.state import unit_vectors
 
 SIMPLE = Scene(gravity=9.81, pendulum=(Pendulum(links=(Bob(mass=1.0, length=0.7),)),))
 PAPER = load("paper-cart-2")

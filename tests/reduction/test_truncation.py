@@ -18,8 +18,7 @@ from modal.scene import Bob, Cart, Fixed, Pendulum, Rod, Scene
 from nonlinear.integration import Trajectory, modes_of
 from nonlinear.postprocessing import summary
 from nonlinear.reduction import simulate_truncated, start_in_mode, survey_modes
-from nonlinear.reduction.truncated import Truncated
-from nonlinear.reduction.truncation import Kept, Survey
+from nonlinear.reduction.truncation import Kept, Survey, Truncated
 from nonlinear.simulation import simulate
 from nonlinear.system import State, system_of
 
@@ -63,7 +62,7 @@ def test_the_reduced_equations_are_the_scenes_own_projected(seed: int) -> None:
     state = random_state(system, seed)
     q, v = vectors(system, state)
     shapes = np.column_stack((q, v, rng.normal(size=(len(q), min(2, len(q) - 1)))))[:, : len(q)]
-    equations = Truncated(system, np.zeros(system.n_links), shapes, shapes, load)
+    equations = Truncated(system, np.zeros(len(q)), shapes, shapes, load)
     eta = np.zeros(2 * equations.size + equations.works)
     eta[0], eta[equations.size + 1] = 1.0, 1.0
     if equations.size < 2:

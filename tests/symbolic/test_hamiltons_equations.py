@@ -20,7 +20,7 @@ from modal.symbolic.hamiltonian import (
     velocities,
 )
 from modal.symbolic.system import chain
-from nonlinear.dynamics import Hamiltonian, SpatialHamiltonian
+from nonlinear.dynamics import Hamiltonian
 from nonlinear.system import system_of
 
 
@@ -52,7 +52,7 @@ def test_in_space_they_are_the_recursions(seed: int) -> None:
         pendulum.replace(links=tuple(chain), count=1) for pendulum, chain in zip(scene.pendulum, links, strict=True)
     )
     scene = scene.replace(pendulum=pendula)
-    equations, rng = SpatialHamiltonian(system_of(scene)), np.random.default_rng(seed)
+    equations, rng = Hamiltonian(system_of(scene)), np.random.default_rng(seed)
     half, first, count = equations.layout.half, equations.layout.first, equations.system.n_links
     u, pi = rng.normal(size=(2, count, 3))
     u /= np.linalg.norm(u, axis=1, keepdims=True)
