@@ -221,9 +221,9 @@ def _mode_blocks(modes: Modes, n: int, size: int, kind: str, first: int) -> Iter
             else:
                 block = (_pair if value.imag else _single)(name, meaning, value, *vectors)
             right, left = np.zeros((n, len(block.A))), np.zeros((len(block.A), n))
-            right[first : first + size], right[n - size :] = block.right
-            left[:, first : first + size], left[:, n - size :] = block.left
-            yield ModalBlock(number, copy, value, block.states, block.A, right, left, block.seen, block.pushed)
+            right[first : first + size], right[n - size :] = np.split(block.right, 2)
+            left[:, first : first + size], left[:, n - size :] = np.split(block.left, 2, axis=1)
+            yield block._replace(mode=number, copy=copy, right=right, left=left)
 
 
 def _closed_blocks(modes: Modes, size: int) -> list[ModalBlock]:
@@ -261,67 +261,47 @@ def _closed_blocks(modes: Modes, size: int) -> list[ModalBlock]:
     return blocks
 
 
-class _Made(NamedTuple):
-    """A block over (q, q') alone: the halves of right (size, k) and of left (k, size)."""
-
-    states: tuple[Signal, ...]
-    A: Floats
-    right: tuple[Floats, Floats]
-    left: tuple[Floats, Floats]
-    seen: Complexes
-    pushed: Complexes
-
-
-def _swing(name: str, meaning: str, value: complex, phi: Floats, Mphi: Floats) -> _Made:
+def _swing(name: str, meaning: str, value: complex, phi: Floats, Mphi: Floats) -> ModalBlock:
     """Undamped: η and η', also for a rigid translation and, with λ = ±√−ω², for a growing mode."""
     states = (
         Signal(f"eta_{name}", "kg^(1/2) m", meaning),
         Signal(f"eta_dot_{name}", "kg^(1/2) m/s", f"rate of the {meaning}"),
     )
-    dual, none = Mphi / (phi @ Mphi), np.zeros_like(phi)
-    return _Made(
-        states,
-        np.array([[0.0, 1.0], [(value**2).real, 0.0]]),
-        (np.array([phi, none]).T, np.array([none, phi]).T),
-        (np.array([dual, none]), np.array([none, dual])),
-        np.array([1.0, value], dtype=np.complex128),
-        np.array([value, 1.0], dtype=np.complex128),
-    )
+    A, unit = np.array([[0.0, 1.0], [(value**2).real, 0.0]]), np.eye(2)
+    right, left = np.kron(unit, phi[:, None]), np.kron(unit, Mphi / (phi @ Mphi))
+    seen, pushed = np.array([[1.0, value], [value, 1.0]], dtype=np.complex128)
+    return ModalBlock(None, 0, value, states, A, right, left, seen, pushed)
 
 
-def _pair(name: str, meaning: str, value: complex, phi: Complexes, Mphi: Complexes, Dphi: Complexes) -> _Made:
+def _pair(name: str, meaning: str, value: complex, phi: Complexes, Mphi: Complexes, Dphi: Complexes) -> ModalBlock:
     """Damped oscillation: 2 Re α and −2 Im α, scaled so that φᵀ(2λM + D)φ = 2i Im λ."""
     states = tuple(Signal(f"eta_{name}_{part}", "", meaning) for part in ("re", "im"))
     slope, target = _slope(value, phi, Mphi, Dphi), 2j * value.imag
     phi, Mphi, Dphi = (part * np.sqrt(target / slope) for part in (phi, Mphi, Dphi))
-    right = [np.array([r.real, r.imag]).T for r in (phi, value * phi)]
-    left = [np.array([2 * part.real, -2 * part.imag]) for part in ((value * Mphi + Dphi) / target, Mphi / target)]
-    A = np.array([[value.real, value.imag], [-value.imag, value.real]])
-    return _Made(
-        states,
-        A,
-        (right[0], right[1]),
-        (left[0], left[1]),
-        np.array([1.0, 1j]),
-        np.array([1j * value.imag, value.imag]),
+    right = np.concatenate((phi, value * phi))
+    left = np.concatenate((value * Mphi + Dphi, Mphi)) / target
+    return _conjugate_block(
+        value, states, np.column_stack((right.real, right.imag)), 2 * np.array([left.real, -left.imag])
     )
 
 
-def _single(name: str, meaning: str, value: complex, phi: Complexes, Mphi: Complexes, Dphi: Complexes) -> _Made:
+def _conjugate_block(value: complex, states: tuple[Signal, ...], right: Floats, left: Floats) -> ModalBlock:
+    """The block of λ and its conjugate, whose states are the real and the imaginary part."""
+    A = np.array([[value.real, value.imag], [-value.imag, value.real]])
+    seen, pushed = np.array([1.0, 1j]), np.array([1j, 1.0]) * value.imag
+    return ModalBlock(None, 0, value, states, A, right, left, seen, pushed)
+
+
+def _single(name: str, meaning: str, value: complex, phi: Complexes, Mphi: Complexes, Dphi: Complexes) -> ModalBlock:
     """Damped without oscillation: one state, scaled so that φᵀ(2λM + D)φ = ±1."""
     turn = np.conj(phi[np.argmax(np.abs(phi))])
     shape, Mown, Down = ((part * turn).real for part in (phi, Mphi, Dphi))
     slope, rate = _slope(value.real, shape, Mown, Down).real, value.real
     shape, Mown, Down = (part / np.sqrt(abs(slope)) for part in (shape, Mown, Down))
-    unit, sign = np.ones(1, dtype=np.complex128), np.sign(slope)
-    return _Made(
-        (Signal(f"eta_{name}", "", meaning),),
-        np.array([[rate]]),
-        (shape[:, None], rate * shape[:, None]),
-        (sign * (rate * Mown + Down)[None], sign * Mown[None]),
-        unit,
-        unit,
-    )
+    states, unit = (Signal(f"eta_{name}", "", meaning),), np.ones(1, dtype=np.complex128)
+    right = np.concatenate((shape, rate * shape))[:, None]
+    left = np.sign(slope) * np.concatenate((rate * Mown + Down, Mown))[None]
+    return ModalBlock(None, 0, value, states, np.array([[rate]]), right, left, unit, unit)
 
 
 def _slope(value: complex, phi: Numbers, Mphi: Numbers, Dphi: Numbers) -> complex:

@@ -13,11 +13,10 @@ import numpy as np
 
 from modal.errors import ComputationError
 from modal.modes import mode_losses
-from modal.report import NOTHING, as_csv, as_json, finite, grid, titled
-from modal.scene import title_of
-from modal.scene.signal_names import signal_label, signal_words, unit_words
+from modal.report import as_json, finite
+from modal.scene.signal_names import signal_label
 from modal.statespace.modal_form import ModalForm
-from modal.statespace.response import TOLERANCE_OF_RESPONSE, frequency_response
+from modal.statespace.response import TOLERANCE_OF_RESPONSE, frequency_response, signal_table
 from modal.types import EPS, Floats
 
 MOST_SLOW_MODES = 12
@@ -38,28 +37,15 @@ def peaks_table(form: ModalForm, source: int, outputs: Sequence[int], to: str) -
     if len(outputs) > MOST_OUTPUTS:
         raise ComputationError(f"{len(outputs)} outputs: choose at most {MOST_OUTPUTS} with `outputs`")
     driven, records = form.model.inputs[source], list(_records(form, source, outputs))
-    if to == "csv":
-        return as_csv([{key: finite(value) for key, value in record.items()} for record in records])
+    notes = [] if records else ["No output has a peak."]
+    if any(np.isinf(record["magnitude"]) for record in records):
+        notes.append("∞: an undamped mode; give its links or joints damping.")
+    if to != "text":
+        records = [{key: finite(value) for key, value in record.items()} for record in records]
     if to == "json":
-        peaks = [{key: finite(value) for key, value in record.items()} for record in records]
-        return as_json({"input": driven.name, "peaks": peaks})
-    headings = ("output", "unit", "f (Hz)", "magnitude", "dB")
-    cells = [
-        [signal_words(record["output"]), unit_words(record["unit"]), *map(_cell, list(record.values())[2:])]
-        for record in records
-    ]
-    is_infinite = any(np.isinf(record["magnitude"]) for record in records)
+        return as_json({"input": driven.name, "peaks": records})
     slowest = f" of the {MOST_SLOW_MODES} slowest modes" if len(_oscillating(form)) > MOST_SLOW_MODES else ""
-    notes = [] if cells else ["No output has a peak."]
-    notes += ["∞: an undamped mode; give its links or joints damping."] if is_infinite else []
-    what = f"peaks of the response to {signal_label(driven)}{slowest}"
-    return titled(title_of(form.modes.scene), what, [grid(cells, headings), *notes], "text")
-
-
-def _cell(value: Any) -> str:
-    if isinstance(value, float):
-        return f"{value:.6g}".replace("inf", "∞") if not np.isnan(value) else NOTHING
-    return str(value)
+    return signal_table(form, f"peaks of the response to {signal_label(driven)}{slowest}", records, to, notes)
 
 
 def _records(form: ModalForm, source: int, outputs: Sequence[int]) -> Iterator[dict[str, Any]]:

@@ -36,7 +36,7 @@ from modal.eigen import (
     chain_response,
     precise_values,
 )
-from modal.report import as_csv, as_json, finite, grid, titled
+from modal.report import NOTHING, as_csv, as_json, finite, grid, titled
 from modal.scene import Scene, require, title_of
 from modal.scene.signal_names import signal_label, signal_words, unit_words
 from modal.statespace.modal_form import ModalBlock, ModalForm
@@ -83,6 +83,12 @@ MOST_TIMES = 20_000
 """Format: most times of a history that is computed for a figure or a file."""
 ROWS_OF_HISTORY = 41
 """Format: times of an impulse response that is printed as text."""
+HEADINGS = {
+    "frequency_hz": "f (Hz)",
+    "magnitude_std": "±",
+    "magnitude_db": "dB",
+    "phase_deg": "phase (°)",
+}
 
 
 class SignalPlace(NamedTuple):
@@ -370,43 +376,51 @@ def response_table(
     phase = np.where(np.isfinite(G) & (G != 0), np.degrees(np.angle(G)), np.nan)
     with np.errstate(divide="ignore"):
         decibel = 20 * np.log10(size)
-    spread = None if std is None else std[:, source]
+    spread = {} if std is None else {"magnitude_std": std[:, source]}
     signals, driven = form.model.outputs, form.model.inputs[source]
     if to == "json":
-        rows: dict[str, Any] = {
-            "input": driven.name,
-            "unit": {signals[k].name: f"{signals[k].unit} per {driven.unit}" for k in outputs},
-            "frequency_hz": list(frequencies),
-            "magnitude": {signals[k].name: list(map(finite, size[k].tolist())) for k in outputs},
-            "phase_deg": {signals[k].name: list(map(finite, phase[k].tolist())) for k in outputs},
-        }
-        if spread is not None:
-            rows["magnitude_std"] = {signals[k].name: list(map(finite, spread[k].tolist())) for k in outputs}
-        return as_json(rows)
+        values = {"magnitude": size, "phase_deg": phase, **spread}
+        return as_json(
+            {
+                "input": driven.name,
+                "unit": {signals[k].name: f"{signals[k].unit} per {driven.unit}" for k in outputs},
+                "frequency_hz": list(frequencies),
+                **{
+                    key: {signals[k].name: list(map(finite, part[k].tolist())) for k in outputs}
+                    for key, part in values.items()
+                },
+            }
+        )
+    values = {"magnitude": size, **spread, "magnitude_db": decibel, "phase_deg": phase}
     records = [
         {
             "frequency_hz": frequency,
             "output": signals[k].name,
             "unit": f"{signals[k].unit} per {driven.unit}",
-            "magnitude": size[k, at],
-            **({} if spread is None else {"magnitude_std": spread[k, at]}),
-            "magnitude_db": decibel[k, at],
-            "phase_deg": phase[k, at],
+            **{key: part[k, at] for key, part in values.items()},
         }
         for k in outputs
         for at, frequency in enumerate(frequencies)
     ]
+    return signal_table(form, f"response to {signal_label(driven)}", records, to)
+
+
+def signal_table(
+    form: ModalForm, what: str, records: Sequence[dict[str, Any]], to: str, notes: Sequence[str] = ()
+) -> str:
+    """Records of one set of keys, outputs and their units among these, as "csv" or as text with this title."""
     if to == "csv":
         return as_csv(records)
-    headings = ("f (Hz)", "output", "unit", "magnitude", *["±"] * (spread is not None), "dB", "phase (°)")
-    cells = [[_value_text(key, value) for key, value in record.items()] for record in records]
-    what = f"response to {signal_label(driven)}"
-    return titled(title_of(form.modes.scene), what, [grid(cells, headings)], "text")
+    headings = [HEADINGS.get(key, key) for record in records[:1] for key in record]
+    cells = [[_cell(key, value) for key, value in record.items()] for record in records]
+    return titled(title_of(form.modes.scene), what, [grid(cells, headings), *notes], "text")
 
 
-def _value_text(key: str, value: Any) -> str:
+def _cell(key: str, value: Any) -> str:
     words = {"output": signal_words, "unit": unit_words}
-    return words[key](value) if key in words else f"{value:.6g}" if np.isfinite(value) else "–"
+    if key in words:
+        return words[key](value)
+    return NOTHING if np.isnan(value) else f"{value:.6g}".replace("inf", "∞")
 
 
 def impulse_times(form: ModalForm, duration: float | None = None) -> Floats:
