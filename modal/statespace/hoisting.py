@@ -33,7 +33,7 @@ from modal.scene import Fixed, Pendulum, Scene
 from modal.scene.length_laws import LengthLaw, integrated_law, limited_law, profile_law, superposed
 from modal.scene.records import read_record
 from modal.scene.signal_names import SUBSCRIPTS, angle_symbol, column_label
-from modal.statespace.inertia import refuse_no_inertia
+from modal.statespace.geometry import refuse_no_inertia
 from modal.statespace.model import without_carrier
 from modal.statespace.reduction import heavier, joined_pendula
 from modal.statespace.sampling import hoisting_times

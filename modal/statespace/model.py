@@ -39,8 +39,7 @@ from modal.report import Displayed, Drawable, Summary, counted, deferred
 from modal.scene import Fixed, Scene, require, validate_scene
 from modal.scene.doors import checked
 from modal.scene.points import CarrierPoint, parse_point
-from modal.statespace.geometry import Geometry, geometry_of
-from modal.statespace.inertia import accelerations
+from modal.statespace.geometry import Geometry, accelerations, geometry_of
 from modal.statespace.signals import (
     DRIVES,
     EXAMPLES,

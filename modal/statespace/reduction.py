@@ -26,9 +26,8 @@ from modal.report import Displayed, Summary, brief, counted, first_line
 from modal.scene import Pendulum, Scene
 from modal.scene.doors import checked
 from modal.scene.points import PendulumPoint, parse_point
-from modal.statespace.gains import without_noise
 from modal.statespace.geometry import geometry_of
-from modal.statespace.modal_form import ModalBlock, ModalForm, block_diagonal, to_modal_form
+from modal.statespace.modal_form import ModalBlock, ModalForm, block_diagonal, to_modal_form, without_noise
 from modal.statespace.model import StateSpace, state_space
 from modal.statespace.signals import OF_A_CART, SUPPORT, Signal, is_point, own_signals
 from modal.types import EPS, NOISE_OF_SUM, NOISE_OF_TERMS, Complexes, Floats

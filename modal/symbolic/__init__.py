@@ -12,9 +12,9 @@ stands still or one cart are the smallest; `papers` holds each numbered equation
 
 from modal.symbolic.carriers import Coordinate, coordinate, lagrange_equations, time_derivative
 from modal.symbolic.derivation import derive
-from modal.symbolic.lagrangian import derive_lagrangian, vanishes
+from modal.symbolic.eigen import polynomial_roots, symbolic
+from modal.symbolic.hamiltonian import derive_lagrangian, vanishes
 from modal.symbolic.newton_euler import NewtonEuler, part_sections
-from modal.symbolic.roots import polynomial_roots, symbolic
 from modal.symbolic.structures import SymbolicStructure
 from modal.symbolic.system import chain, symbolic_structure
 from modal.symbolic.typesetting import Line, Section, plain, typeset

@@ -20,17 +20,20 @@ from modal.scene.doors import require_type
 from modal.symbolic import system as symbolic
 from modal.symbolic.carriers import time_derivative
 from modal.symbolic.eigen import modes_section, polynomial_section
-from modal.symbolic.hamiltonian import TITLE, hamiltonian, momentum, whole_energy
-from modal.symbolic.lagrangian import (
+from modal.symbolic.hamiltonian import (
     NOT_IN_SPACE,
+    TITLE,
     derive_lagrangian,
     equations,
     gather_cosines,
+    hamiltonian,
     in_angles,
     in_plane,
     in_vectors,
+    momentum,
     vanishes,
     vector_equations,
+    whole_energy,
 )
 from modal.symbolic.papers import equal
 from modal.symbolic.structures import SymbolicStructure, force_of, force_symbol

@@ -19,7 +19,7 @@ from math import log, tau
 import numpy as np
 
 from modal.errors import ComputationError, SceneError
-from modal.identification.derivatives import ModeDerivatives, polar
+from modal.identification.identifiability import ModeDerivatives, polar
 from modal.modes import Modes, natural_modes
 from modal.report import deferred
 from modal.scene import Scene, require
@@ -28,13 +28,14 @@ from modal.scene.records import Spectrum
 from modal.statespace.channels import Arrays, Channel, Model, channel_model
 from modal.statespace.hoisting import Travel, travel_swing
 from modal.statespace.shapers import Kind
-from modal.tuning.interpolation import Interpolated, interpolate
 from modal.tuning.model import (
     COORDINATES_MAX,
     DAMPING_MIN,
     STILL_RATE,
+    Interpolated,
     TunedNumbers,
     find_peaks,
+    interpolate,
 )
 from modal.tuning.quantities import FreeNumber, Quantity
 from modal.types import Booleans, Floats

@@ -17,7 +17,7 @@ from modal.exact import of_scene
 from modal.symbolic import SymbolicStructure, chain, coordinate, derive, derive_lagrangian, symbolic_structure, vanishes
 from modal.symbolic import symbolic as symbolic_polynomial
 from modal.symbolic.eigen import modes_section
-from modal.symbolic.lagrangian import equations, vector_equations
+from modal.symbolic.hamiltonian import equations, vector_equations
 from modal.symbolic.system import cart
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from modal import Bob, Body, Cart, ComputationError, Pendulum, Rod, Scene, SceneError, load
-from modal.identification.derivatives import polar
+from modal.identification.identifiability import polar
 from modal.plotting import tuning_figure
 from modal.scene import scene_from
 from modal.scene.parameters import with_numbers
@@ -22,9 +22,8 @@ from modal.statespace.channels import Channel, channel_model
 from modal.statespace.hoisting import Travel, travel_swing
 from modal.statespace.response import ExactResponse
 from modal.tuning import Tuned, den_hartog, exact_optimum, tune, tuned_record, tuned_text
-from modal.tuning.interpolation import interpolate
 from modal.tuning.minimax import Evaluation, Faces, descend
-from modal.tuning.model import TunedNumbers, find_peaks
+from modal.tuning.model import TunedNumbers, find_peaks, interpolate
 from modal.tuning.objective import Objective
 from modal.tuning.pieces import Pieces, Quantities
 from modal.types import Floats
