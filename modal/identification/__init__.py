@@ -6,7 +6,7 @@ covariance of a fit makes of modes, responses and shaped commands.  Start with `
 measured modes, `poles` needs no scene, `assurance` compares both, `propagation` starts from a fit.
 """
 
-from modal.identification.covariance import autocorrelation, covariance, influence, resampled
+from modal.identification.decays import autocorrelation, covariance, influence, resampled
 from modal.identification.estimate import Estimate, estimate_of, read_estimate
 from modal.identification.identifiability import (
     Combination,

@@ -24,7 +24,7 @@ import numpy as np
 import scipy
 
 from modal.errors import ComputationError, SceneError
-from modal.identification.covariance import CHANCE_MAX, NOISE_AT_FIRST, NOISE_MIN
+from modal.identification.decays import CHANCE_MAX, NOISE_AT_FIRST, NOISE_MIN
 from modal.identification.identifiability import (
     Combination,
     Determined,

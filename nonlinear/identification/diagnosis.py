@@ -9,8 +9,7 @@ import numpy as np
 import scipy
 
 from modal.identification import autocorrelation, means_of
-from modal.identification.covariance import CHANCE_MAX
-from modal.identification.decays import TURNING_POINTS_MIN
+from modal.identification.decays import CHANCE_MAX, TURNING_POINTS_MIN
 from modal.identification.parameters import BOUND_DISTANCE
 from modal.modes import natural_modes
 from modal.report import counted, listed, percent, short
