@@ -25,7 +25,7 @@ from modal.scene.doors import require_type
 from modal.scene.laws import JointPart
 from modal.scene.points import CarrierEnd, End, LinkEnd, hanging_points, joined_points
 from modal.scene.validation import Part
-from modal.symbolic.carriers import LETTERS, ORIGIN, STILL, Chain, SymbolicCarrier, time_derivative
+from modal.symbolic.carriers import ORIGIN, STILL, Chain, SymbolicCarrier, time_derivative
 from modal.symbolic.eigen import modes_section, polynomial_section
 from modal.symbolic.hamiltonian import (
     NOT_IN_SPACE,
@@ -70,7 +70,9 @@ def cart(
     hanging = (_links(n, kind, symbolic, sigma),) * count
     of = f"{n} {kind}{'s' if n > 1 else ''}"
     title = f"A chain of {of} on a cart" if count == 1 else f"{count} chains of {of} each on a cart"
-    free = SymbolicCarrier("cart", "cart", (), ORIGIN, sp.zeros(1), sp.zeros(1), (False,), symbol("m_c"))
+    free = SymbolicCarrier(
+        "cart", "cart", (), ORIGIN, sp.zeros(1), sp.zeros(1), (False,), symbol("m_c"), path=Cart.path
+    )
     return _hanging(title, free, hanging)
 
 
@@ -203,9 +205,9 @@ def _carrier(support: Any, name: str, index: tuple[str, ...], letters: Letters) 
             return sp.diag(*(number(letter, value, way) for way, value in values))
         return sp.diag(number(letter, values))
 
-    is_foreign = support.kind not in LETTERS
-    path = support.path if is_foreign else None
-    values = {each.name: number(each.name, getattr(support, each.name)) for each in (path.parameters if path else ())}
+    letter_of = {"length": "L"} if support.kind == "swing" else {}
+    names = [parameter.name for parameter in support.path.parameters]
+    values = {name: number(letter_of.get(name, name), getattr(support, name)) for name in names}
     stiffness, damping = diagonal("k", support.stiffness), diagonal("d", support.damping)
     return SymbolicCarrier(
         support.kind,
@@ -217,9 +219,8 @@ def _carrier(support: Any, name: str, index: tuple[str, ...], letters: Letters) 
         tuple(k != 0 for k in stiffness.diagonal()),
         number("m", support.mass),
         number("I", getattr(support, "inertia", 0.0)),
-        number("L", 0.0 if path else getattr(support, "length", 0.0)),
         _rationals(getattr(support, "centre", (0.0, 0.0))),
-        path=path,
+        path=support.path,
         values=values,
     )
 
