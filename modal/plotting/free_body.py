@@ -177,6 +177,25 @@ def _line(start: Any, end: Any, look: str, width: float, is_dashed: bool = False
     return Stroke("line", (point(start), point(end)), look, width, is_dashed)
 
 
+def _shaft(start: Any, end: Any, look: str) -> Stroke:
+    """A straight arrow."""
+    return Stroke("arrow", (point(start), point(end)), look)
+
+
+def _round(kind: str, centre: Any, radius: float, look: str = "ink", width: float = SIZES["arrow"]) -> Stroke:
+    """A disc, a ring or a wheel."""
+    return Stroke(kind, (point(centre), point(np.add(centre, (radius, 0)))), look, width)
+
+
+def _formula(text: str, place: Any, look: str = "ink", side: str = "center") -> Lettering:
+    return Lettering(f"${text}$", *point(place), look, side)
+
+
+def _way(angle: float, length: float = 1.0) -> Any:
+    """The vector of this length at an angle from the right."""
+    return length * np.array([cos(angle), sin(angle)])
+
+
 def point(place: Any) -> tuple[float, float]:
     """A place as two floats."""
     return float(place[0]), float(place[1])
@@ -187,25 +206,20 @@ def _force(place: Any, shaft: Any, positive: bool, text: str, look: str) -> Iter
 
     `shaft` is the unit vector from the place to the far end; the arrow points outwards where `positive`.
     """
-    inner_end, outer_end = place + BOB / 2 * shaft, place + (BOB / 2 + ARROW) * shaft
-    yield Stroke(
-        "arrow", (point(inner_end), point(outer_end)) if positive else (point(outer_end), point(inner_end)), look
-    )
-    x, y = outer_end + shaft * (0.06 if abs(shaft[0]) > 0.5 else 0.13)
+    ends = place + BOB / 2 * shaft, place + (BOB / 2 + ARROW) * shaft
+    yield _shaft(*(ends if positive else ends[::-1]), look)
     side = "center" if abs(shaft[0]) <= 0.5 else "right" if shaft[0] > 0 else "left"
-    yield Lettering(f"${text}$", float(x), float(y), look, side)
+    yield _formula(text, ends[1] + shaft * (0.06 if abs(shaft[0]) > 0.5 else 0.13), look, side)
 
 
 def _turn(
     place: Any, begin: float, end: float, positive: bool, text: str, look: str, radius: float = ARROW / 2
 ) -> Iterator[Stroke | Lettering]:
     """A curved arrow about a place from one angle (degrees) to another, turned round where it is not positive."""
-    angles = np.radians(np.linspace(begin, end, 25))
-    points = [point(place + radius * np.array([cos(a), sin(a)])) for a in angles]
+    points = [point(place + _way(a, radius)) for a in np.radians(np.linspace(begin, end, 25))]
     yield Stroke("arrow", tuple(points if positive else points[::-1]), look)
     middle = radians((begin + end) / 2)
-    x, y = place + (radius + 0.08) * np.array([cos(middle), sin(middle)])
-    yield Lettering(f"${text}$", float(x), float(y), look, "right" if cos(middle) > 0 else "left")
+    yield _formula(text, place + _way(middle, radius + 0.08), look, "right" if cos(middle) > 0 else "left")
 
 
 def _joint(place: Any, effort: Effort) -> Iterator[Stroke | Lettering]:
@@ -224,13 +238,11 @@ def _diagram(title: str, pieces: Sequence[Stroke | Lettering], columns: int = 1)
 
 def _bar(part: FreeBody, joint: Any, end: Any, look: str = "body") -> Iterator[Stroke]:
     """A link from its upper to its lower end, a bob at that of a wire, and the open circle of its joint."""
-    faint = look == "faint"
-    width = SIZES["faint" if faint else "body"] if part.kind != "bob" else SIZES["wire"]
-    yield _line(joint, end, look, width)
+    yield _line(joint, end, look, SIZES["wire" if part.kind == "bob" else look])
     if part.kind == "bob":
-        yield Stroke("disc", (point(end), point(end + np.array([BOB, 0]))), look)
-    if not faint:
-        yield Stroke("ring", (point(joint), point(joint + np.array([0.045, 0]))), "ink", 1.0)
+        yield _round("disc", end, BOB, look)
+    if look != "faint":
+        yield _round("ring", joint, 0.045, width=1.0)
 
 
 # ------------------------------------------------------------------------------------------------------- each part
@@ -239,30 +251,27 @@ def _bar(part: FreeBody, joint: Any, end: Any, look: str = "body") -> Iterator[S
 def _link(bodies: FreeBodies, part: FreeBody) -> Diagram:
     """One link: the forces on it, and to the right their effect."""
     link: Any = part.link
-    way = np.array([sin(TILT), -cos(TILT)])
-    end, normal_direction = TOP + way, np.array([cos(TILT), sin(TILT)])
-    centre = TOP + min(link.centre / link.length, 1.25) * way
-    pieces: list[Stroke | Lettering] = [*_bar(part, TOP, end), *_leaning(bodies, part)]
+    way, normal_direction, share = -_way(TILT + pi / 2), _way(TILT), min(link.centre / link.length, 1.25)
+    end, centre = TOP + way, TOP + share * way
+    pieces: list[Stroke | Lettering] = [*_bar(part, TOP, end), *_leaning(part)]
     if bodies.of(part):
-        pieces.append(Stroke("ring", (point(end), point(end + np.array([0.045, 0]))), "ink", 1.0))
+        pieces.append(_round("ring", end, 0.045, width=1.0))
     if part.kind != "bob":
-        pieces.append(Stroke("disc", (point(centre), point(centre + np.array([0.035, 0]))), "ink"))
+        pieces.append(_round("disc", centre, 0.035))
     at = TOP + (0.48 if part.kind == "bob" else 0.74) * way + 0.13 * normal_direction
-    pieces.append(Lettering(f"${in_latex(part.length, bodies.letters)}$", *point(at), "ink", "right"))
+    pieces.append(_formula(in_latex(part.length, bodies.letters), at, "ink", "right"))
     for effort in part.efforts:
         pieces += _effort(part, effort, centre, end, normal_direction)
-    pieces += _caused_motion(bodies, part, way, min(link.centre / link.length, 1.25))
+    pieces += _caused_motion(bodies, part, way, share)
     return _diagram(part.words, pieces)
 
 
-def _leaning(bodies: FreeBodies, part: FreeBody) -> Iterator[Stroke | Lettering]:
+def _leaning(part: FreeBody) -> Iterator[Stroke | Lettering]:
     """The vertical below the upper joint and the angle of the link."""
-    yield _line(TOP, TOP - np.array([0, 0.52]), "guide", SIZES["guide"], is_dashed=True)
-    angles = np.linspace(-pi / 2, TILT - pi / 2, 15)
-    points = tuple(point(TOP + 0.3 * np.array([cos(a), sin(a)])) for a in angles)
+    yield _line(TOP, TOP - (0, 0.52), "guide", SIZES["guide"], is_dashed=True)
+    points = tuple(point(TOP + _way(a, 0.3)) for a in np.linspace(-pi / 2, TILT - pi / 2, 15))
     yield Stroke("line", points, "guide", SIZES["guide"])
-    name = in_latex("_".join(("theta", *map(str, part.index))))
-    yield Lettering(f"${name}$", TOP[0] - 0.06, TOP[1] - 0.34, "ink", "left")
+    yield _formula(in_latex("_".join(("theta", *map(str, part.index)))), TOP - (0.06, 0.34), "ink", "left")
 
 
 def _effort(
@@ -271,9 +280,9 @@ def _effort(
     """Arrows of the forces on a link, shafts above and left of its upper joint, below and right of the lower one."""
     bob = part.kind == "bob"
     if effort.kind == "weight":
-        low = centre + (np.array([-0.07, -BOB / 2]) if bob else np.array([0, 0]))
-        yield Stroke("arrow", (point(low), point(low - np.array([0, 0.4]))), "force")
-        yield Lettering(f"${in_latex(effort.down)}$", float(low[0] - 0.09), float(low[1] - 0.3), "force", "left")
+        low = centre - (0.07 * bob, BOB / 2 * bob)
+        yield _shaft(low, low - (0, 0.4), "force")
+        yield _formula(in_latex(effort.down), low - (0.09, 0.3), "force", "left")
     elif effort.kind == "drag":
         yield from _oblique(part, centre, normal_direction, 0.62)
     elif effort.kind == "applied":
@@ -284,72 +293,63 @@ def _effort(
         begin, stop = (135.0, 215.0) if bob else (145.0, 250.0)
         yield from _turn(end, begin, stop, effort.sign > 0, in_latex(effort.turning), "joint")
     else:
-        down, right = np.array([0.0, -1.0]), np.array([1.0, 0.0])
-        offset = np.array([0.07, -BOB / 2]) if bob else np.zeros(2)
-        yield from _force(end + offset, down, effort.sign > 0, in_latex(effort.down), "joint")
-        out = np.array([BOB / 2, 0.0]) if bob else np.zeros(2)
-        yield from _force(end + out, right, effort.sign > 0, in_latex(effort.along), "joint")
+        low, out = end + (0.07 * bob, -BOB / 2 * bob), end + (BOB / 2 * bob, 0.0)
+        yield from _force(low, np.array([0.0, -1.0]), effort.sign > 0, in_latex(effort.down), "joint")
+        yield from _force(out, np.array([1.0, 0.0]), effort.sign > 0, in_latex(effort.along), "joint")
 
 
 def _oblique(part: FreeBody, centre: Any, direction: Any, length: float) -> Iterator[Stroke | Lettering]:
     """The drag on a link as one arrow."""
     tip = centre + length * direction
-    yield Stroke("arrow", (point(centre + 0.1 * direction if part.kind == "bob" else centre), point(tip)), "force")
-    yield Lettering(
-        f"${in_latex('_'.join(('D', *map(str, part.index))))}$", *point(tip + 0.05 * direction), "force", "right"
-    )
+    yield _shaft(centre + 0.1 * direction if part.kind == "bob" else centre, tip, "force")
+    yield _formula(in_latex("_".join(("D", *map(str, part.index)))), tip + 0.05 * direction, "force", "right")
 
 
 def _applied_force(part: FreeBody, effort: Effort, centre: Any, end: Any) -> Iterator[Stroke | Lettering]:
     """A force of the scene, to the right or up from its point, or a torque around a joint or the centre."""
     link: Any = part.link
-    text = in_latex(effort.along or effort.down or effort.turning)
     if effort.turning:
         place = {"upper": TOP, "lower": end}.get(effort.at, centre)
         first, last = (-38.0, 60.0) if effort.at != "lower" else (150.0, 240.0)
-        yield from _turn(place, first, last, effort.sign > 0, text, "force", radius=0.38)
+        yield from _turn(place, first, last, effort.sign > 0, in_latex(effort.turning), "force", radius=0.38)
         return
     share = effort.below / link.length if effort.at == "point" else None
     place = centre if share is None else TOP + min(share, 1.25) * (end - TOP)
     shaft = np.array([1.0, 0.0]) if effort.along else np.array([0.0, 1.0])
-    begin = place + (BOB if part.kind == "bob" and share is None else 0.0) * shaft
-    tip = begin + ARROW * shaft
-    x, y = tip + np.array([0.06, 0.0 if effort.along else -0.1])
-    yield Stroke("arrow", (point(begin), point(tip)), "force")
-    yield Lettering(f"${text}$", float(x), float(y), "force", "right")
+    yield from _push(effort, place + (BOB if part.kind == "bob" and share is None else 0.0) * shaft, ARROW * shaft)
+
+
+def _push(effort: Effort, place: Any, shaft: Any) -> Iterator[Stroke | Lettering]:
+    """The arrow of a force of the scene to the right or up, its label at its tip."""
+    yield _shaft(place, place + shaft, "force")
+    at = place + shaft + (0.06, 0.0 if effort.along else -0.1)
+    yield _formula(in_latex(effort.along or effort.down), at, "force", "right")
 
 
 def _caused_motion(bodies: FreeBodies, part: FreeBody, way: Any, share: float) -> Iterator[Stroke | Lettering]:
     """The same link with mass times acceleration at its centre, and inertia times angular acceleration."""
-    top = TOP + np.array([BESIDE, 0])
+    top = TOP + (BESIDE, 0)
     centre = top + share * way
     yield Lettering("$=$", BESIDE - 0.78, 0.66)
     yield from _bar(part, top, top + way, "faint")
     yield from _accelerating(bodies, part, centre)
     if part.kind == "body":
-        normal_direction = np.array([cos(TILT), sin(TILT)])
-        start, end = top - 0.09 * normal_direction, centre - 0.09 * normal_direction
+        start, end = top - _way(TILT, 0.09), centre - _way(TILT, 0.09)
         yield Stroke("measure", (point(start), point(end)), "guide", SIZES["guide"])
-        yield Lettering(
-            f"${in_latex(part.centre)}$", *point((start + end) / 2 - 0.06 * normal_direction), "ink", "left"
-        )
+        yield _formula(in_latex(part.centre), (start + end) / 2 - _way(TILT, 0.06), "ink", "left")
     if part.kind != "bob":
         text = _inertia(bodies, part) + r"\," + _second_derivative(r"\theta", part.index)
-        angles = np.radians(np.linspace(18, 108, 20))
-        points = tuple(point(centre + 0.3 * np.array([cos(a), sin(a)])) for a in angles)
+        points = tuple(point(centre + _way(a, 0.3)) for a in np.radians(np.linspace(18, 108, 20)))
         yield Stroke("arrow", points, "inertia")
-        yield Lettering(f"${text}$", float(centre[0] + 0.34), float(centre[1] + 0.33), "inertia", "right")
+        yield _formula(text, centre + (0.34, 0.33), "inertia", "right")
 
 
 def _accelerating(bodies: FreeBodies, part: FreeBody, centre: Any) -> Iterator[Stroke | Lettering]:
-    m = in_latex(part.mass)
-    right, tip = centre + np.array([ARROW, 0]), centre - np.array([0, ARROW])
-    yield Stroke("arrow", (point(centre), point(right)), "inertia")
-    text = rf"{m}\,{_second_derivative('x', part.index)}"
-    yield Lettering(f"${text}$", float(right[0] + 0.05), float(right[1]), "inertia", "right")
-    yield Stroke("arrow", (point(centre), point(tip)), "inertia")
-    text = rf"{m}\,{_second_derivative(bodies.downward, part.index)}"
-    yield Lettering(f"${text}$", float(tip[0]), float(tip[1] - 0.15), "inertia")
+    m, right, low = in_latex(part.mass), centre + (ARROW, 0), centre - (0, ARROW)
+    yield _shaft(centre, right, "inertia")
+    yield _formula(rf"{m}\,{_second_derivative('x', part.index)}", right + (0.05, 0), "inertia", "right")
+    yield _shaft(centre, low, "inertia")
+    yield _formula(rf"{m}\,{_second_derivative(bodies.downward, part.index)}", low - (0, 0.15), "inertia")
 
 
 def _pins(bodies: FreeBodies) -> tuple[list[int], list[float]]:
@@ -370,7 +370,7 @@ def _on_pins(bodies: FreeBodies, height: float) -> Iterator[Stroke | Lettering]:
                 yield from _turn(pin, -38.0, 60.0, effort.sign > 0, in_latex(effort.turning), "force", radius=0.38)
             elif effort.kind == "joint":
                 yield from _joint(pin, effort)
-        yield Stroke("ring", (point(pin), point(pin + np.array([0.045, 0]))), "ink", 1.0)
+        yield _round("ring", pin, 0.045, width=1.0)
     if len(numbers) < len(bodies.pendula):
         yield Lettering(r"$\ldots$", (places[1] + places[2]) / 2, height)
 
@@ -384,9 +384,8 @@ def _cart(bodies: FreeBodies) -> Diagram:
         wheel = np.array([x, -TALL / 2 - BOB])
         R = rf"{normal(bodies.letters)}_{{{k + 1}}}"
         pieces += _force(wheel - np.array([0, BOB]), np.array([0.0, -1.0]), False, R, "force")
-    pieces.append(Stroke("arrow", ((0.0, 0.0), (0.0, -0.55)), "force"))
-    pieces.append(Stroke("disc", ((0.0, 0.0), (0.035, 0.0)), "ink"))
-    pieces.append(Lettering(f"${in_latex('m_c g')}$", 0.0, -0.7, "force"))
+    pieces += [_shaft((0, 0), (0, -0.55), "force"), _round("disc", (0, 0), 0.035)]
+    pieces.append(_formula(in_latex("m_c g"), (0, -0.7), "force"))
     pieces += _on_cart(bodies, half, 0.0)
     ghost_place = half + 1.55
     pieces.append(Lettering("$=$", half + 0.85, 0.4))
@@ -408,8 +407,7 @@ def _box(half: float, middle: float = 0.0) -> list[Stroke | Lettering]:
     """A cart so long to each side of its middle."""
     wheels = (middle - half + 0.2, middle + half - 0.2)
     box = Stroke("box", ((middle - half, -TALL / 2), (middle + half, TALL / 2)), "ink", 1.3)
-    centres = [(x, -TALL / 2 - BOB) for x in wheels]
-    return [box, *(Stroke("wheel", (place, (place[0] + BOB, place[1])), "ink", 1.3) for place in centres)]
+    return [box, *(_round("wheel", (x, -TALL / 2 - BOB), BOB, width=1.3) for x in wheels)]
 
 
 def _shift(piece: Stroke | Lettering, across_shift: float, up: float = 0.0) -> Stroke | Lettering:
@@ -460,18 +458,15 @@ def _chain(chain: Sequence[FreeBody], top: Any, scale: float) -> tuple[list[Stro
 def _weights(chain: Sequence[FreeBody], centres: Sequence[Any], lean: float = TILT) -> Iterator[Stroke | Lettering]:
     """Weights and forces from outside on a pendulum, arrows of drag so far above the horizontal."""
     for part, centre in zip(chain, centres, strict=True):
-        low = centre - np.array([0, 0.38])
-        yield Stroke("disc", (point(centre), point(centre + np.array([0.03, 0]))), "ink")
-        yield Stroke("arrow", (point(centre), point(low)), "force")
-        yield Lettering(f"${in_latex(f'{part.mass} g')}$", float(low[0] - 0.08), float(low[1] + 0.08), "force", "left")
+        low = centre - (0, 0.38)
+        yield _round("disc", centre, 0.03)
+        yield _shaft(centre, low, "force")
+        yield _formula(in_latex(f"{part.mass} g"), low + (-0.08, 0.08), "force", "left")
         for effort in part.efforts:
             if effort.kind == "drag":
-                yield from _oblique(part, centre, np.array([cos(lean), sin(lean)]), 0.32 if lean == TILT else 0.5)
+                yield from _oblique(part, centre, _way(lean), 0.32 if lean == TILT else 0.5)
             elif effort.kind == "applied" and not effort.turning:
-                tip = centre + (np.array([ARROW, 0.0]) if effort.along else np.array([0.0, 0.36]))
-                x, y = tip + np.array([0.06, 0.0 if effort.along else -0.1])
-                yield Stroke("arrow", (point(centre), point(tip)), "force")
-                yield Lettering(f"${in_latex(effort.along or effort.down)}$", float(x), float(y), "force", "right")
+                yield from _push(effort, centre, np.array([ARROW, 0.0]) if effort.along else np.array([0.0, 0.36]))
 
 
 def _pendulum(bodies: FreeBodies, chain: Sequence[FreeBody]) -> Diagram:
@@ -506,13 +501,15 @@ def _whole_scene(bodies: FreeBodies) -> Diagram:
         wheel = np.array([x, high - TALL / 2 - 2 * BOB])
         R = rf"{normal(bodies.letters)}_{{{k + 1}}}"
         pieces += _force(wheel, np.array([0.0, -1.0]), False, R, "force")
-    pieces.append(Stroke("arrow", ((-0.76, high), (-0.76, high - 0.5)), "force"))
-    pieces.append(Lettering(f"${in_latex('m_c g')}$", -0.76, high - 0.63, "force"))
-    has_carriage = bool(cart_strokes := list(_on_cart(bodies, right, high)))
-    pieces += cart_strokes
-    middle = (LEFT_EDGE + RIGHT_EDGE) / 2 - (left + right) / 2 - 0.3 * has_carriage
+    pieces.append(_shaft((-0.76, high), (-0.76, high - 0.5), "force"))
+    pieces.append(_formula(in_latex("m_c g"), (-0.76, high - 0.63), "force"))
+    carriage = list(_on_cart(bodies, right, high))
+    pieces += carriage
+    middle = (LEFT_EDGE + RIGHT_EDGE) / 2 - (left + right) / 2 - 0.3 * bool(carriage)
     return _diagram(
-        "whole scene", [_shift(piece, middle) for piece in pieces], 1 if right - left + 0.6 * has_carriage < 4.3 else 2
+        "whole scene",
+        [_shift(piece, middle) for piece in pieces],
+        1 if right - left + 0.6 * bool(carriage) < 4.3 else 2,
     )
 
 
