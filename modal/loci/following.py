@@ -202,7 +202,8 @@ def _crossings(points: Sequence[LociPoint], gap: Floats, pair: Pair) -> Found:
     """Sign changes of ω_a − ω_b, which is 0 where error bounds cannot separate the two."""
     for i, j in pairwise(np.flatnonzero(gap).tolist()):
         if gap[i] * gap[j] < 0:
-            closest = min((points[k] for k in range(i + 1, j)) if j > i + 1 else (points[i], points[j]), key=_by(pair))
+            near = points[i + 1 : j] or (points[i], points[j])
+            closest = min(near, key=lambda point: _gap(point, pair))
             yield "crossing", closest, _exchange(points[i], points[j], pair)
 
 
@@ -246,10 +247,6 @@ def _nearest(three: Sequence[LociPoint], pair: Pair, solve: Solve) -> LociPoint:
         else:
             low, high = (low, trial) if rises else (trial, high)
     return best
-
-
-def _by(pair: Pair) -> Callable[[LociPoint], float]:
-    return lambda point: _gap(point, pair)
 
 
 def _gap(point: LociPoint, pair: Pair) -> float:
@@ -343,7 +340,10 @@ def follow_loci(scene: Scene, variation: Variation, report: Report = silent) -> 
         raise SceneError([f"{variation.path}: loci need two or more values of a continuous parameter"])
     walk, value = _Walk(scene, variation), _own_value(scene, variation)
     points = walk.all_points(value, report)
-    first, multiplicity = _distinct(np.array([point.group for point in points]))
+    groups = np.array([point.group for point in points])
+    _, tracks, counts = np.unique(groups, axis=1, return_index=True, return_counts=True)  # those that always coincide
+    order = np.argsort(tracks)
+    first, multiplicity = tracks[order], counts[order]
     names = number_labels(next(1 + point.row[first] for point in points if point.value == value).tolist())
     approaches, nearest = find_close_approaches(points, first, walk.at)
     points = sorted((*points, *nearest), key=lambda point: point.value)
@@ -357,13 +357,6 @@ def _own_value(scene: Scene, variation: Variation) -> float:
     value = values.pop()
     first, last = variation.values[0], variation.values[-1]
     return value if not values and first <= value <= last else first
-
-
-def _distinct(groups: Ints) -> tuple[Ints, Ints]:
-    """The first track of each set that coincides throughout, by the groups (P, R) of all tracks, and the set's size."""
-    _, first, fold = np.unique(groups, axis=1, return_index=True, return_counts=True)
-    order = np.argsort(first)
-    return first[order], fold[order]
 
 
 class _Walk:

@@ -293,7 +293,7 @@ def _effort(
         begin, stop = (135.0, 215.0) if bob else (145.0, 250.0)
         yield from _turn(end, begin, stop, effort.sign > 0, in_latex(effort.turning), "joint")
     else:
-        low, out = end + (0.07 * bob, -BOB / 2 * bob), end + (BOB / 2 * bob, 0.0)
+        low, out = end - (-0.07 * bob, BOB / 2 * bob), end - (-BOB / 2 * bob, 0.0)
         yield from _force(low, np.array([0.0, -1.0]), effort.sign > 0, in_latex(effort.down), "joint")
         yield from _force(out, np.array([1.0, 0.0]), effort.sign > 0, in_latex(effort.along), "joint")
 
@@ -328,7 +328,7 @@ def _push(effort: Effort, place: Any, shaft: Any) -> Iterator[Stroke | Lettering
 
 def _caused_motion(bodies: FreeBodies, part: FreeBody, way: Any, share: float) -> Iterator[Stroke | Lettering]:
     """The same link with mass times acceleration at its centre, and inertia times angular acceleration."""
-    top = TOP + (BESIDE, 0)
+    top = np.add(TOP, (BESIDE, 0))
     centre = top + share * way
     yield Lettering("$=$", BESIDE - 0.78, 0.66)
     yield from _bar(part, top, top + way, "faint")
@@ -341,13 +341,13 @@ def _caused_motion(bodies: FreeBodies, part: FreeBody, way: Any, share: float) -
         text = _inertia(bodies, part) + r"\," + _second_derivative(r"\theta", part.index)
         points = tuple(point(centre + _way(a, 0.3)) for a in np.radians(np.linspace(18, 108, 20)))
         yield Stroke("arrow", points, "inertia")
-        yield _formula(text, centre + (0.34, 0.33), "inertia", "right")
+        yield _formula(text, np.add(centre, (0.34, 0.33)), "inertia", "right")
 
 
 def _accelerating(bodies: FreeBodies, part: FreeBody, centre: Any) -> Iterator[Stroke | Lettering]:
-    m, right, low = in_latex(part.mass), centre + (ARROW, 0), centre - (0, ARROW)
+    m, right, low = in_latex(part.mass), np.add(centre, (ARROW, 0)), centre - (0, ARROW)
     yield _shaft(centre, right, "inertia")
-    yield _formula(rf"{m}\,{_second_derivative('x', part.index)}", right + (0.05, 0), "inertia", "right")
+    yield _formula(rf"{m}\,{_second_derivative('x', part.index)}", np.add(right, (0.05, 0)), "inertia", "right")
     yield _shaft(centre, low, "inertia")
     yield _formula(rf"{m}\,{_second_derivative(bodies.downward, part.index)}", low - (0, 0.15), "inertia")
 
@@ -461,7 +461,7 @@ def _weights(chain: Sequence[FreeBody], centres: Sequence[Any], lean: float = TI
         low = centre - (0, 0.38)
         yield _round("disc", centre, 0.03)
         yield _shaft(centre, low, "force")
-        yield _formula(in_latex(f"{part.mass} g"), low + (-0.08, 0.08), "force", "left")
+        yield _formula(in_latex(f"{part.mass} g"), low - (0.08, -0.08), "force", "left")
         for effort in part.efforts:
             if effort.kind == "drag":
                 yield from _oblique(part, centre, _way(lean), 0.32 if lean == TILT else 0.5)

@@ -101,7 +101,9 @@ def travel_figure(travel: ShapedTravel) -> Figure:
         set_frame(axes[-3], "", "length (m)", "Hoist, as prescribed")
         legend(axes[-3])
     for axis, (rows, label, title) in zip(axes, panels, strict=False):
-        _command(axis, travel, rows)
+        draw_curves(axis, [(travel.times, values) for values in rows], names=ROWS, numbers=(4, 2), lw=1.8)
+        for hue, over in zip((4, 2), travel.over.tolist(), strict=True):
+            axis.axvline(over, color=colour(hue), ls=MARKED, lw=1.0, zorder=0)
         set_frame(axis, "", label, title)
         legend(axis)
     _swings(axes[-2:], [(travel, 0), (travel, 1)], ROWS)
@@ -138,13 +140,6 @@ def _swings(axes: Sequence[Axes], ways: Sequence[tuple[ShapedTravel, int]], titl
         _residual(axis, travel, row)
     legend(axes[0], least_count=1)
     axes[-1].set_xlabel("time (s)")
-
-
-def _command(axis: Axes, travel: ShapedTravel, rows: np.ndarray) -> None:
-    curves = [(travel.times, values) for values in rows]
-    draw_curves(axis, curves, names=ROWS, numbers=(4, 2), lw=1.8)
-    for row, over in enumerate(travel.over.tolist()):
-        axis.axvline(over, color=colour((4, 2)[row]), ls=MARKED, lw=1.0, zorder=0)
 
 
 def _residual(axis: Axes, travel: ShapedTravel, row: int) -> None:
@@ -426,15 +421,11 @@ def _draw(axis: Axes, response: Curves) -> None:
     draw_curves(axis, curves, log="x")
     axis.axhline(top, color=secondary_colour(), ls=MARKED, lw=1.0, zorder=0)
     ends = float(response.frequency_hz[0]), float(response.frequency_hz[-1])
+    words = " over ".join(map(signal_words, response.name.removeprefix("peak:").split("/")))
     axis.set(
         xscale="log",
         xlim=ends,
         ylim=(low - 2, highest),
-        ylabel=f"{_peak_words(response.name)}\n(dB re 1 {unit_words(response.unit)})",
+        ylabel=f"{words}\n(dB re 1 {unit_words(response.unit)})",
     )
     log_ticks(axis.xaxis, ends[1] / ends[0])
-
-
-def _peak_words(name: str) -> str:
-    """The response whose peak is named "peak:OUTPUT/INPUT"."""
-    return " over ".join(map(signal_words, name.removeprefix("peak:").split("/")))

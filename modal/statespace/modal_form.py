@@ -34,7 +34,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from modal.errors import ComputationError
-from modal.modes import UNCERTAIN, Modes, all_shapes, natural_modes
+from modal.modes import UNCERTAIN, Modes, Shape, all_shapes, natural_modes
 from modal.report import NOTHING, Displayed, Drawable, Summary, TextResult, aligned, brief, first_line, folded
 from modal.scene.doors import checked
 from modal.scene.signal_names import signal_words
@@ -152,8 +152,7 @@ def to_modal_form(modes: Modes, model: StateSpace) -> ModalForm:
     if n - 2 * size not in ((1, 2) if driven else (0,)):
         raise ValueError(f"the model has {n} states: it does not belong to this scene, which has {size} coordinates")
     if modes.scene.feedback:
-        blocks = _closed_blocks(driven_modes, size)
-        return ModalForm(driven_modes, model, tuple(blocks))
+        return ModalForm(driven_modes, model, tuple(_closed_blocks(driven_modes)))
     blocks = [
         *(_cart(model, n - 2 * size, size) if driven else ()),
         *_mode_blocks(driven_modes, n, size, "fixed-base " * is_held, first=int(driven)),
@@ -237,39 +236,33 @@ def _mode_blocks(modes: Modes, n: int, size: int, kind: str, first: int) -> Iter
             yield block._replace(mode=number, copy=copy, right=right, left=left)
 
 
-def _closed_blocks(modes: Modes, size: int) -> list[ModalBlock]:
+def _closed_blocks(modes: Modes) -> list[ModalBlock]:
     """The modes of a scene with feedback, whose left vectors are those of no symmetric pencil: rows of an inverse."""
-    columns: list[tuple[int, complex, Floats, Floats]] = []
-    for number, ((shape,), value) in enumerate(zip(all_shapes(modes), modes.eigenvalue.tolist(), strict=True)):
-        phi: Complexes = modes.column(shape).astype(complex)
-        r = np.concatenate((phi, value * phi))
-        if value.imag:
-            A = np.array([[value.real, value.imag], [-value.imag, value.real]])
-            columns.append((number, value, A, np.column_stack((r.real, r.imag))))
-            continue
-        turn = np.exp(-1j * np.angle(phi[np.argmax(np.abs(phi))]))
-        right, coasts = (r * turn).real[:, None], value == 0 and not (modes.matrices.D @ phi).any()
-        if coasts:
-            right = np.hstack((right, np.concatenate((np.zeros(size), phi.real))[:, None]))
-        columns.append(
-            (number, value, np.array([[0.0, 1.0], [0.0, 0.0]]) if coasts else np.array([[value.real]]), right)
-        )
-    every = np.hstack([right for *_, right in columns])
-    if every.shape[1] != 2 * size or np.linalg.matrix_rank(every / np.linalg.norm(every, axis=0)) < 2 * size:
+    blocks = [_closed_block(modes, number, shape) for number, (shape,) in enumerate(all_shapes(modes))]
+    every = np.hstack([block.right for block in blocks])
+    is_square = every.shape[0] == every.shape[1]
+    if not is_square or np.linalg.matrix_rank(every / np.linalg.norm(every, axis=0)) < len(every):
         raise ComputationError("the modes of this scene do not span its motion in double precision")
-    lefts = np.split(np.linalg.inv(every), np.cumsum([len(A) for _, _, A, _ in columns])[:-1])
-    blocks = []
-    for (number, value, A, right), left in zip(columns, lefts, strict=True):
-        states = tuple(
-            Signal(f"eta_{number + 1}_{part}", "", f"coordinate of mode {number + 1}") for part in range(len(A))
-        )
-        seen, pushed = np.ones(1, dtype=complex), np.ones(1, dtype=complex)
-        if value.imag:
-            seen, pushed = np.array([1.0, 1j]), np.array([1j, 1.0]) * value.imag
-        elif len(A) == 2:
-            seen, pushed = np.array([1.0, 0j]), np.array([0j, 1.0])
-        blocks.append(ModalBlock(number, 0, value, states, A, right, left, seen, pushed))
-    return blocks
+    lefts = np.split(np.linalg.inv(every), np.cumsum([len(block.A) for block in blocks])[:-1])
+    return [block._replace(left=left) for block, left in zip(blocks, lefts, strict=True)]
+
+
+def _closed_block(modes: Modes, number: int, shape: Shape) -> ModalBlock:
+    """A mode of a scene with feedback, without its left vectors."""
+    phi: Complexes = modes.column(shape).astype(complex)
+    value = complex(modes.eigenvalue[number])
+    r, none, unit = np.concatenate((phi, value * phi)), np.zeros((0, 2 * len(phi))), np.ones(1, dtype=complex)
+    coasts = value == 0 and not (modes.matrices.D @ phi).any()
+    words = f"coordinate of mode {number + 1}"
+    states = tuple(Signal(f"eta_{number + 1}_{part}", "", words) for part in range(2 if value.imag or coasts else 1))
+    if value.imag:
+        return _conjugate_block(value, states, np.column_stack((r.real, r.imag)), none)._replace(mode=number)
+    right = (r * np.exp(-1j * np.angle(phi[np.argmax(np.abs(phi))]))).real[:, None]
+    if not coasts:
+        return ModalBlock(number, 0, value, states, np.array([[value.real]]), right, none, unit, unit)
+    right = np.hstack((right, np.concatenate((np.zeros(len(phi)), phi.real))[:, None]))
+    seen, pushed = np.eye(2, dtype=complex)
+    return ModalBlock(number, 0, value, states, np.array([[0.0, 1.0], [0.0, 0.0]]), right, none, seen, pushed)
 
 
 def _swing(name: str, meaning: str, value: complex, phi: Floats, Mphi: Floats) -> ModalBlock:

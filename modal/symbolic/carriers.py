@@ -75,6 +75,11 @@ class Chain(NamedTuple):
         """Mass, length, centre and inertia, from which the pair follows."""
         return self.mass, self.length, self.centre, self.inertia
 
+    @property
+    def is_of_bobs(self) -> bool:
+        """Whether every mass is at the end of its link."""
+        return self.centre == self.length and not any(self.inertia)
+
 
 @dataclass(frozen=True, eq=False)
 class SymbolicCarrier:

@@ -235,8 +235,7 @@ def _equal_bobs(system: SymbolicStructure) -> int:
         return 0
     chain: Chain = system.chains[0]
     is_uniform = len({*zip(chain.mass, chain.length, strict=True)}) == 1
-    bobs = chain.centre == chain.length and not any(chain.inertia) and min(chain.sigma) > 0
-    return len(chain.mass) if is_uniform and bobs else 0
+    return len(chain.mass) if is_uniform and chain.is_of_bobs and min(chain.sigma) > 0 else 0
 
 
 def _is_plain(system: SymbolicStructure) -> bool:
@@ -338,17 +337,12 @@ def _with_place_along(system: SymbolicStructure, lines: list[Line]) -> list[Line
     if not any(str(c.q).partition("_")[0] == "x" for c in system.coordinates):
         return lines
     letters = {sp.Symbol("x"): sp.Symbol("omega") ** 2}
-    return [
-        Line(words.replace("$x = ω²", "$ω²"), _renamed(formula, letters))
-        for words, formula in lines
-        if RECIPROCAL not in words
-    ]
-
-
-def _renamed(formula: Any, letters: dict[Any, Any]) -> Any:
-    """A formula in other letters, but for a shape, whose x is a place."""
-    is_shape = formula is None or isinstance(formula.lhs, sp.Tuple)
-    return formula if is_shape else formula.xreplace(letters)
+    new_lines = []
+    for words, formula in lines:
+        is_shape = formula is None or isinstance(formula.lhs, sp.Tuple)  # whose x is a place
+        if RECIPROCAL not in words:
+            new_lines.append(Line(words.replace("$x = ω²", "$ω²"), formula if is_shape else formula.xreplace(letters)))
+    return new_lines
 
 
 def _polynomial_lines(eigen: EigenPolynomial) -> Iterator[Line]:
@@ -576,27 +570,26 @@ def _remarks(system: SymbolicStructure, polynomials: list[EigenPolynomial]) -> l
     if not system.is_of_pair:
         return []
     first = polynomials[0].polynomial
-    bobs = len(polynomials) == 1 and isinstance(first, Polynomial) and first.unit == "g/l" and _all_bobs(system)
+    bobs = (
+        len(polynomials) == 1
+        and isinstance(first, Polynomial)
+        and first.unit == "g/l"
+        and all(chain.is_of_bobs and min(chain.sigma) > 0 for chain in system.chains)
+    )
     lines = []
     if bobs:
         shape = sp.Function("L_j")(sp.Symbol("x_r"))
         words = "mode shape $r$: bob $j$ = 0, 1, … from the free end is displaced by Laguerre's polynomial"
         lines.append(Line(words, equal(sp.Symbol("y_j"), shape)))
         lines.append(Line("modal effective mass", equal(sp.Symbol("m_eff"), sp.Symbol("m") / sp.Symbol("x_r"))))
-    degree = sum(sp.degree(*_with_symbol(eigen)) * eigen.multiplicity for eigen in polynomials)
+    degree = 0
+    for _, count, polynomial in polynomials:
+        is_exact = isinstance(polynomial, Polynomial)
+        degree += count * (polynomial.degree if is_exact else sp.degree(polynomial, sp.Symbol("x")))
     has_dampers = any(eigen.is_damped for eigen in polynomials)
     if not has_dampers and degree < len(system.coordinates) + len(system.azimuths):
         lines.append(Line("$M$ is singular (a massless cart over bobs): one mode has no finite frequency"))
     return lines
-
-
-def _all_bobs(system: SymbolicStructure) -> bool:
-    return all(c.centre == c.length and not any(c.inertia) and min(c.sigma) > 0 for c in system.chains)
-
-
-def _with_symbol(eigen: EigenPolynomial) -> tuple[Any, Any]:
-    x = sp.Symbol("x")
-    return (expression(eigen.polynomial) if isinstance(eigen.polynomial, Polynomial) else eigen.polynomial), x
 
 
 def expression(polynomial: Polynomial) -> Any:

@@ -46,7 +46,7 @@ from sympy.polys.matrices.exceptions import DMNonInvertibleMatrixError
 
 from modal.errors import SceneError
 from modal.scene.doors import require_type
-from modal.symbolic.carriers import Chain, Coordinate, coordinate, lagrange_equations, time_derivative
+from modal.symbolic.carriers import Coordinate, coordinate, lagrange_equations, time_derivative
 from modal.symbolic.papers import equal
 from modal.symbolic.structures import SymbolicStructure, indices
 from modal.symbolic.typesetting import Line, Section
@@ -256,7 +256,7 @@ def inverse(system: SymbolicStructure) -> Any | None:
     """W = N⁻¹; None where N is singular, or too large with symbols to be written."""
     if system.rotor_energy != 0:
         return None
-    if all(map(_of_bobs, system.chains)):
+    if all(chain.is_of_bobs for chain in system.chains):
         return _by_neighbours(system)
     N = numbers(system)
     if len(N.free_symbols) > 3 and len(system.links) > 4:
@@ -265,10 +265,6 @@ def inverse(system: SymbolicStructure) -> Any | None:
         return DomainMatrix.from_Matrix(N).to_field().inv().to_Matrix().applyfunc(sp.factor)
     except DMNonInvertibleMatrixError:
         return None
-
-
-def _of_bobs(chain: Chain) -> bool:
-    return chain.centre == chain.length and not any(chain.inertia)
 
 
 def _by_neighbours(system: SymbolicStructure) -> Any | None:

@@ -15,11 +15,8 @@ from itertools import combinations, product
 
 import numpy as np
 
-from modal.assembly import differences
 from modal.errors import SceneError
-from modal.scene import Scene
-from modal.scene.parameters import Place, Variable, with_numbers
-from modal.statespace.channels import Arrays, ChannelModel, Model
+from modal.statespace.channels import Arrays, Model
 from modal.types import Booleans, Floats
 
 NODES = (1.0, 2.0, 0.5)
@@ -177,30 +174,6 @@ DAMPING_MIN = 1e-11
 """Tolerance: damping ratio of a mode that nothing damps: rounding leaves so much."""
 SIDE_POINTS = 24
 """Cost: most frequencies other than peaks at which |H| bounds the largest."""
-
-
-class TunedNumbers:
-    """The arrays of a scene at values of its free numbers and at factors of others, with their derivatives."""
-
-    def __init__(self, scene: Scene, places: Sequence[Place], form: ChannelModel) -> None:
-        self.scene, self.places, self.form = scene, tuple(places), form
-        self.paths = [with_numbers(place) for place in places]
-        self._variable = Variable(scene, self.paths)
-
-    def scene_at(self, values: Floats) -> Scene:
-        """The scene with these numbers (n,)."""
-        if not self.paths:
-            return self.scene
-        return self._variable.at(dict(zip(self.paths, map(float, values), strict=True)))
-
-    def model(self, scene: Scene) -> Model:
-        """The model of a scene."""
-        return Model(self.form.kinds, self.form.arrays(scene))
-
-    def slopes(self, scene: Scene, places: Sequence[Place]) -> Arrays:
-        """Derivatives of all arrays by the numbers at these places, in the first axis."""
-        parts_of_slopes = [differences(scene, place, 1.0, self.form.arrays) for place in places]
-        return Arrays(*(np.array(part) for part in zip(*parts_of_slopes, strict=True)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -157,7 +157,7 @@ class Tuned(Drawable, TextResult):
     def _curves(self, quantity: Quantity) -> Curves:
         setting = replace(self.objective.quantities.setting, spectrum=None, modes=(), travel=None)
         quantities = Quantities(self.scene, (), (quantity,), setting)
-        models = [quantities.numbers.model(scene) for scene in (self.given, self.scene)]
+        models = [quantities.form.model(scene) for scene in (self.given, self.scene)]
         peaks = [find_peaks(model, 0, setting.rates) for model in models]
         poles = np.abs(np.concatenate([model.poles_for(0).imag for model in models]))
         rates = np.concatenate([peak.omega[peak.inside] for peak in peaks] or [poles])
