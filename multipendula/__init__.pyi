@@ -56,8 +56,8 @@ from modal.scene.parameters import vary as vary
 from modal.statespace import StateSpace as StateSpace
 from modal.statespace import modal_gains as modal_gains
 from modal.statespace import state_space as state_space
-from modal.statespace.gains import Gains
 from modal.statespace.hoisting import Along
+from modal.statespace.modal_form import Gains
 from modal.statespace.shapers import Shaper
 from modal.tuning import Tuned
 from multipendula.functions import Text

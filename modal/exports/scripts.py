@@ -17,7 +17,7 @@ import numpy as np
 
 from modal.exports.text import datum, digits, heading, identifier, matrices, meaning, preamble, rest, text_file, unit_of
 from modal.report import matlab_text, python_text
-from modal.statespace import Signal, StateSpace
+from modal.statespace import StateSpace
 from modal.statespace.sampling import VaryingModel
 from modal.types import Floats
 
@@ -127,13 +127,9 @@ def _opening(model: StateSpace | VaryingModel) -> Iterator[str]:
 def _signals_and_title(model: StateSpace | VaryingModel) -> Iterator[str]:
     yield from ("", "import control", "import numpy as np", "", f"title = {python_text(heading(model))}")
     for name, signals in (("states", model.states), ("inputs", model.inputs), ("outputs", model.outputs)):
-        yield from _python_names(name, signals)
-
-
-def _python_names(name: str, signals: tuple[Signal, ...]) -> Iterator[str]:
-    yield f"{name} = ["
-    yield from (f"    {python_text(signal.name)},  # {meaning(signal)}" for signal in signals)
-    yield "]"
+        yield f"{name} = ["
+        yield from (f"    {python_text(signal.name)},  # {meaning(signal)}" for signal in signals)
+        yield "]"
 
 
 def _python_matrix(name: str, values: Floats, shape: tuple[int, ...] = ()) -> Iterator[str]:
@@ -234,17 +230,13 @@ def _matlab_lines(model: StateSpace) -> Iterator[str]:
     yield from (f"% {line}" for line in preamble(model))
     yield f"dt = {model.dt!r};"
     for kind, signals in (("state", model.states), ("input", model.inputs), ("output", model.outputs)):
-        yield from _matlab_names(kind, signals)
+        yield f"{kind}_names = {{"
+        yield from (f"  {matlab_text(signal.name)}  % {meaning(signal)}" for signal in signals)
+        yield "};"
+        yield f"{kind}_units = {{{'; '.join(matlab_text(signal.unit) for signal in signals)}}};"
     for name, values in matrices(model):
         yield from _matlab_matrix(name, values)
     yield BUILD.format(arguments="A, B, C, D, dt" if model.dt else "A, B, C, D")
-
-
-def _matlab_names(kind: str, signals: tuple[Signal, ...]) -> Iterator[str]:
-    yield f"{kind}_names = {{"
-    yield from (f"  {matlab_text(signal.name)}  % {meaning(signal)}" for signal in signals)
-    yield "};"
-    yield f"{kind}_units = {{{'; '.join(matlab_text(signal.unit) for signal in signals)}}};"
 
 
 def _matlab_matrix(name: str, values: Floats) -> Iterator[str]:

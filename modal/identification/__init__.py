@@ -6,8 +6,7 @@ covariance of a fit makes of modes, responses and shaped commands.  Start with `
 measured modes, `poles` needs no scene, `assurance` compares both, `propagation` starts from a fit.
 """
 
-from modal.identification.assurance import Assurance, assurance_table, compare_modes
-from modal.identification.covariance import autocorrelation, covariance, influence, resampled
+from modal.identification.decays import autocorrelation, covariance, influence, resampled
 from modal.identification.estimate import Estimate, estimate_of, read_estimate
 from modal.identification.identifiability import (
     Combination,
@@ -16,9 +15,17 @@ from modal.identification.identifiability import (
     find_combinations,
     find_determined,
 )
-from modal.identification.measured import MeasuredMode, MeasuredModes, has_modes, parse_modes, read_modes
-from modal.identification.mode_fit import ModeFit, Solution, mode_fit_json, mode_fit_text
-from modal.identification.mode_fitting import fit_modes
+from modal.identification.measured import (
+    Assurance,
+    MeasuredMode,
+    MeasuredModes,
+    assurance_table,
+    compare_modes,
+    has_modes,
+    parse_modes,
+    read_modes,
+)
+from modal.identification.mode_fitting import ModeFit, Solution, fit_modes, mode_fit_json, mode_fit_text
 from modal.identification.parameters import (
     FittedNumbers,
     Parameter,

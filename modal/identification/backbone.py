@@ -22,8 +22,7 @@ from itertools import pairwise
 import numpy as np
 import scipy
 
-from modal.identification.covariance import autocorrelation, covariance, influence
-from modal.identification.decays import AMPLITUDE_SIGNIFICANCE, FOURTH_POWERS
+from modal.identification.decays import AMPLITUDE_SIGNIFICANCE, FOURTH_POWERS, autocorrelation, covariance, influence
 from modal.types import Complexes, Floats
 
 HARMONICS = 3

@@ -1,4 +1,4 @@
-"""Poles of free decays by least squares, and by the logarithmic decrement of a single mode.
+"""Poles of free decays by realization and least squares, and by the logarithmic decrement of a single mode.
 
 With every reading a sum of decaying oscillations about an offset,
 
@@ -15,12 +15,30 @@ Its exponent is
 
 which, expanded in β_r, is a row of poles λ_r, λ_r − 2σ_r, … of one shape: linear poles alone take it for several modes.
 So poles of one shape are one mode with a β_r where that fits the record as well.
+
+The poles to begin with are those of the eigensystem realization algorithm (ERA): from samples y_k (C,) of free
+responses, as columns, the block Hankel matrices
+
+    H₀ = [y_{i+j}],   H₁ = [y_{i+j+1}],     H₀ = U S Vᵀ,    A = S^{-1/2} Uᵀ H₁ V S^{-1/2}
+
+give the poles λ = ln μ / Δt of order n by the eigenvalues μ of A (n, n), and shapes by the first block of U S^{1/2}.
+[Juang1985]  Correlations of the responses to random excitation are free
+responses themselves: [James1995].
+
+Covariances account for correlated residuals.  With the influence G = J (JᵀJ)⁻¹ of the readings on the estimates, an
+estimate is off by Gᵀ e, so that
+
+    cov = Gᵀ Γ G,        Γ_kl = σ² ρ_|k−l|
+
+within each series of readings, ρ being the autocorrelation of the residuals ([Ljung1999, §9.4]; [Newey1987], for the
+weights that keep it positive).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import combinations
 from typing import Any
 
@@ -28,9 +46,135 @@ import numpy as np
 import scipy
 
 from modal.errors import ComputationError
-from modal.identification.covariance import autocorrelation, covariance, influence
-from modal.identification.realization import modal_assurance
 from modal.types import Booleans, Complexes, Floats, Ints
+
+NOISE_AT_FIRST = 0.02
+"""Tolerance: of the size of readings or shapes, their noise until residuals give it: that of ordinary sensors."""
+NOISE_MIN = 1e-9
+"""Tolerance: of the size of readings or shapes, the least noise: residuals of exact data are rounding."""
+CHANCE_MAX = 0.01
+"""Tolerance: probability of chance below which residuals are remarked on; a report has some ten sentences."""
+
+
+def autocorrelation(series: Sequence[Floats]) -> Floats:
+    """ρ at lags 0, 1, … of series with one autocorrelation, up to the first that is not significant.
+
+    (1,), a single one, where they are white.
+    """
+    length = min((len(values) for values in series), default=0)
+    total = float(sum(values @ values for values in series))
+    lags, count = max(1, length // 4), sum(map(len, series))  # of longer lags too few products are averaged
+    coefficients = [1.0]
+    for lag in range(1, lags):
+        rho = sum(float(values[lag:] @ values[:-lag]) for values in series) / total if total else 0.0
+        if abs(rho) < 3 / np.sqrt(count):  # three standard errors of an autocorrelation of white noise
+            break
+        coefficients.append(rho)
+    return np.array(coefficients)
+
+
+def influence(J: Floats) -> Floats:
+    """G = J (JᵀJ)⁻¹, (N, p), of a J of full rank."""
+    Q, R = np.linalg.qr(J)
+    G: Floats = np.linalg.solve(R, Q.T).T
+    return G
+
+
+def covariance(G: Floats, blocks: Sequence[tuple[slice, float, Floats]]) -> Floats:
+    """Gᵀ Γ G, (p, p); `blocks` are the rows of each series with their variance and autocorrelation."""
+    total = np.zeros((G.shape[1], G.shape[1]))
+    for rows, variance, rho in blocks:
+        part = G[rows]
+        weights = rho * (1 - np.arange(len(rho)) / len(rho))
+        weights[0] = 1.0
+        two_sided = np.concatenate((weights[:0:-1], weights))
+        smoothed_part = (
+            part if len(rho) == 1 else scipy.signal.fftconvolve(part, two_sided[:, None], mode="same", axes=0)
+        )
+        total += variance * part.T @ smoothed_part
+    return (total + total.T) / 2
+
+
+def resampled(series: Sequence[Floats], blocks: int, rng: np.random.Generator) -> list[Floats]:
+    """Series like these, each put together from that many blocks of itself [Kunsch1989]."""
+    samples = []
+    for values in series:
+        length = max(1, -(-len(values) // blocks))
+        begins = rng.integers(0, len(values) - length + 1, -(-len(values) // length))
+        samples.append(np.concatenate([values[at : at + length] for at in begins])[: len(values)])
+    return samples
+
+
+SINGULAR_VALUE_MIN = 1e-4
+"""Tolerance: of the largest singular value: below it are harmonics of swings that are not small."""
+NOISE_THRESHOLD = 2.858
+"""Physics: singular values below this many medians are noise [Gavish2014]."""
+HANKEL_ROWS = 240
+"""Cost: most rows of a Hankel matrix; the time goes with their square."""
+HANKEL_COLUMNS = 4000
+"""Cost: most columns of a Hankel matrix; the time goes with their number."""
+
+
+@dataclass(frozen=True, eq=False)
+class Realization:
+    """The singular vectors of H₀ with H₁ between them, for C sensors sampled every `step` (s)."""
+
+    U: Floats
+    singular: Floats
+    between: Floats
+    sensors: int
+    step: float
+
+    @cached_property
+    def rank(self) -> int:
+        """The number of singular values that stand out of noise and are not faint."""
+        floor = max(SINGULAR_VALUE_MIN * self.singular[0], NOISE_THRESHOLD * float(np.median(self.singular)))
+        return int(np.count_nonzero(self.singular > floor))
+
+    def poles(self, order: int) -> tuple[Complexes, Complexes]:
+        """Oscillating poles λ (R,) with Im λ > 0 (1/s) and their shapes (C, R), by a model of this order."""
+        order = min(order, len(self.singular))
+        root = np.sqrt(self.singular[:order])
+        A = self.between[:order, :order] / root[:, None] / root
+        values, vectors = np.linalg.eig(A)
+        with np.errstate(all="ignore"):
+            poles = np.asarray(np.log(values + 0j) / self.step)
+        shapes = (self.U[: self.sensors, :order] * root) @ vectors
+        rows = np.flatnonzero((poles.imag > 0) & (poles.imag < 0.98 * np.pi / self.step) & np.isfinite(poles))
+        rows = rows[np.argsort(np.abs(poles[rows]))]
+        return np.asarray(poles[rows]), np.asarray(shapes[:, rows], dtype=np.complex128)
+
+
+def realize(responses: Sequence[Floats], step: float, stride: int = 1) -> Realization:
+    """The realization of free responses (K, C) sampled every `step` (s), each from a state of its own.
+
+    Rows of the Hankel matrix are `stride` samples apart.
+    """
+    sensors = responses[0].shape[1]
+    shortest = min(len(response) for response in responses)
+    blocks = max(2, min(HANKEL_ROWS // sensors, shortest // (2 * stride)))
+    columns = max(1, HANKEL_COLUMNS // len(responses))
+    first, second = [], []
+    for response in responses:
+        count = min(len(response) - blocks * stride, columns)
+        starts = np.linspace(0, len(response) - blocks * stride - 1, count).astype(np.int64)
+        samples = response[starts[:, None] + stride * np.arange(blocks + 1)]
+        first.append(samples[:, :-1].reshape(count, -1).T)
+        second.append(samples[:, 1:].reshape(count, -1).T)
+    H0, H1 = np.hstack(first), np.hstack(second)
+    U, singular, V = np.linalg.svd(H0, full_matrices=False)
+    return Realization(U, singular, U.T @ H1 @ V.T, sensors, stride * step)
+
+
+def modal_assurance(shapes: Complexes, other: Complexes) -> Floats:
+    """MAC (R, S) between columns of (C, R) and (C, S): |φᴴψ|²/((φᴴφ)(ψᴴψ)), 0 for a column of zeros.
+
+    [Allemang1982]
+    """
+    inner = np.abs(shapes.conj().T @ other) ** 2
+    sizes = np.outer(np.sum(np.abs(shapes) ** 2, axis=0), np.sum(np.abs(other) ** 2, axis=0))
+    return np.asarray(np.divide(inner, sizes, out=np.zeros_like(inner), where=sizes > 0))
+
 
 EVALUATIONS_MAX = 60
 """Cost: evaluations of a fit; a fit that has not converged by then fails."""

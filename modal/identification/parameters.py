@@ -11,7 +11,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from math import exp, inf, isfinite, log, sqrt
 from typing import Any
 
@@ -152,15 +151,12 @@ def _prior(scene: Scene, text: str) -> dict[str, tuple[float, float]]:
     except ValueError:
         raise SceneError([f"{text:.60}: {match[1]:.20} and {match[2]:.20} must be numbers"]) from None
     unknowns = find_unknowns(scene, path.strip())
-    is_possible = mean >= 0 or all(map(partial(_has_sign, scene), unknowns))
+    is_possible = mean >= 0 or all(
+        unknown.is_shift or _least(scene, place) < 0 for unknown in unknowns for place in unknown.places
+    )
     if not (isfinite(mean) and isfinite(std) and std > 0 and is_possible):
         raise SceneError([f"{text:.60}: needs a finite value of at least 0 and a positive standard deviation"])
     return {unknown.path: (mean, std) for unknown in unknowns}
-
-
-def _has_sign(scene: Scene, unknown: Unknown) -> bool:
-    """Whether it may be below 0."""
-    return unknown.is_shift or all(_least(scene, place) < 0 for place in unknown.places)
 
 
 def _least(scene: Scene, place: Place) -> float:
@@ -186,12 +182,8 @@ def _parameter(scene: Scene, unknown: Unknown, prior: tuple[float, float] | None
     if is_log and prior and prior[0] <= 0:
         raise SceneError([f"{unknown.path}: a prior of a positive number is positive"])
     unit = natural_unit(scene, unknown.place)
-    low = (_least_shift if unknown.is_shift else _least_number)(scene, unknown)
+    low = _least_shift(scene, unknown) if unknown.is_shift else max(_least(scene, place) for place in unknown.places)
     return FreeParameter(unknown, unknown.value, unit, is_log, prior, unknown.unit_name, low)
-
-
-def _least_number(scene: Scene, unknown: Unknown) -> float:
-    return max(_least(scene, place) for place in unknown.places)
 
 
 def _least_shift(scene: Scene, unknown: Unknown) -> float:

@@ -20,22 +20,25 @@ from modal.identification.backbone import Backbone, Harmonic, backbone
 from modal.identification.decays import (
     DECAY_MAC_MIN,
     FREQUENCY_STD_MAX,
+    HANKEL_ROWS,
     Decays,
     Decrement,
     LargeSwings,
+    Realization,
     Series,
     bent,
     fit_decays,
     large_swings,
     log_decrement,
+    modal_assurance,
     one_mode,
+    realize,
     shape_of,
     suspects,
 )
-from modal.identification.derivatives import polar
+from modal.identification.identifiability import polar
 from modal.identification.measured import turned
 from modal.identification.parameters import with_error
-from modal.identification.realization import HANKEL_ROWS, Realization, modal_assurance, realize
 from modal.report import (
     Displayed,
     Drawable,

@@ -16,8 +16,8 @@ from math import nan, pi
 import numpy as np
 
 from modal.assembly import shared_differences
-from modal.identification.derivatives import ModeDerivatives, matrix_derivatives, polar, require_polynomial
 from modal.identification.estimate import Estimate
+from modal.identification.identifiability import ModeDerivatives, matrix_derivatives, polar, require_polynomial
 from modal.modes import Modes
 from modal.report import percent
 from modal.scene.doors import checked

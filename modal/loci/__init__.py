@@ -7,8 +7,7 @@ In: a `Scene` and a `Variation`.  Out: `Loci`: each mode followed by its shape, 
 Start with `following`; `tracking` pairs the modes of neighbouring values, and finds crossings and veerings.
 """
 
-from modal.loci.following import Loci, follow_loci, loci_csv, loci_text, span_of, state_columns
-from modal.loci.tracking import CloseApproach
+from modal.loci.following import CloseApproach, Loci, follow_loci, loci_csv, loci_text, span_of, state_columns
 
 __all__ = ["CloseApproach", "Loci", "follow_loci", "loci_csv", "loci_text", "span_of", "state_columns"]
 __dir__ = __all__.copy

@@ -16,12 +16,11 @@ from modal.plotting.films import LOOP, film_modes
 from modal.plotting.free_body import free_body_tikz, plot_free_body
 from modal.plotting.identification import assurance_figure, mode_fit_figure, poles_figure
 from modal.plotting.loci import loci_figure
-from modal.plotting.response import bode_figure, impulse_figure, tuning_figure
+from modal.plotting.response import bode_figure, hoist_figure, impulse_figure, travel_figure, tuning_figure
 from modal.plotting.shapes import USUAL_PANELS, shapes_figure
 from modal.plotting.sketches import sketch_figure
 from modal.plotting.style import Picture, in_both_themes, save, sheet, theme
 from modal.plotting.themes import ThemedPicture, pair_of, show_both_themes, slide
-from modal.plotting.travels import hoist_figure, travel_figure
 
 __all__ = [
     "LOOP",

@@ -18,9 +18,9 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Arc, FancyArrowPatch
 
 from modal.errors import ComputationError
-from modal.plotting.carriers import draw_pieces
-from modal.plotting.free_body_diagrams import ARROW, MOST_PENDULA
+from modal.plotting.free_body import ARROW, MOST_PENDULA
 from modal.plotting.layout import OBLIQUE
+from modal.plotting.shapes import draw_pieces
 from modal.plotting.style import MARKED, colour, ink, paper, secondary_colour, shade, sheet
 from modal.scene import AnyLink, Bob, Rod, Scene, validate_scene
 from modal.structure import (

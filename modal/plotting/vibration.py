@@ -28,7 +28,7 @@ from modal.plotting.style import (
     stack,
     thickness,
 )
-from modal.scene import Scene, number_words, title_of
+from modal.scene import number_words, title_of
 from modal.scene.signal_names import signal_words, unit_words
 from modal.statespace import Signal
 from modal.types import Floats
@@ -122,7 +122,10 @@ def thermal_figure(noise: ThermalNoise, beside: RandomResponse | None = None, at
         loudest_places = np.argsort(-largest_shares)[:HUES]
         for place, j in enumerate(sorted(loudest_places.tolist())):
             line: dict[str, Any] = {"color": colour(place), "lw": 1.3}
-            axis.plot(f, _positive_values(parts[j, k]), label=_place_words(noise.scene, noise.places[j]), **line)
+            words = noise.places[j]
+            with suppress(SceneError):  # of a number of the scene its name
+                words = number_words(noise.scene, words)
+            axis.plot(f, _positive_values(parts[j, k]), label=words, **line)
         if driven is not None and beside is not None:
             words = f"from the PSD of the {signal_words(beside.source.name)}"
             axis.plot(f, _positive_values(driven[k]), color=secondary_colour(), lw=1.6, label=words)
@@ -148,13 +151,6 @@ def _over_frequency(panels: Any, f: Floats, modes: Iterable[tuple[int, float]], 
     inside = [(number, rate) for number, rate in modes if f[0] <= rate <= f[-1]]
     for axis in marked:
         mark_modes(axis, inside, has_numbers=False)
-
-
-def _place_words(scene: Scene, place: str) -> str:
-    """The dissipator there: a number of the scene by its name, else the place as it is."""
-    with suppress(SceneError):
-        return number_words(scene, place)
-    return place
 
 
 def _positive_values(values: Floats) -> Floats:

@@ -2,23 +2,9 @@
 
 In: titles, columns and rows. Out: text, Markdown, LaTeX, CSV, HTML or JSON in which no text of a scene can act as
 markup or code; text fits the columns of a terminal where `fitted` sets them. This subpackage is independent of pendula.
-Start with `escaping`; by `display` results show themselves.
+Start with `escaping`; by `results` they show themselves.
 """
 
-from modal.report.display import (
-    HTML_ROWS,
-    TEXT_ROWS,
-    Displayed,
-    Summary,
-    brief,
-    by_column,
-    deferred,
-    first_line,
-    more,
-    scrolled,
-    summary_of,
-    tabulated,
-)
 from modal.report.escaping import (
     LETTERS,
     c_comment,
@@ -35,9 +21,48 @@ from modal.report.escaping import (
     python_text,
     visible,
 )
-from modal.report.fitting import TABLE_ROWS, TableLimit, breadth, broken, columns, fits, fitted, folded, limit, padded
-from modal.report.prose import WIDTH, capital, counted, line_width, listed, percent, rad, short, silent, with_unit
-from modal.report.results import Drawable, ReportColumn, ReportTable, Result, TextResult, records_of
+from modal.report.fitting import (
+    TABLE_ROWS,
+    WIDTH,
+    TableLimit,
+    breadth,
+    broken,
+    capital,
+    columns,
+    counted,
+    fits,
+    fitted,
+    folded,
+    limit,
+    line_width,
+    listed,
+    padded,
+    percent,
+    rad,
+    short,
+    silent,
+    with_unit,
+)
+from modal.report.results import (
+    HTML_ROWS,
+    TEXT_ROWS,
+    Displayed,
+    Drawable,
+    ReportColumn,
+    ReportTable,
+    Result,
+    Summary,
+    TextResult,
+    brief,
+    by_column,
+    deferred,
+    first_line,
+    more,
+    records_of,
+    scrolled,
+    summary_of,
+    tabulated,
+)
 from modal.report.tables import (
     LEFT,
     NOTHING,

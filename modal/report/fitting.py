@@ -1,4 +1,4 @@
-"""Text within the columns of a terminal: how wide letters are, and lines folded between words.
+"""Numbers and lists in running text, and text within the columns of a terminal.
 
 Nothing is folded unless a width is in force, which `fitted` sets for the text made inside it: the packages make tables
 and sentences as wide as they are, and the command line sets the width of the terminal that they are printed on.
@@ -7,9 +7,10 @@ and sentences as wide as they are, and the command line sets the width of the te
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
+from math import isinf
 from typing import NamedTuple
 from unicodedata import category, east_asian_width
 
@@ -173,3 +174,65 @@ def _pieces(word: str, most: int) -> Iterator[tuple[str, bool]]:
         return
     for number, run in enumerate(re.finditer(r"[\x00-\x7f]+|[^\x00-\x7f]", word)):
         yield run[0], number > 0
+
+
+WIDTH = 110
+"""Format: characters per line of a report that no terminal limits."""
+
+
+def line_width() -> int:
+    """Characters per line of a report."""
+    return min(WIDTH, columns() or WIDTH)
+
+
+def short(value: float) -> str:
+    """Six significant digits."""
+    return "∞" if isinf(value) else f"{value:.6g}"
+
+
+def percent(share: float) -> str:
+    """Three significant digits."""
+    return f"{100 * share:.3g} %"
+
+
+def rad(omega: float) -> str:
+    """An angular frequency, nine significant digits."""
+    return "∞" if isinf(omega) else f"{omega:.9g} rad/s"
+
+
+def counted(number: int, noun: str, plural: str) -> str:
+    """A number and its noun."""
+    return f"{number} {noun if number == 1 else plural}"
+
+
+def listed(shown: Sequence[str], total: int) -> str:
+    """`a, b and c`, or `a, b, … (1000 in all)` if only some are shown."""
+    if len(shown) < total:
+        return f"{', '.join(shown)}, … ({total} in all)"
+    return " and ".join(filter(None, (", ".join(shown[:-1]), shown[-1]))) if shown else "none"
+
+
+def with_unit(heading: str, unit: str) -> str:
+    """A heading with its unit in parentheses, if there is one."""
+    return f"{heading} ({unit})" if unit else heading
+
+
+def capital(words: str) -> str:
+    """The text with its first letter capitalized."""
+    return words[:1].upper() + words[1:]
+
+
+class Silence:
+    """A progress callback that does nothing. Signatures show it by its name, `silent`."""
+
+    def __call__(self, *progress: object) -> None:
+        """Say nothing."""
+
+    def __repr__(self) -> str:
+        return "silent"
+
+    def __reduce__(self) -> str:
+        return "silent"
+
+
+silent = Silence()

@@ -5,24 +5,308 @@
 A class says `what` it is, which `columns` its rows have, which `footnotes` stand below them, and the `facts` that JSON
 has next to them. One that prints more than a table says which `parts` it has, and one with other records which. Every
 form is written from these, and what shows at the prompt is how the text begins.
+
+At the prompt a result takes some lines, in a notebook a table, both of bounded size.  `Displayed` shows the fields of a
+dataclass; a class that has more to say returns its own `Summary`.  The HTML has no
+colours of its own, so that it suits a light and a dark page.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from itertools import islice
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import MISSING, dataclass, fields, is_dataclass
+from functools import partial
+from importlib import import_module
+from inspect import Signature, signature
+from itertools import accumulate, islice
+from numbers import Complex, Real
 from operator import attrgetter
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
-from modal.report.display import HTML_ROWS, PROMPT_LINES, TEXT_ROWS, Displayed, Summary, by_column, deferred, scrolled
 from modal.report.escaping import html, latex, visible
-from modal.report.fitting import TABLE_ROWS, TableLimit, fitted, folded
-from modal.report.prose import WIDTH
-from modal.report.tables import LEFT, NOTHING, Form, as_csv, as_json, finite, grid, headed, layout, titled
+from modal.report.fitting import TABLE_ROWS, WIDTH, TableLimit, breadth, cut, fitted, folded, padded, short
+from modal.report.tables import LEFT, NOTHING, Form, as_csv, as_json, finite, grid, headed, layout, titled, widths_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+PROMPT_LINES = 10
+"""Format: lines that a result takes at the prompt."""
+TEXT_ROWS = 4
+"""Format: rows of a table that are shown at the prompt."""
+HTML_ROWS = 10
+"""Format: rows of a table that are shown in a notebook."""
+TABLE_COLUMNS = 12
+"""Format: columns of a table that are shown."""
+ARRAY_NUMBERS = 5
+"""Format: numbers of an array that are shown in full."""
+VALUE_LETTERS = 60
+"""Format: letters of a text that are shown in full."""
+SCROLLED = '<div style="overflow-x: auto">'
+APART = ' style="margin-bottom: 1em"'
+END, START = ' style="text-align: right"', ' style="text-align: left"'
+Facts = Sequence[tuple[str, str]]
+
+
+@dataclass(frozen=True)
+class Summary:
+    """The display of a result: a line on its kind and size, facts by name, and the first rows of a table.
+
+    No more than HTML_ROWS of the `rows` are taken, `total` is their number.  The columns in `words` (by index) are
+    text, the others numbers.
+    """
+
+    title: str
+    facts: Facts = ()
+    headings: Sequence[str] = ()
+    rows: Iterable[Sequence[str]] = ()
+    total: int = 0
+    words: frozenset[int] = frozenset()
+
+    def text(self) -> str:
+        """At most PROMPT_LINES lines of at most WIDTH columns.
+
+        >>> rows = [("1", "0.5"), ("2", "1.2")]
+        >>> print(Summary("2 modes", [("gravity", "9.81 m/s²")], ["mode", "f (Hz)"], rows, 2).text())
+        2 modes
+          gravity 9.81 m/s²
+          mode  f (Hz)
+             1     0.5
+             2     1.2
+        """
+        facts = "; ".join(f"{visible(name)} {visible(value)}".strip() for name, value in self.facts)
+        told = wrap(facts, WIDTH - 2, max_lines=3, placeholder=" …", break_on_hyphens=False)
+        lines = [visible(self.title), *(f"  {line}" for line in [*told, *self._grid()])]
+        return "\n".join(
+            line if breadth(line) <= WIDTH else f"{next(cut(line, WIDTH - 1))}…" for line in lines[:PROMPT_LINES]
+        )
+
+    def html(self) -> str:
+        """For a notebook: escaped, without colours, wide tables in a box that scrolls."""
+        told = [f"<tr><th{START}>{html(name)}</th><td{START}>{html(value)}</td></tr>" for name, value in self.facts]
+        parts = [f"<p><strong>{html(self.title)}</strong></p>"]
+        parts += [f"<table{APART}>", *told, "</table>"] if told else []
+        return scrolled(*parts, self.table())
+
+    def _cells(self, count: int) -> tuple[list[str], list[list[str]], int]:
+        """Headings, the first rows and how many more there are; columns beyond TABLE_COLUMNS are omitted."""
+        rows = [list(map(visible, row)) for row in islice(self.rows, count)]
+        headings = list(map(visible, self.headings))
+        if len(headings) > TABLE_COLUMNS:
+            headings = [*headings[: TABLE_COLUMNS - 1], f"… {len(headings) - TABLE_COLUMNS + 1} more"]
+            rows = [[*row[: TABLE_COLUMNS - 1], "…"] for row in rows]
+        return headings, rows, max(0, self.total - len(rows))
+
+    def _grid(self) -> list[str]:
+        headings, rows, left = self._cells(TEXT_ROWS)
+        if not rows:
+            return []
+        widths = widths_of(rows, headings)
+        fits = _fitting(widths)
+        if fits < len(widths):
+            widths = [*widths[:fits], 1]
+            headings, *rows = ([*line[:fits], "…"] for line in (headings, *rows))
+
+        def line(cells: list[str]) -> str:
+            sides = ("left" if k in self.words else "right" for k in range(len(cells)))
+            return "  ".join(map(padded, cells, widths, sides)).rstrip()
+
+        return [*map(line, [headings, *rows]), *[f"… {left} more"] * bool(left)]
+
+    def table(self) -> str:
+        """The first rows of the table as HTML; nothing without a row."""
+        headings, rows, left = self._cells(HTML_ROWS)
+        if not rows:
+            return ""
+
+        def line(cells: list[str], kind: str) -> str:
+            shown = (
+                f"<{kind}{START if k in self.words else END}>{html(cell)}</{kind}>" for k, cell in enumerate(cells)
+            )
+            return f"<tr>{''.join(shown)}</tr>"
+
+        body = [line(row, "td") for row in rows]
+        table = ["<table>", f"<thead>{line(headings, 'th')}</thead>", "<tbody>", *body, "</tbody>", "</table>"]
+        return "\n".join(filter(None, [*table, more(left)]))
+
+
+def _fitting(widths: Sequence[int]) -> int:
+    """The number of columns for which there is room, with a last one that says that others are omitted."""
+    ends = list(accumulate(width + 2 for width in widths))
+    room = WIDTH if ends[-1] <= WIDTH else WIDTH - 3
+    return max(1, sum(end <= room for end in ends))
+
+
+class _ResultSignature:
+    """The `__signature__` of a class of results: a default that is made for each result is shown as it is made."""
+
+    def __get__(self, result: object, cls: type) -> Signature:
+        if result is not None or not is_dataclass(cls):
+            raise AttributeError("__signature__")
+        factories = {field.name: field.default_factory for field in fields(cls)}
+        parts = [
+            part.replace(default=made()) if (made := factories.get(part.name, MISSING)) is not MISSING else part
+            for part in list(signature(cls.__init__).parameters.values())[1:]
+        ]
+        return Signature(parts)
+
+
+class Displayed:
+    """A result with a display at the prompt and in notebooks; by default of its fields.
+
+    `dir` and completion show what is public: no name that begins with an underscore, and none of `internal`.
+    """
+
+    __slots__ = ()
+    what: ClassVar[str] = ""
+    """What it is, in words; its class by default."""
+    shows: ClassVar[str] = ""
+    """What it shows of itself, as in "omega: ω, rad/s; fold: copies"; its fields by default."""
+    __signature__ = _ResultSignature()
+    internal: ClassVar[frozenset[str]] = frozenset({"internal"})
+
+    def __dir__(self) -> list[str]:
+        return sorted(name for name in {*super().__dir__()} - self.internal if not name.startswith("_"))
+
+    def _summary(self) -> Summary:
+        """What is shown; override it where a result has more to say than its fields."""
+        return summary_of(self)
+
+    def _title(self) -> str:
+        """What it is, in a line."""
+        return self._summary().title
+
+    def __repr__(self) -> str:
+        return self._summary().text()
+
+    def _repr_html_(self) -> str:
+        return self._summary().html()
+
+
+def tabulated(title: str, facts: Facts, columns: Mapping[str, Any], words: Iterable[str] = ()) -> Summary:
+    """A summary whose table has these columns, all of one length; those named in `words` are text.
+
+    >>> print(tabulated("Decay", [], {"time_s": [0.0, 0.5], "x_m": [1.0, 0.25]}).text())
+    Decay
+      time_s   x_m
+           0     1
+         0.5  0.25
+    """
+    shown = list(columns.items())[:TABLE_COLUMNS]
+    count = len(shown[0][1]) if shown else 0
+    rows = ([brief(values[k]) for _, values in shown] for k in range(count))
+    texts = frozenset(k for k, (name, _) in enumerate(shown) if name in set(words))
+    left = len(columns) - len(shown)
+    told = [*facts, ("also", f"{left} more columns")] if left else facts
+    return Summary(title, told, [name for name, _ in shown], rows, count, texts)
+
+
+def by_column(records: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Records as arrays, one for each key of the first; NaN if there is no value.
+
+    >>> by_column([{"x": 1.0}, {"x": 2.0}])
+    {'x': array([1., 2.])}
+    """
+    from numpy import array, nan
+
+    columns = {key: [record[key] for record in records] for key in (records[0] if records else ())}
+    return {key: array([nan if value is None else value for value in values]) for key, values in columns.items()}
+
+
+def summary_of(result: Any) -> Summary:
+    """What a result `shows`, or the fields of a dataclass, of a named tuple, or of nothing."""
+    if getattr(result, "shows", ""):
+        return Summary(result.what, list(_facts(result)))
+    if is_dataclass(result):
+        names = [field.name for field in fields(result) if field.repr]
+    else:
+        names = list(getattr(result, "_fields", ()))
+    values = ((name, getattr(result, name)) for name in names if not name.startswith("_"))
+    return Summary(type(result).__name__, [(name, brief(value)) for name, value in values if value is not None])
+
+
+def _facts(result: Displayed) -> Iterator[tuple[str, str]]:
+    for words in result.shows.split("; "):
+        name, _, told = words.partition(": ")
+        heading, _, unit = told.partition(", ")
+        value = getattr(result, name)
+        if value is not None and value is not False and not (isinstance(value, Sequence) and not value):
+            yield heading, f"{'' if value is True else brief(value)} {unit}".strip()
+
+
+def brief(value: Any) -> str:
+    """A value on less than a line: small ones in full, of large ones how large they are.
+
+    >>> brief(0.1), brief((1, 2)), brief({"gravity": 9.81}), brief("a" * 100) == "a" * 59 + "…"
+    ('0.1', '1, 2', 'gravity', True)
+    """
+    if isinstance(value, str):
+        return value if len(value) <= VALUE_LETTERS else value[: VALUE_LETTERS - 1] + "…"
+    if isinstance(value, Complex):
+        return _number(value)
+    if getattr(value, "ndim", 0):
+        return _array(value)
+    if isinstance(value, Mapping | Sequence) and not hasattr(value, "_fields") and not isinstance(value, Displayed):
+        return _several(value)
+    return first_line(value)
+
+
+def _number(value: Any) -> str:
+    """A number with six significant digits."""
+    if value != value:  # noqa: PLR0124
+        return NOTHING
+    if isinstance(value, bool | int):
+        return str(value)
+    return short(float(value) + 0.0) if isinstance(value, Real) else f"{complex(value):.6g}"
+
+
+def scrolled(*parts: str) -> str:
+    """HTML in a box that scrolls where it is wider than the page."""
+    return "\n".join([SCROLLED, *filter(None, parts), "</div>"])
+
+
+def more(count: int) -> str:
+    """Return how many rows are omitted, as HTML; nothing if none are."""
+    return f"<p>… {count} more</p>" if count > 0 else ""
+
+
+def first_line(value: Any) -> str:
+    """The first line of what a value shows."""
+    if isinstance(value, Displayed):
+        return value._title()
+    named = callable(value) or hasattr(value, "__dict__") or hasattr(value, "_fields")
+    return type(value).__name__ if named else brief(str(value))
+
+
+def _array(value: Any) -> str:
+    if value.ndim == 1 and value.size <= ARRAY_NUMBERS:
+        return ", ".join(map(brief, value.tolist())) or "none"
+    return f"{' × '.join(map(str, value.shape))} {'numbers' if value.ndim == 1 else 'array'}"
+
+
+def _several(values: Mapping[Any, Any] | Sequence[Any]) -> str:
+    few = [brief(value) for value in islice(values, ARRAY_NUMBERS)]
+    more = len(values) - len(few)
+    written = ", ".join([*few, *[f"… {more} more"] * bool(more)]) or "none"
+    return written if len(written) <= VALUE_LETTERS else f"{len(values)} of {type(next(iter(values))).__name__}"
+
+
+def deferred(place: str) -> Callable[..., Any]:
+    """The function at `module:name`, imported when it is called.
+
+    By it subpackages below that of a result, which import it, draw and write the result.
+
+    >>> deferred("modal.report.results:brief")(0.5)
+    '0.5'
+    """
+    return partial(_call, *place.split(":"))
+
+
+def _call(module: str, name: str, /, *arguments: Any, **named: Any) -> Any:
+    return getattr(import_module(module), name)(*arguments, **named)
+
 
 SIGNIFICANT = re.compile(r"[-+]?\.(\d+)g")
 DECIMAL = re.compile(r"(?P<sign>[-+]?)(?P<whole>\d+)(?:\.(?P<decimals>\d+))?")

@@ -26,7 +26,7 @@ from typing import Any, Literal, TypeVar, get_args, get_origin
 import numpy as np
 
 from modal.errors import SceneError, refuse_any, spelling_hint
-from modal.report.display import VALUE_LETTERS
+from modal.report.results import VALUE_LETTERS
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 Check = Callable[[object], str]

@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING
 from modal.lazy import lazy_attributes
 
 if TYPE_CHECKING:
-    from modal.statespace.gains import modal_gains, unreached, unseen
-    from modal.statespace.modal_form import ModalForm, to_modal_form
+    from modal.statespace.modal_form import ModalForm, modal_gains, to_modal_form, unreached, unseen
     from modal.statespace.model import StateSpace, state_space
     from modal.statespace.reduction import minimal, truncate
     from modal.statespace.response import (

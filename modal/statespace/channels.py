@@ -19,9 +19,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy
 
-from modal.assembly import matrices_of, rig_of, scene_squares
+from modal.assembly import differences, matrices_of, rig_of, scene_squares
 from modal.errors import SceneError, spelling_hint
 from modal.scene import Scene, require
+from modal.scene.parameters import Place
 from modal.statespace.geometry import Geometry, geometry_of
 from modal.statespace.signals import (
     DRIVES,
@@ -120,6 +121,15 @@ class ChannelModel:
                     thrust[c] = push.thrust[k, entry[1]]
         ground_motion = np.stack([squares.windage, squares.momentum])
         return Arrays(linear.M, linear.K, linear.D, ground_motion, F, Y, thrust, translation)
+
+    def model(self, scene: Scene) -> Model:
+        """The responses of a scene of the same form."""
+        return Model(self.kinds, self.arrays(scene))
+
+    def slopes(self, scene: Scene, places: Sequence[Place]) -> Arrays:
+        """Derivatives of all arrays by the numbers at these places, in the first axis."""
+        parts = [differences(scene, place, 1.0, self.arrays) for place in places]
+        return Arrays(*(np.array(part) for part in zip(*parts, strict=True)))
 
 
 def channel_model(scene: Scene, channels: Sequence[Channel]) -> ChannelModel:

@@ -33,7 +33,7 @@ from modal.scene import Fixed, Pendulum, Scene
 from modal.scene.length_laws import LengthLaw, integrated_law, limited_law, profile_law, superposed
 from modal.scene.records import read_record
 from modal.scene.signal_names import SUBSCRIPTS, angle_symbol, column_label
-from modal.statespace.inertia import refuse_no_inertia
+from modal.statespace.geometry import refuse_no_inertia
 from modal.statespace.model import without_carrier
 from modal.statespace.reduction import heavier, joined_pendula
 from modal.statespace.sampling import hoisting_times
@@ -363,21 +363,15 @@ def travel_residuals(scene: Scene, travel: Travel, *, kind: Kind = "zv", count: 
     The last is that of the unshaped travel if the lengths did not change. Raise SceneError for a scene without hoist or
     cart, else as `shaper_for`.
     """
-    _refuse_many(scene)
-    if scene.cart is None:
-        raise SceneError(["travel: the support is fixed: a travel needs a cart"])
-    initial_scene, mean = scene.at(float(hoisting_times(scene)[0])), mean_lengths(scene)
-    name = f"{kind} shaper"
+    _refuse_travel(scene)
+    initial_scene, mean, name = scene.at(float(hoisting_times(scene)[0])), mean_lengths(scene), f"{kind} shaper"
     commands = {
-        "unshaped": UNSHAPED,
-        f"shaped by a {name} for the lengths before the hoist": shaper_for(initial_scene, count, kind).train,
-        f"shaped by a {name} for the mean lengths": shaper_for(mean, count, kind).train,
+        "unshaped": (scene, UNSHAPED),
+        f"shaped by a {name} for the lengths before the hoist": (scene, shaper_for(initial_scene, count, kind).train),
+        f"shaped by a {name} for the mean lengths": (scene, shaper_for(mean, count, kind).train),
+        "unshaped, without the hoist": (initial_scene, UNSHAPED),
     }
-    residuals = [Residual(words, _residual_angle(scene, travel, train)) for words, train in commands.items()]
-    return (
-        *residuals,
-        Residual("unshaped, without the hoist", _residual_angle(initial_scene, travel, UNSHAPED)),
-    )
+    return tuple(Residual(words, _residual_angle(moved, travel, train)) for words, (moved, train) in commands.items())
 
 
 def travel_swing(scene: Scene, travel: Travel, kind: Kind | None = None) -> float:
@@ -390,35 +384,33 @@ def travel_swing(scene: Scene, travel: Travel, kind: Kind | None = None) -> floa
     >>> round(travel_swing(crane, Travel(1.0, 0.0, 2.0)), 6), travel_swing(crane, Travel(1.0, 0.0, 2.0), "zv") < 1e-9
     (0.464359, True)
     """
+    _refuse_travel(scene)
+    train = UNSHAPED if kind is None else shaper_for(scene.at(travel.begin), 1, kind).train
+    return _residual_angle(scene, travel, train)
+
+
+def _refuse_travel(scene: Scene) -> None:
     _refuse_many(scene)
     if scene.cart is None:
         raise SceneError(["travel: the support is fixed: a travel needs a cart"])
-    return _residual_angle(
-        scene, travel, UNSHAPED if kind is None else shaper_for(scene.at(travel.begin), 1, kind).train
-    )
 
 
 def mean_lengths(scene: Scene) -> Scene:
     """Return the scene with constant lengths: the time averages over the hoist of each link."""
-    pendula = tuple(
-        pendulum.replace(
-            links=tuple(
-                link.replace(length=float(np.mean(link.hoist.law(link.length)(_through(link))[0])), hoist=None)
-                if link.hoist
-                else link
-                for link in pendulum.links
-            )
+    return scene.replace(
+        pendulum=tuple(
+            pendulum.replace(links=tuple(map(_at_mean_length, pendulum.links))) for pendulum in scene.pendulum
         )
-        for pendulum in scene.pendulum
     )
-    return scene.replace(pendulum=pendula)
 
 
-def _through(link: object) -> Floats:
-    """Midpoints of many equal parts of the time of a link's hoist (s)."""
-    knots = link.hoist.law(link.length).knots  # type: ignore[attr-defined]
-    edges = np.linspace(knots[0], knots[-1], 4097)
-    return np.asarray((edges[1:] + edges[:-1]) / 2)
+def _at_mean_length(link: Any) -> Any:
+    """A link with its mean length over the middles of many equal parts of its hoist's time."""
+    if not link.hoist:
+        return link
+    law = link.hoist.law(link.length)
+    edges = np.linspace(law.knots[0], law.knots[-1], 4097)
+    return link.replace(length=float(np.mean(law((edges[1:] + edges[:-1]) / 2)[0])), hoist=None)
 
 
 def _residual_angle(scene: Scene, travel: Travel, train: Train) -> float:
@@ -531,11 +523,8 @@ def motion_history(
         if not any(span[0] < end and begin < span[-1] for span in spans):
             _advance(states, times, rows, equations_of_push(matrices_at((begin + end) / 2), coordinate), command)
             continue
-        swings = (
-            (end - begin)
-            * float(np.linalg.norm(equations_of_push(matrices_at(begin), coordinate)[0][:, :n], 2)) ** 0.5
-            / (2 * np.pi)
-        )
+        stiffness = equations_of_push(matrices_at(begin), coordinate)[0][:, :n]
+        swings = (end - begin) * float(np.linalg.norm(stiffness, 2)) ** 0.5 / (2 * np.pi)
         if not swings <= MOST_SWINGS:
             raise ComputationError(f"the hoist takes {swings:.3g} swings: at most {MOST_SWINGS:g} are followed")
 

@@ -1,4 +1,4 @@
-"""A scene's model in modal form: one block of one or two states for each mode.
+"""A scene's model in modal form: one block of one or two states for each mode, and the gains of inputs and outputs.
 
 With φ as in `Modes.shape` (which separates equal and zero frequencies as well as any) and z = (q, q'),
 
@@ -11,6 +11,16 @@ velocity is prescribed does not respond to the pendula: it is a separate block, 
 of the pendula. So is a support whose acceleration or velocity is prescribed; the modes are then those of the scene. If
 springs or drag couple them with its motion, they are deviations from the response to its steady motion, z = X (s, s')
 with A X = X [[0, 1], [0, 0]].
+
+Modal gains say how strongly each input excites each mode and each output observes it, instead of ranks.
+
+    undamped   |φᵀF_j| and |c_i φ| with φᵀMφ = 1: their product is the coefficient of 1/(s² + ω²) in G_ij(s)
+    damped     |ℓᵀB_j| and |C_i r|, left and right vectors scaled so that the product is the size of the residue,
+               of 1/(s² + 2ζωs + ω²) or, for a mode that does not oscillate, of 1/(s − λ)
+
+Modes of equal frequency span a space; an input excites one direction in it, with the norm of its gains over the basis
+vectors, and all inputs together control as many copies as the matrix of gains has significant singular values. (Modal
+gains as measures of controllability: [Hamdan1989].)
 """
 
 from __future__ import annotations
@@ -18,19 +28,20 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from modal.errors import ComputationError
-from modal.modes import Modes, all_shapes, natural_modes
-from modal.report import NOTHING, Displayed, Drawable, Summary, brief, first_line
+from modal.modes import UNCERTAIN, Modes, Shape, all_shapes, natural_modes
+from modal.report import NOTHING, Displayed, Drawable, Summary, TextResult, aligned, brief, first_line, folded
 from modal.scene.doors import checked
+from modal.scene.signal_names import signal_words
 from modal.statespace.loops import without_samples
 from modal.statespace.model import StateSpace, without_carrier
 from modal.statespace.signals import DRIVES, SUPPORT, Signal
-from modal.types import EPS, NOISE_OF_SUM, Complexes, Floats
+from modal.types import EPS, NOISE_OF_SUM, Complexes, Floats, Ints
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -141,8 +152,7 @@ def to_modal_form(modes: Modes, model: StateSpace) -> ModalForm:
     if n - 2 * size not in ((1, 2) if driven else (0,)):
         raise ValueError(f"the model has {n} states: it does not belong to this scene, which has {size} coordinates")
     if modes.scene.feedback:
-        blocks = _closed_blocks(driven_modes, size)
-        return ModalForm(driven_modes, model, tuple(blocks))
+        return ModalForm(driven_modes, model, tuple(_closed_blocks(driven_modes)))
     blocks = [
         *(_cart(model, n - 2 * size, size) if driven else ()),
         *_mode_blocks(driven_modes, n, size, "fixed-base " * is_held, first=int(driven)),
@@ -221,107 +231,81 @@ def _mode_blocks(modes: Modes, n: int, size: int, kind: str, first: int) -> Iter
             else:
                 block = (_pair if value.imag else _single)(name, meaning, value, *vectors)
             right, left = np.zeros((n, len(block.A))), np.zeros((len(block.A), n))
-            right[first : first + size], right[n - size :] = block.right
-            left[:, first : first + size], left[:, n - size :] = block.left
-            yield ModalBlock(number, copy, value, block.states, block.A, right, left, block.seen, block.pushed)
+            right[first : first + size], right[n - size :] = np.split(block.right, 2)
+            left[:, first : first + size], left[:, n - size :] = np.split(block.left, 2, axis=1)
+            yield block._replace(mode=number, copy=copy, right=right, left=left)
 
 
-def _closed_blocks(modes: Modes, size: int) -> list[ModalBlock]:
+def _closed_blocks(modes: Modes) -> list[ModalBlock]:
     """The modes of a scene with feedback, whose left vectors are those of no symmetric pencil: rows of an inverse."""
-    columns: list[tuple[int, complex, Floats, Floats]] = []
-    for number, ((shape,), value) in enumerate(zip(all_shapes(modes), modes.eigenvalue.tolist(), strict=True)):
-        phi: Complexes = modes.column(shape).astype(complex)
-        r = np.concatenate((phi, value * phi))
-        if value.imag:
-            A = np.array([[value.real, value.imag], [-value.imag, value.real]])
-            columns.append((number, value, A, np.column_stack((r.real, r.imag))))
-            continue
-        turn = np.exp(-1j * np.angle(phi[np.argmax(np.abs(phi))]))
-        right, coasts = (r * turn).real[:, None], value == 0 and not (modes.matrices.D @ phi).any()
-        if coasts:
-            right = np.hstack((right, np.concatenate((np.zeros(size), phi.real))[:, None]))
-        columns.append(
-            (number, value, np.array([[0.0, 1.0], [0.0, 0.0]]) if coasts else np.array([[value.real]]), right)
-        )
-    every = np.hstack([right for *_, right in columns])
-    if every.shape[1] != 2 * size or np.linalg.matrix_rank(every / np.linalg.norm(every, axis=0)) < 2 * size:
+    blocks = [_closed_block(modes, number, shape) for number, (shape,) in enumerate(all_shapes(modes))]
+    every = np.hstack([block.right for block in blocks])
+    is_square = every.shape[0] == every.shape[1]
+    if not is_square or np.linalg.matrix_rank(every / np.linalg.norm(every, axis=0)) < len(every):
         raise ComputationError("the modes of this scene do not span its motion in double precision")
-    lefts = np.split(np.linalg.inv(every), np.cumsum([len(A) for _, _, A, _ in columns])[:-1])
-    blocks = []
-    for (number, value, A, right), left in zip(columns, lefts, strict=True):
-        states = tuple(
-            Signal(f"eta_{number + 1}_{part}", "", f"coordinate of mode {number + 1}") for part in range(len(A))
-        )
-        seen, pushed = np.ones(1, dtype=complex), np.ones(1, dtype=complex)
-        if value.imag:
-            seen, pushed = np.array([1.0, 1j]), np.array([1j, 1.0]) * value.imag
-        elif len(A) == 2:
-            seen, pushed = np.array([1.0, 0j]), np.array([0j, 1.0])
-        blocks.append(ModalBlock(number, 0, value, states, A, right, left, seen, pushed))
-    return blocks
+    lefts = np.split(np.linalg.inv(every), np.cumsum([len(block.A) for block in blocks])[:-1])
+    return [block._replace(left=left) for block, left in zip(blocks, lefts, strict=True)]
 
 
-class _Made(NamedTuple):
-    """A block over (q, q') alone: the halves of right (size, k) and of left (k, size)."""
+def _closed_block(modes: Modes, number: int, shape: Shape) -> ModalBlock:
+    """A mode of a scene with feedback, without its left vectors."""
+    phi: Complexes = modes.column(shape).astype(complex)
+    value = complex(modes.eigenvalue[number])
+    r, none, unit = np.concatenate((phi, value * phi)), np.zeros((0, 2 * len(phi))), np.ones(1, dtype=complex)
+    coasts = value == 0 and not (modes.matrices.D @ phi).any()
+    words = f"coordinate of mode {number + 1}"
+    states = tuple(Signal(f"eta_{number + 1}_{part}", "", words) for part in range(2 if value.imag or coasts else 1))
+    if value.imag:
+        return _conjugate_block(value, states, np.column_stack((r.real, r.imag)), none)._replace(mode=number)
+    right = (r * np.exp(-1j * np.angle(phi[np.argmax(np.abs(phi))]))).real[:, None]
+    if not coasts:
+        return ModalBlock(number, 0, value, states, np.array([[value.real]]), right, none, unit, unit)
+    right = np.hstack((right, np.concatenate((np.zeros(len(phi)), phi.real))[:, None]))
+    seen, pushed = np.eye(2, dtype=complex)
+    return ModalBlock(number, 0, value, states, np.array([[0.0, 1.0], [0.0, 0.0]]), right, none, seen, pushed)
 
-    states: tuple[Signal, ...]
-    A: Floats
-    right: tuple[Floats, Floats]
-    left: tuple[Floats, Floats]
-    seen: Complexes
-    pushed: Complexes
 
-
-def _swing(name: str, meaning: str, value: complex, phi: Floats, Mphi: Floats) -> _Made:
+def _swing(name: str, meaning: str, value: complex, phi: Floats, Mphi: Floats) -> ModalBlock:
     """Undamped: η and η', also for a rigid translation and, with λ = ±√−ω², for a growing mode."""
     states = (
         Signal(f"eta_{name}", "kg^(1/2) m", meaning),
         Signal(f"eta_dot_{name}", "kg^(1/2) m/s", f"rate of the {meaning}"),
     )
-    dual, none = Mphi / (phi @ Mphi), np.zeros_like(phi)
-    return _Made(
-        states,
-        np.array([[0.0, 1.0], [(value**2).real, 0.0]]),
-        (np.array([phi, none]).T, np.array([none, phi]).T),
-        (np.array([dual, none]), np.array([none, dual])),
-        np.array([1.0, value], dtype=np.complex128),
-        np.array([value, 1.0], dtype=np.complex128),
-    )
+    A, unit = np.array([[0.0, 1.0], [(value**2).real, 0.0]]), np.eye(2)
+    right, left = np.kron(unit, phi[:, None]), np.kron(unit, Mphi / (phi @ Mphi))
+    seen, pushed = np.array([[1.0, value], [value, 1.0]], dtype=np.complex128)
+    return ModalBlock(None, 0, value, states, A, right, left, seen, pushed)
 
 
-def _pair(name: str, meaning: str, value: complex, phi: Complexes, Mphi: Complexes, Dphi: Complexes) -> _Made:
+def _pair(name: str, meaning: str, value: complex, phi: Complexes, Mphi: Complexes, Dphi: Complexes) -> ModalBlock:
     """Damped oscillation: 2 Re α and −2 Im α, scaled so that φᵀ(2λM + D)φ = 2i Im λ."""
     states = tuple(Signal(f"eta_{name}_{part}", "", meaning) for part in ("re", "im"))
     slope, target = _slope(value, phi, Mphi, Dphi), 2j * value.imag
     phi, Mphi, Dphi = (part * np.sqrt(target / slope) for part in (phi, Mphi, Dphi))
-    right = [np.array([r.real, r.imag]).T for r in (phi, value * phi)]
-    left = [np.array([2 * part.real, -2 * part.imag]) for part in ((value * Mphi + Dphi) / target, Mphi / target)]
-    A = np.array([[value.real, value.imag], [-value.imag, value.real]])
-    return _Made(
-        states,
-        A,
-        (right[0], right[1]),
-        (left[0], left[1]),
-        np.array([1.0, 1j]),
-        np.array([1j * value.imag, value.imag]),
+    right = np.concatenate((phi, value * phi))
+    left = np.concatenate((value * Mphi + Dphi, Mphi)) / target
+    return _conjugate_block(
+        value, states, np.column_stack((right.real, right.imag)), 2 * np.array([left.real, -left.imag])
     )
 
 
-def _single(name: str, meaning: str, value: complex, phi: Complexes, Mphi: Complexes, Dphi: Complexes) -> _Made:
+def _conjugate_block(value: complex, states: tuple[Signal, ...], right: Floats, left: Floats) -> ModalBlock:
+    """The block of λ and its conjugate, whose states are the real and the imaginary part."""
+    A = np.array([[value.real, value.imag], [-value.imag, value.real]])
+    seen, pushed = np.array([1.0, 1j]), np.array([1j, 1.0]) * value.imag
+    return ModalBlock(None, 0, value, states, A, right, left, seen, pushed)
+
+
+def _single(name: str, meaning: str, value: complex, phi: Complexes, Mphi: Complexes, Dphi: Complexes) -> ModalBlock:
     """Damped without oscillation: one state, scaled so that φᵀ(2λM + D)φ = ±1."""
     turn = np.conj(phi[np.argmax(np.abs(phi))])
     shape, Mown, Down = ((part * turn).real for part in (phi, Mphi, Dphi))
     slope, rate = _slope(value.real, shape, Mown, Down).real, value.real
     shape, Mown, Down = (part / np.sqrt(abs(slope)) for part in (shape, Mown, Down))
-    unit, sign = np.ones(1, dtype=np.complex128), np.sign(slope)
-    return _Made(
-        (Signal(f"eta_{name}", "", meaning),),
-        np.array([[rate]]),
-        (shape[:, None], rate * shape[:, None]),
-        (sign * (rate * Mown + Down)[None], sign * Mown[None]),
-        unit,
-        unit,
-    )
+    states, unit = (Signal(f"eta_{name}", "", meaning),), np.ones(1, dtype=np.complex128)
+    right = np.concatenate((shape, rate * shape))[:, None]
+    left = np.sign(slope) * np.concatenate((rate * Mown + Down, Mown))[None]
+    return ModalBlock(None, 0, value, states, np.array([[rate]]), right, left, unit, unit)
 
 
 def _slope(value: complex, phi: Numbers, Mphi: Numbers, Dphi: Numbers) -> complex:
@@ -331,3 +315,165 @@ def _slope(value: complex, phi: Numbers, Mphi: Numbers, Dphi: Numbers) -> comple
     if abs(slope) <= 4 * np.sqrt(EPS) * np.abs(terms).sum():
         raise ComputationError("a mode of this scene is critically damped: it has no shape of its own")
     return slope
+
+
+Number = TypeVar("Number", np.float64, np.complex128)
+RELATIVE = "Gains are relative to the largest for each signal."
+RELATIVE_GAIN_MIN = 1e-3
+"""Limit: relative gain below which a mode is only barely controllable or observable, the default of `threshold`."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Side(Displayed):
+    """The gains of all inputs, or of all outputs: `parts` has for every mode the (d, m) array of its d copies."""
+
+    signals: tuple[Signal, ...]
+    verb: str
+    parts: tuple[Complexes, ...]
+
+    @cached_property
+    def gain(self) -> Floats:
+        """(R, m): of an input 1/√kg per N, 1/(√kg m) per N m; of an output in its unit per √kg m of the mode."""
+        return np.array([np.linalg.norm(part, axis=0) for part in self.parts])
+
+    @cached_property
+    def relative(self) -> Floats:
+        """(R, m): the gain over the largest of its column, 1 for the mode with the largest gain for this signal."""
+        return self.gain / self._largest
+
+    @cached_property
+    def copies(self) -> Ints:
+        """(R,): the number of independent copies of each mode that these signals together control or observe."""
+        return self._ranks(0.0)
+
+    @property
+    def words(self) -> list[list[str]]:
+        """By mode and signal "not controllable", "barely (gain 2e-05)" or "controllable"; of outputs "observable"."""
+        return [
+            [self._word(gain, share) for gain, share in zip(gains, shares, strict=True)]
+            for gains, shares in zip(self.gain.tolist(), self.relative.tolist(), strict=True)
+        ]
+
+    def missed(self, threshold: float = RELATIVE_GAIN_MIN) -> tuple[int, ...]:
+        """Indices, from 0, of modes with a copy below this relative gain for all signals together."""
+        present = np.array([len(part) for part in self.parts])
+        return tuple(np.flatnonzero(self._ranks(threshold) < present).tolist())
+
+    def _ranks(self, threshold: float) -> Ints:
+        largest = self._largest
+        rows = (np.linalg.svd(part / largest, compute_uv=False) > max(threshold, NOISE_OF_SUM) for part in self.parts)
+        return np.array([np.count_nonzero(row) for row in rows])
+
+    @cached_property
+    def _largest(self) -> Floats:
+        largest = self.gain.max(0)
+        return np.where(largest > 0, largest, 1.0)
+
+    def _word(self, gain: float, share: float) -> str:
+        if gain == 0:
+            return f"not {self.verb}"
+        return self.verb if share >= RELATIVE_GAIN_MIN else f"barely (gain {gain:.0e})"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Gains(TextResult):
+    """Controllability, the gains of the `inputs`, and observability, those of the `outputs`, mode by mode.
+
+    If the model prescribes the cart's motion, `held` is true: `modes` are then the fixed-base modes, not the table's.
+    """
+
+    modes: Modes
+    held: bool
+    inputs: Side
+    outputs: Side
+
+    def records(self) -> Iterator[dict[str, Any]]:
+        """One mapping per mode and signal: mode, omega_rad_per_s, signal, gain, relative, word."""
+        for side in (self.inputs, self.outputs):
+            for number, words in enumerate(side.words):
+                for j, signal in enumerate(side.signals):
+                    yield {
+                        "mode": number + 1,
+                        "omega_rad_per_s": float(self.modes.omega[number]),
+                        "signal": signal.name,
+                        "gain": float(side.gain[number, j]),
+                        "relative": float(side.relative[number, j]),
+                        "word": words[j],
+                    }
+
+    def text(self) -> str:
+        """Two grids, inputs above outputs: gains relative to the largest for each signal, or why there is none.
+
+        `fold` counts the copies in the model: in space those along the rail.
+        """
+        return f"{self._grid(self.inputs)}\n\n{self._grid(self.outputs)}\n\n{folded(RELATIVE)}\n"
+
+    def _rate(self, number: int) -> str:
+        """ω, or the growth or decay rate (1/s) of a mode that does not oscillate; empty if no digit is certain."""
+        value = self.modes.eigenvalue[number]
+        if self.modes.error[number] >= UNCERTAIN:
+            return "–"
+        if value.imag > 0 or value == 0:
+            return f"{abs(value):.6g}"
+        return f"{'grows' if value.real > 0 else 'decays'} {abs(value):.6g} 1/s"
+
+    def _grid(self, side: Side) -> str:
+        several = any(len(part) > 1 for part in side.parts)
+        mode = "fixed-base mode" if self.held else "mode"
+        headings = [
+            mode,
+            "ω (rad/s)",
+            *["multiplicity"] * several,
+            side.verb,
+            *(signal_words(signal.name) for signal in side.signals),
+        ]
+        rows = []
+        for number, (words, shares) in enumerate(zip(side.words, side.relative.tolist(), strict=True)):
+            cells = (f"{share:.2g}" if w == side.verb else w for w, share in zip(words, shares, strict=True))
+            fold = [f"{len(side.parts[number])}"] * several
+            rows.append([f"{number + 1}", self._rate(number), *fold, f"{side.copies[number]}", *cells])
+        return aligned(rows, headings, ["right"] * len(headings), ["multiplicity"])
+
+
+@checked
+def modal_gains(modes: Modes, model: StateSpace) -> Gains:
+    """The gains of a model of `modes.scene` from `modal.statespace.model.state_space`.
+
+    A rigid translation whose position is not observed gets the gains of its velocity. Raise the errors of
+    `modal.statespace.modal_form.modal_form`.
+    """
+    form = to_modal_form(modes, model)
+    input_vectors = np.array([block.pushed @ block.left for block in form.blocks])
+    right = np.array([block.right @ block.seen for block in form.blocks])
+    outputs = without_noise(right, model.C.T)
+    for k, block in enumerate(form.blocks):
+        if block.is_rigid and not outputs[k].any():
+            outputs[k] = without_noise(block.right[:, -1], model.C.T)
+    return Gains(
+        form.modes,
+        form.modes.rig.leading != modes.rig.leading,
+        Side(model.inputs, "controllable", _by_mode(form, without_noise(input_vectors, model.B))),
+        Side(model.outputs, "observable", _by_mode(form, outputs)),
+    )
+
+
+def unseen(gains: Gains, threshold: float = RELATIVE_GAIN_MIN) -> tuple[int, ...]:
+    """Return indices, from 0, of modes not observable by the outputs above a relative gain, or not in all copies."""
+    return gains.outputs.missed(threshold)
+
+
+def unreached(gains: Gains, threshold: float = RELATIVE_GAIN_MIN) -> tuple[int, ...]:
+    """Return indices, from 0, of modes not controllable by the inputs above a relative gain, or not in all copies."""
+    return gains.inputs.missed(threshold)
+
+
+def without_noise(rows: NDArray[Number], matrix: Floats) -> NDArray[Number]:
+    """Gains rows · matrix, set to 0 if they may be rounding."""
+    product: NDArray[Number] = rows @ matrix
+    return product * (np.abs(product) > NOISE_OF_SUM * (np.abs(rows) @ np.abs(matrix)))
+
+
+def _by_mode(form: ModalForm, rows: Complexes) -> tuple[Complexes, ...]:
+    """The rows of each mode's copies, (d, m)."""
+    owner = np.array([-1 if block.mode is None else block.mode for block in form.blocks])
+    return tuple(rows[owner == number] for number in range(len(form.modes)))

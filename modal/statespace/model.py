@@ -39,8 +39,7 @@ from modal.report import Displayed, Drawable, Summary, counted, deferred
 from modal.scene import Fixed, Scene, require, validate_scene
 from modal.scene.doors import checked
 from modal.scene.points import CarrierPoint, parse_point
-from modal.statespace.geometry import Geometry, geometry_of
-from modal.statespace.inertia import accelerations
+from modal.statespace.geometry import Geometry, accelerations, geometry_of
 from modal.statespace.signals import (
     DRIVES,
     EXAMPLES,
@@ -116,17 +115,14 @@ class StateSpace(Drawable, Displayed):
 
     def _summary(self) -> Summary:
         kind = f"sampled every {self.dt:g} s" if self.dt else "continuous"
-        sizes = f"{len(self.A)} states, {_count_words(self.inputs, 'input')}, {_count_words(self.outputs, 'output')}"
+        sizes = f"{len(self.A)} states, {counted(len(self.inputs), 'input', 'inputs')}, "
+        sizes += counted(len(self.outputs), "output", "outputs")
         title = f'State space of "{self.title}": {sizes}, {kind}' if self.title else f"State space: {sizes}, {kind}"
         sides = {"input": self.inputs, "output": self.outputs, "state": self.states}
         rows = [
             (side, signal.name, signal.unit, signal.meaning) for side, signals in sides.items() for signal in signals
         ]
         return Summary(title, (), ("signal", "name", "unit", "meaning"), rows, len(rows), words=frozenset(range(4)))
-
-
-def _count_words(signals: tuple[Signal, ...], word: str) -> str:
-    return counted(len(signals), word, f"{word}s")
 
 
 Pair = tuple[Floats, Floats]
@@ -412,7 +408,10 @@ PLACED = (("support", "m", "displacement"), ("support_dot", "m/s", "velocity"))
 
 def _states(geometry: Geometry, drive: str | None, order: int) -> list[Signal]:
     """The names of the states that `_motion` adds."""
-    places, rates = _positions(geometry), _rates(geometry)
+    places, rates = (
+        [signal for name in names for signal in READINGS[name](geometry).signals]
+        for names in (("coordinates", "angles"), ("coordinate_rates", "rates"))
+    )
     if drive is None or drive in DRIVES:
         if order == 2:
             return places + rates
@@ -426,14 +425,6 @@ def _states(geometry: Geometry, drive: str | None, order: int) -> list[Signal]:
     if order == 1:
         return [support[0], *places, *free]
     return [*(Signal(s.name + "_free", s.unit, s.meaning + smooth) for s in places), *free]
-
-
-def _positions(geometry: Geometry) -> list[Signal]:
-    return [signal for name in ("coordinates", "angles") for signal in READINGS[name](geometry).signals]
-
-
-def _rates(geometry: Geometry) -> list[Signal]:
-    return [signal for name in ("coordinate_rates", "rates") for signal in READINGS[name](geometry).signals]
 
 
 READ = {True: "pivot_forces", False: "tip_accelerations"}

@@ -26,9 +26,8 @@ from modal.report import Displayed, Summary, brief, counted, first_line
 from modal.scene import Pendulum, Scene
 from modal.scene.doors import checked
 from modal.scene.points import PendulumPoint, parse_point
-from modal.statespace.gains import without_noise
 from modal.statespace.geometry import geometry_of
-from modal.statespace.modal_form import ModalBlock, ModalForm, block_diagonal, to_modal_form
+from modal.statespace.modal_form import ModalBlock, ModalForm, block_diagonal, to_modal_form, without_noise
 from modal.statespace.model import StateSpace, state_space
 from modal.statespace.signals import OF_A_CART, SUPPORT, Signal, is_point, own_signals
 from modal.types import EPS, NOISE_OF_SUM, NOISE_OF_TERMS, Complexes, Floats
@@ -183,19 +182,16 @@ def _rotate_equal_modes(blocks: Sequence[ModalBlock], rows: list[Floats], matrix
     """The blocks for which rows · matrix is not 0, modes of one frequency rotated to minimize their number."""
     ends = np.cumsum([len(row) for row in rows])
     gains = np.split(without_noise(np.vstack(rows), matrix), ends[:-1]) if rows else []
-    fresh = [not _equal(*pair) for pair in pairwise(blocks)]
+    fresh = [  # modes of different pendula may have one frequency within rounding
+        block.A.shape != after.A.shape
+        or abs(block.eigenvalue - after.eigenvalue) > NOISE_OF_TERMS * abs(block.eigenvalue)
+        for block, after in pairwise(blocks)
+    ]
     cuts = [0, *(k for k, new in enumerate(fresh, 1) if new), len(blocks)]
     new_blocks: list[ModalBlock] = []
     for first, last in pairwise(cuts):
         new_blocks += _independent(blocks[first:last], np.array([gain.ravel() for gain in gains[first:last]]))
     return new_blocks
-
-
-def _equal(block: ModalBlock, next_block: ModalBlock) -> bool:
-    """Whether two modes have the same frequency within rounding, as modes of different pendula may."""
-    return block.A.shape == next_block.A.shape and bool(
-        abs(block.eigenvalue - next_block.eigenvalue) <= NOISE_OF_TERMS * abs(block.eigenvalue)
-    )
 
 
 def _independent(blocks: Sequence[ModalBlock], gains: Floats) -> Sequence[ModalBlock]:
@@ -228,15 +224,17 @@ def truncate(modes: Modes, model: StateSpace, count: int, by: Choice = "contribu
     if count > (total := sum(block.mode is not None for block in form.blocks)):
         raise SceneError([f"count {count}: the model has {total} modes"])
     blocks = essential(form)
-    swinging = [k for k, block in enumerate(blocks) if _settles(block)]
+    swinging = [
+        k
+        for k, block in enumerate(blocks)
+        if block.mode is not None and not block.is_rigid and block.eigenvalue.real <= 0
+    ]
     rank = -_contributions(form, [blocks[k] for k in swinging]) if by == "contribution" else range(len(swinging))
     numbers = {swinging[k] for k in np.argsort(rank, kind="stable")[count:]}
-    D = model.D + sum((_static_gain(form, blocks[k]) for k in numbers), start=np.zeros_like(model.D))
+    D = model.D
+    for block in (blocks[k] for k in numbers):  # −C A⁻¹ B
+        D = D - (model.C @ block.right) @ np.linalg.solve(block.A, block.left @ model.B)
     return modal_model(form, [block for k, block in enumerate(blocks) if k not in numbers], D)
-
-
-def _settles(block: ModalBlock) -> bool:
-    return block.mode is not None and not block.is_rigid and block.eigenvalue.real <= 0
 
 
 def _contributions(form: ModalForm, blocks: list[ModalBlock]) -> Floats:
@@ -254,12 +252,6 @@ def _size(form: ModalForm, block: ModalBlock) -> Floats:
     )
     size: Floats = np.outer(output_size, input_size) / abs(block.eigenvalue) ** len(block.A)
     return size
-
-
-def _static_gain(form: ModalForm, block: ModalBlock) -> Floats:
-    """−C A⁻¹ B of one block."""
-    gain: Floats = -(form.model.C @ block.right) @ np.linalg.solve(block.A, block.left @ form.model.B)
-    return gain
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -5,12 +5,15 @@ A block of two states with matrix A has (s − A)⁻¹ = (s + A − tr A)/(s² �
     G(s) = D + Σ_k (s N1_k + N0_k)/(s² + 2ζ_kω_k s + ω_k²),      N1 = C B,   N0 = C (A − tr A) B,
 
 a rigid translation (ω = 0) among them; a non-oscillating mode, of one state, adds C B/(s − λ). Far from the modes this
-sum cancels, so the frequency response of a whole model comes from elimination (`modal.statespace.response`), and from
+sum cancels, so the frequency response of a whole model comes from elimination, and from
 the sum only where its poles lie. In time, with a = tr A/2 and ν² = det A − a²,
 
     h(t) = D δ(t) + Σ_k e^{at} C [cos νt + (A − a) sin(νt)/ν] B,
 
 where sin(νt)/ν is t for ν = 0 and a hyperbolic sine for ν² < 0.  (Ewins, Modal Testing, ch. 2.)
+
+Peaks are looked for within some half-widths |Re λ| of Im λ, where λ is the eigenvalue of a mode, between ever closer
+frequencies.  That of an undamped mode is infinite, at its own frequency.
 """
 
 from __future__ import annotations
@@ -36,13 +39,15 @@ from modal.eigen import (
     chain_response,
     precise_values,
 )
-from modal.report import as_csv, as_json, finite, grid, titled
+from modal.errors import ComputationError
+from modal.modes import mode_losses
+from modal.report import NOTHING, as_csv, as_json, finite, grid, titled
 from modal.scene import Scene, require, title_of
 from modal.scene.signal_names import signal_label, signal_words, unit_words
 from modal.statespace.modal_form import ModalBlock, ModalForm
 from modal.statespace.signals import Signal, is_point
 from modal.statespace.structural import is_small, whole_response
-from modal.types import NUMBERS_IN_CHUNK, Complexes, Floats, Ints
+from modal.types import EPS, NUMBERS_IN_CHUNK, Complexes, Floats, Ints
 
 GROUND, BASE, PUSH = "ground", "base", "push"
 
@@ -83,6 +88,12 @@ MOST_TIMES = 20_000
 """Format: most times of a history that is computed for a figure or a file."""
 ROWS_OF_HISTORY = 41
 """Format: times of an impulse response that is printed as text."""
+HEADINGS = {
+    "frequency_hz": "f (Hz)",
+    "magnitude_std": "±",
+    "magnitude_db": "dB",
+    "phase_deg": "phase (°)",
+}
 
 
 class SignalPlace(NamedTuple):
@@ -370,43 +381,51 @@ def response_table(
     phase = np.where(np.isfinite(G) & (G != 0), np.degrees(np.angle(G)), np.nan)
     with np.errstate(divide="ignore"):
         decibel = 20 * np.log10(size)
-    spread = None if std is None else std[:, source]
+    spread = {} if std is None else {"magnitude_std": std[:, source]}
     signals, driven = form.model.outputs, form.model.inputs[source]
     if to == "json":
-        rows: dict[str, Any] = {
-            "input": driven.name,
-            "unit": {signals[k].name: f"{signals[k].unit} per {driven.unit}" for k in outputs},
-            "frequency_hz": list(frequencies),
-            "magnitude": {signals[k].name: list(map(finite, size[k].tolist())) for k in outputs},
-            "phase_deg": {signals[k].name: list(map(finite, phase[k].tolist())) for k in outputs},
-        }
-        if spread is not None:
-            rows["magnitude_std"] = {signals[k].name: list(map(finite, spread[k].tolist())) for k in outputs}
-        return as_json(rows)
+        values = {"magnitude": size, "phase_deg": phase, **spread}
+        return as_json(
+            {
+                "input": driven.name,
+                "unit": {signals[k].name: f"{signals[k].unit} per {driven.unit}" for k in outputs},
+                "frequency_hz": list(frequencies),
+                **{
+                    key: {signals[k].name: list(map(finite, part[k].tolist())) for k in outputs}
+                    for key, part in values.items()
+                },
+            }
+        )
+    values = {"magnitude": size, **spread, "magnitude_db": decibel, "phase_deg": phase}
     records = [
         {
             "frequency_hz": frequency,
             "output": signals[k].name,
             "unit": f"{signals[k].unit} per {driven.unit}",
-            "magnitude": size[k, at],
-            **({} if spread is None else {"magnitude_std": spread[k, at]}),
-            "magnitude_db": decibel[k, at],
-            "phase_deg": phase[k, at],
+            **{key: part[k, at] for key, part in values.items()},
         }
         for k in outputs
         for at, frequency in enumerate(frequencies)
     ]
+    return signal_table(form, f"response to {signal_label(driven)}", records, to)
+
+
+def signal_table(
+    form: ModalForm, what: str, records: Sequence[dict[str, Any]], to: str, notes: Sequence[str] = ()
+) -> str:
+    """Records of one set of keys, outputs and their units among these, as "csv" or as text with this title."""
     if to == "csv":
         return as_csv(records)
-    headings = ("f (Hz)", "output", "unit", "magnitude", *["±"] * (spread is not None), "dB", "phase (°)")
-    cells = [[_value_text(key, value) for key, value in record.items()] for record in records]
-    what = f"response to {signal_label(driven)}"
-    return titled(title_of(form.modes.scene), what, [grid(cells, headings)], "text")
+    headings = [HEADINGS.get(key, key) for record in records[:1] for key in record]
+    cells = [[_cell(key, value) for key, value in record.items()] for record in records]
+    return titled(title_of(form.modes.scene), what, [grid(cells, headings), *notes], "text")
 
 
-def _value_text(key: str, value: Any) -> str:
+def _cell(key: str, value: Any) -> str:
     words = {"output": signal_words, "unit": unit_words}
-    return words[key](value) if key in words else f"{value:.6g}" if np.isfinite(value) else "–"
+    if key in words:
+        return words[key](value)
+    return NOTHING if np.isnan(value) else f"{value:.6g}".replace("inf", "∞")
 
 
 def impulse_times(form: ModalForm, duration: float | None = None) -> Floats:
@@ -459,3 +478,81 @@ def _evolution(block: ModalBlock, t: Floats) -> tuple[Floats, Floats, float]:
     nu = np.sqrt(complex(A[0, 0] * A[1, 1] - A[0, 1] * A[1, 0] - a * a))
     odd = np.sin(nu * t) / nu if nu else t
     return np.exp(a * t) * np.cos(nu * t).real, np.exp(a * t) * np.real(odd), a
+
+
+MOST_SLOW_MODES = 12
+"""Format: modes whose peaks are printed, the slowest, as the heading says."""
+MOST_OUTPUTS = 24
+"""Limit: outputs whose peaks are printed, refused beyond."""
+HALF_WIDTHS_OF_PEAK = 10.0
+"""Tolerance: half-widths of a mode within which its peak is looked for."""
+POINTS_OF_PEAK = 24
+"""Cost: frequencies at once, of which the three around the highest bound the next, closer ones."""
+
+
+def peaks_table(form: ModalForm, source: int, outputs: Sequence[int], to: str) -> str:
+    """The peaks of some outputs for one input at the slowest modes, as "text", "csv" or "json".
+
+    Infinite magnitudes are null in JSON and empty in CSV.
+    """
+    if len(outputs) > MOST_OUTPUTS:
+        raise ComputationError(f"{len(outputs)} outputs: choose at most {MOST_OUTPUTS} with `outputs`")
+    driven, records = form.model.inputs[source], list(_records(form, source, outputs))
+    notes = [] if records else ["No output has a peak."]
+    if any(np.isinf(record["magnitude"]) for record in records):
+        notes.append("∞: an undamped mode; give its links or joints damping.")
+    if to != "text":
+        records = [{key: finite(value) for key, value in record.items()} for record in records]
+    if to == "json":
+        return as_json({"input": driven.name, "peaks": records})
+    slowest = f" of the {MOST_SLOW_MODES} slowest modes" if len(_oscillating(form)) > MOST_SLOW_MODES else ""
+    return signal_table(form, f"peaks of the response to {signal_label(driven)}{slowest}", records, to, notes)
+
+
+def _records(form: ModalForm, source: int, outputs: Sequence[int]) -> Iterator[dict[str, Any]]:
+    driven, losses = form.model.inputs[source], np.nan_to_num(mode_losses(form.modes))
+    rows = _oscillating(form)[:MOST_SLOW_MODES]
+    if not rows:
+        return
+    poles = form.modes.eigenvalue[rows]
+    widths = np.abs(poles.real) + losses[rows] * poles.imag / 2
+    aside = np.geomspace(1 / HALF_WIDTHS_OF_PEAK, HALF_WIDTHS_OF_PEAK, POINTS_OF_PEAK)
+    aside = np.concatenate((-aside, [0.0], aside))
+    close_points = (poles.imag[:, None] + widths[:, None] * aside).ravel()
+    between = np.geomspace(poles.imag.min() / 2, poles.imag.max() * 2, POINTS_OF_PEAK)
+    omega = np.unique(np.concatenate((between, close_points[close_points > 0])))
+
+    def size(k: int, at: Floats) -> Floats:
+        return np.asarray(np.abs(frequency_response(form, at, outputs=[k], inputs=[source])[0, 0]))
+
+    for k in outputs:
+        for at, height in _peaks(lambda at, k=k: size(k, at), omega):  # type: ignore[misc]
+            yield {
+                "output": form.model.outputs[k].name,
+                "unit": f"{form.model.outputs[k].unit} per {driven.unit}",
+                "frequency_hz": at / (2 * np.pi),
+                "magnitude": height,
+                "magnitude_db": 20 * np.log10(height),
+            }
+
+
+def _peaks(size: Callable[[Floats], Floats], omega: Floats) -> Iterator[tuple[float, float]]:
+    """Where a magnitude is larger than to either side, found between the frequencies next to it, and how large."""
+    heights = size(omega)
+    for k in np.flatnonzero((heights[1:-1] > heights[:-2]) & (heights[1:-1] >= heights[2:])) + 1:
+        low, at, high, height = omega[k - 1], omega[k], omega[k + 1], heights[k]
+        drop = height
+        while np.isfinite(height) and drop > TOLERANCE_OF_RESPONSE * height and high - low > 4 * EPS * high:
+            inner = np.linspace(low, high, POINTS_OF_PEAK)
+            values = size(inner)
+            best = int(np.clip(values.argmax(), 1, POINTS_OF_PEAK - 2))
+            low, at, high = inner[best - 1 : best + 2]
+            height = values[best]
+            drop = height - values[[best - 1, best + 1]].min()
+        yield float(at), float(height)
+
+
+def _oscillating(form: ModalForm) -> list[int]:
+    """The rows of modes that oscillate, of each frequency the first."""
+    rates = form.modes.eigenvalue
+    return [row for row in range(len(rates)) if rates[row].imag > 0 and (row == 0 or rates[row] != rates[row - 1])]

@@ -44,10 +44,11 @@ from numpy.typing import ArrayLike
 
 from modal.eigen import smallest_where
 from modal.errors import ComputationError, SceneError, spelling_hint
-from modal.modes import MOST_COMPARED, Modes, counterparts, natural_modes
+from modal.modes import MOST_COMPARED, Mode, Modes, counterparts, natural_modes
 from modal.report import Displayed, Summary, counted, tabulated
 from modal.scene import Scene, refusals, validate_scene
 from modal.scene.doors import checked, checked_index, require_type
+from modal.scene.parameters import vary
 from modal.statespace.geometry import coordinates_of
 from modal.statespace.model import without_carrier
 from modal.structure import structure_of
@@ -185,13 +186,9 @@ def swing_rows(scene: Scene, drive: Drive) -> tuple[Modes, list[int]]:
             f"the equilibrium is unstable, with a growth rate of {growing.growth_rate:.4g} "
             "1/s: no shaper can suppress that"
         )
-    excited_modes = _excited_modes(modes, drives.index(drive)) if scene.is_structured and is_force else None
-    return modes, [
-        mode.number - 1
-        for mode in all_modes
-        if mode.oscillates
-        and (not is_force or (mode.cart_participation if excited_modes is None else excited_modes[mode.number - 1]))
-    ]
+    if not is_force:
+        return modes, [mode.number - 1 for mode in all_modes if mode.oscillates]
+    return modes, [mode.number - 1 for mode in _driven_modes(modes, drives.index(drive))]
 
 
 def drives_of(scene: Scene) -> tuple[str, ...]:
@@ -235,14 +232,15 @@ def usual_inputs(scene: Scene) -> tuple[str, ...]:
     return (usual_drive(scene),) if is_single else ()
 
 
-def _excited_modes(modes: Modes, coordinate: int) -> Booleans:
-    """Which modes (R,) move a coordinate of the structure, whose own force then excites them."""
-    amplitudes = np.zeros(len(modes))
-    shapes = modes.matrix
-    np.maximum.at(
-        amplitudes, shapes.row, np.abs(shapes.shapes[coordinate]) * np.sqrt(modes.matrices.M[coordinate, coordinate])
-    )
-    return np.asarray(amplitudes > NOISE_OF_SUM, dtype=np.bool_)
+def _driven_modes(modes: Modes, coordinate: int) -> list[Mode]:
+    """The modes that oscillate and move a coordinate of the support, whose own force then excites them."""
+    swinging = [mode for mode in modes if mode.oscillates]
+    if modes.rig.structure is None:
+        return [mode for mode in swinging if mode.cart_participation]
+    shapes, amplitudes = modes.matrix, np.zeros(len(modes))
+    size = np.sqrt(modes.matrices.M[coordinate, coordinate])
+    np.maximum.at(amplitudes, shapes.row, np.abs(shapes.shapes[coordinate]) * size)
+    return [mode for mode in swinging if amplitudes[mode.number - 1] > NOISE_OF_SUM]
 
 
 @checked
@@ -262,12 +260,7 @@ def swing_words(scene: Scene, count: int = 1, drive: Drive = "cart_acceleration"
 
 def _similar_modes(modes: Modes, table: Modes) -> list[str]:
     """For every fixed-base mode the most similar mode of the table, with a free cart."""
-    excited_modes = _excited_modes(table, 0) if table.rig.structure else None
-    moving = {
-        mode.number - 1: mode
-        for mode in table
-        if mode.oscillates and (mode.cart_participation if excited_modes is None else excited_modes[mode.number - 1])
-    }
+    moving = {mode.number - 1: mode for mode in _driven_modes(table, 0)}
     if not moving:
         return [""] * len(modes)
     similar = (moving[row] for row in counterparts(modes, table, list(moving)).tolist())
@@ -339,16 +332,9 @@ def robustness(
 def over_length(scene: Scene, lengths: ArrayLike, pendulum: int = 0, link: int = 0) -> list[Scene]:
     """The scene with these lengths (m) of one link as specified, pendulum and link counted from 0."""
     checked_index("pendulum", pendulum, 0, len(scene.pendulum) - 1)
-    entry = scene.pendulum[pendulum]
-    checked_index("link", link, 0, len(entry.links) - 1)
-    scenes = []
-    for length in np.asarray(lengths, dtype=np.float64).tolist():
-        new_link = entry.links[link].replace(length=length)
-        links = (*entry.links[:link], new_link, *entry.links[link + 1 :])
-        pendula = list(scene.pendulum)
-        pendula[pendulum] = entry.replace(links=links)
-        scenes.append(scene.replace(pendulum=tuple(pendula)))
-    return scenes
+    checked_index("link", link, 0, len(scene.pendulum[pendulum].links) - 1)
+    path = f"pendulum[{pendulum}].links[{link}].length"
+    return [vary(scene, {path: length}) for length in np.asarray(lengths, dtype=np.float64).tolist()]
 
 
 def _single(swing: DampedSwing, kind: Kind, step: float, tolerance: float) -> Shaper:
@@ -381,10 +367,6 @@ def _sum_of_powers(weights: Sequence[float], half: Train, step: float) -> Shaper
     return Shaper(times, amplitudes / amplitudes.sum(), step)
 
 
-def _one_hump(v: float) -> tuple[float, ...]:
-    return 1 + v, 2 * (1 - v), 1 + v
-
-
 def _two_humps(v: float) -> tuple[float, ...]:
     x = (v**2 * (1 + sqrt(1 - v**2))) ** (1 / 3)
     outer = (3 * x**2 + 2 * x + 3 * v**2) / (16 * x)
@@ -397,7 +379,7 @@ def _three_humps(v: float) -> tuple[float, ...]:
 
 
 BINOMIAL = {"zv": (1.0, 1.0), "zvd": (1.0, 2.0, 1.0), "zvdd": (1.0, 3.0, 3.0, 1.0), "zvddd": (1.0, 4.0, 6.0, 4.0, 1.0)}
-HUMPED = {"ei": _one_hump, "ei2": _two_humps, "ei3": _three_humps}
+HUMPED = {"ei": lambda v: (1 + v, 2 * (1 - v), 1 + v), "ei2": _two_humps, "ei3": _three_humps}
 """The weights of impulses half a period apart, by what an undamped mode may retain."""
 
 

@@ -21,7 +21,7 @@ written as in a scene file (`modal.scene.points`): without `copies` the input ac
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple, TypeVar, get_args
 
@@ -54,15 +54,8 @@ class InputGroup(NamedTuple):
     thrust: Floats
 
 
-def _joint_torques(geometry: Geometry) -> InputGroup:
-    signals = [Signal(f"torque_{label}", "N m", "torque of a joint on the link below it") for label in geometry.labels]
-    return InputGroup(signals, geometry.relative.T, _nothing(geometry, len(signals)))
-
-
 def _link_forces(geometry: Geometry) -> InputGroup:
-    signals = [
-        Signal(f"force_{label}", "N", "horizontal force at a link's centre of mass") for label in geometry.labels
-    ]
+    signals = _signals("force", "N", "horizontal force at a link's centre of mass", geometry.labels)
     thrust = (geometry.pendulum == np.unique(geometry.pendulum)[:, None]).astype(float)
     return InputGroup(signals, geometry.centres.T, thrust)
 
@@ -80,7 +73,11 @@ def _nothing(geometry: Geometry, m: int) -> Floats:
 
 PUSHES: dict[str, Callable[[Geometry], InputGroup]] = {
     "cart_force": _coordinate_forces,
-    "joint_torques": _joint_torques,
+    "joint_torques": lambda g: InputGroup(
+        _signals("torque", "N m", "torque of a joint on the link below it", g.labels),
+        g.relative.T,
+        _nothing(g, len(g.labels)),
+    ),
     "link_forces": _link_forces,
     "coordinate_forces": _coordinate_forces,
 }
@@ -137,17 +134,12 @@ class OutputGroup(NamedTuple):
         return 2 if self.acceleration is not None else 1 if self.rate is not None else 0
 
 
-def _signals(prefix: str, unit: str, meaning: str, labels: tuple[str, ...]) -> list[Signal]:
+def _signals(prefix: str, unit: str, meaning: str, labels: Iterable[object]) -> list[Signal]:
     return [Signal(f"{prefix}_{label}", unit, meaning) for label in labels]
 
 
-def _tips(geometry: Geometry) -> OutputGroup:
-    signals = [Signal(f"tip_{p}", "m", "horizontal position of a pendulum's end") for p in _pendula(geometry)]
-    return OutputGroup(signals, geometry.joints[geometry.tips], translation=np.ones(len(signals)))
-
-
 def _tip_accelerations(geometry: Geometry) -> OutputGroup:
-    signals = [Signal(f"tip_ddot_{p}", "m/s^2", "acceleration of a pendulum's end") for p in _pendula(geometry)]
+    signals = _signals("tip_ddot", "m/s^2", "acceleration of a pendulum's end", _pendula(geometry))
     if geometry.end_rate is not None:
         geometry = replace(geometry, rate=geometry.end_rate, bend=geometry.end_bend)
     parts = _accelerations(geometry, geometry.joints, lambda rows: rows[geometry.tips])
@@ -164,9 +156,7 @@ def _accelerations(
 
 
 def _pivot_forces(geometry: Geometry) -> OutputGroup:
-    signals = [
-        Signal(f"pivot_force_{p}", "N", "horizontal force of a pendulum on its pivot") for p in _pendula(geometry)
-    ]
+    signals = _signals("pivot_force", "N", "horizontal force of a pendulum on its pivot", _pendula(geometry))
     belongs = geometry.pendulum == np.unique(geometry.pendulum)[:, None]
     weights, drag_weights = belongs * -geometry.mass, belongs * -geometry.drag
     position, rate, inertia = _accelerations(geometry, geometry.centres, lambda rows: weights @ rows)
@@ -192,11 +182,6 @@ def _spring_signals(geometry: Geometry, prefix: str, units: tuple[str, str], mea
         Signal(f"{prefix}_{spring.label}", units[int(spring.torsion)], f"{meaning} of a spring between {spring.words}")
         for spring in geometry.springs
     ]
-
-
-def _spring_extensions(geometry: Geometry) -> OutputGroup:
-    signals = _spring_signals(geometry, "spring_extension", ("m", "rad"), "extension")
-    return OutputGroup(signals, geometry.extension)
 
 
 def _spring_forces(geometry: Geometry) -> OutputGroup:
@@ -259,14 +244,20 @@ READINGS: dict[str, Callable[[Geometry], OutputGroup]] = {
         g.joints,
         translation=np.ones(len(g.labels)),
     ),
-    "tip_positions": _tips,
+    "tip_positions": lambda g: OutputGroup(
+        _signals("tip", "m", "horizontal position of a pendulum's end", _pendula(g)),
+        g.joints[g.tips],
+        translation=np.ones(len(g.tips)),
+    ),
     "tip_accelerations": _tip_accelerations,
     "pivot_forces": _pivot_forces,
     "coordinates": _coordinates,
     "coordinate_rates": _coordinate_rates,
     "coordinate_accelerations": _coordinate_accelerations,
     "spring_forces": _spring_forces,
-    "spring_extensions": _spring_extensions,
+    "spring_extensions": lambda g: OutputGroup(
+        _spring_signals(g, "spring_extension", ("m", "rad"), "extension"), g.extension
+    ),
 }
 OF_A_CART = {"cart_force", "cart_position", "cart_velocity", "cart_acceleration"}
 OF_STRUCTURES = {"coordinate_forces", "coordinates", "coordinate_rates", "coordinate_accelerations"}
@@ -301,13 +292,6 @@ def reading_in(geometry: Geometry, name: str) -> OutputGroup:
     return OutputGroup([group.signals[k]], position, rate, second, translation=translation)
 
 
-def _named_readings(geometry: Geometry) -> list[OutputGroup]:
-    """The groups whose signals are outputs by their own names."""
-    if not geometry.is_structured:
-        return []
-    return [READINGS[name](geometry) for name in (*sorted(OF_STRUCTURES - {"coordinate_forces"}), *sorted(OF_SPRINGS))]
-
-
 def own_inputs(geometry: Geometry) -> tuple[str, ...]:
     """The names of the inputs on single coordinates of a structure."""
     return tuple(coordinate.force for coordinate in _named_coordinates(geometry))
@@ -339,7 +323,8 @@ def own_signals(geometry: Geometry) -> frozenset[str]:
 
 def own_outputs(geometry: Geometry) -> tuple[str, ...]:
     """The names of all outputs that a structure has by themselves."""
-    return tuple(signal.name for group in _named_readings(geometry) for signal in group.signals)
+    names = (*sorted(OF_STRUCTURES - {"coordinate_forces"}), *sorted(OF_SPRINGS)) if geometry.is_structured else ()
+    return tuple(signal.name for name in names for signal in READINGS[name](geometry).signals)
 
 
 def validate_signals(
@@ -422,9 +407,7 @@ def point_input(scene: Scene, name: str) -> PointInput:
         if int(match[1]) >= len(scene.force):
             raise SceneError([f"input {name}: the scene has {len(scene.force)} entries of force, numbered from 0"])
         force = scene.force[int(match[1])]
-        point = parse_point(force.on)
-        carrier = point if isinstance(point, CarrierPoint) else None
-        return PointInput(name, force.on, force.direction, tuple(places_of(scene, force.on)), carrier)
+        return _input_on(scene, name, force.on, force.direction)
     kind, _, on = name.partition(":")
     try:
         point = parse_point(on)
@@ -439,8 +422,13 @@ def point_input(scene: Scene, name: str) -> PointInput:
         problems.append('all points of the support move alike: write "cart"' if scene.cart else "the support is fixed")
     if problems:
         raise SceneError([f"input {name}: {words}" for words in problems])
+    return _input_on(scene, name, on, WAYS[kind])
+
+
+def _input_on(scene: Scene, name: str, on: str, direction: Acting) -> PointInput:
+    point = parse_point(on)
     carrier = point if isinstance(point, CarrierPoint) else None
-    return PointInput(name, on, WAYS[kind], tuple(places_of(scene, on)), carrier)
+    return PointInput(name, on, direction, tuple(places_of(scene, on)), carrier)
 
 
 def validate_points(scene: Scene, names: Sequence[str]) -> None:

@@ -123,7 +123,8 @@ def structural_response(
     `dampers` are those of modes (n, n), in decimals; `losses` are all loss angles.
     """
     pulling = [loss for loss in losses if loss.kind == SPRING]
-    n_prescribed, pattern = int(any(push.moves == "cart" for push in driven)), _nonzero_entries(rig)
+    n_prescribed = int(any(push.moves == "cart" for push in driven))
+    pattern = np.any([part != 0 for part in scene_squares(rig).matrices], axis=0)
     for loss in losses:
         pattern[np.ix_(list(loss.row), list(loss.row))] = True
     is_damped = rig.is_damped or dampers is not None
@@ -198,12 +199,6 @@ class _Answer:
             displacement = self.product(geometry.centres[i]) + self.carried
             output = output - self.powers[2] * number(geometry.mass[i]) * displacement
         return output + number(np.array([push.thrust[pendulum] for push in driven]))[:, None]
-
-
-def _nonzero_entries(rig: Rig) -> Booleans:
-    """Which entries (n, n) of M, K or D are not 0: pendula meet in springs and the structure alone."""
-    M, K, D = scene_squares(rig).matrices
-    return np.asarray((M != 0) | (K != 0) | (D != 0))
 
 
 def solve_symmetric(A: Any, F: Any, numbers: Arithmetic, is_nonzero: Booleans | None = None) -> Any:

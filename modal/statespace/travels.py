@@ -65,7 +65,7 @@ class ShapedTravel(Drawable, Displayed):
     ways: tuple[LengthLaw, LengthLaw]
     push: Floats
     coordinate: int
-    figure = "modal.plotting.travels:travel_figure"
+    figure = "modal.plotting.response:travel_figure"
 
     @property
     def peaks(self) -> Floats:

@@ -5,18 +5,17 @@ text, LaTeX or Markdown. SymPy is imported in this subpackage alone.
 
     d/dt ∂L/∂q' − ∂L/∂q = 0,    L = T − V
 
-Start with `system`, then `derivation`; `hamiltonian` has Hamilton's equations, `newton_euler` the balances of parts,
+Start with `derivation`; `hamiltonian` has Hamilton's equations, `newton_euler` the balances of parts,
 which are taken apart in `modal.scene.free_body`; `structures` has the energies of all scenes, of which a support that
 stands still or one cart are the smallest; `papers` holds each numbered equation as printed and as corrected.
 """
 
 from modal.symbolic.carriers import Coordinate, coordinate, lagrange_equations, time_derivative
-from modal.symbolic.derivation import derive
-from modal.symbolic.lagrangian import derive_lagrangian, vanishes
+from modal.symbolic.derivation import chain, derive, symbolic_structure
+from modal.symbolic.eigen import polynomial_roots, symbolic
+from modal.symbolic.hamiltonian import derive_lagrangian, vanishes
 from modal.symbolic.newton_euler import NewtonEuler, part_sections
-from modal.symbolic.roots import polynomial_roots, symbolic
 from modal.symbolic.structures import SymbolicStructure
-from modal.symbolic.system import chain, symbolic_structure
 from modal.symbolic.typesetting import Line, Section, plain, typeset
 
 __all__ = [

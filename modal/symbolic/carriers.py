@@ -24,6 +24,7 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import sympy as sp
+from sympy.simplify.fu import TR10i
 
 from modal.extend import Support
 from modal.scene.points import Where
@@ -57,17 +58,6 @@ def lagrange_equations(L: Any, coordinates: Sequence[Coordinate], R: Any = 0) ->
     return [time_derivative(sp.diff(L, c.v), coordinates) - sp.diff(L, c.q) + sp.diff(R, c.v) for c in coordinates]
 
 
-LETTERS: dict[str, tuple[str, ...]] = {
-    "fixed": (),
-    "cart": ("x",),
-    "swing": ("s",),
-    "tilt": ("phi",),
-    "heave": ("y",),
-    "platform": ("x", "y", "phi"),
-}
-"""The letters of the coordinates of every kind but "modal", which the name of a support follows."""
-
-
 class Chain(NamedTuple):
     """A pendulum's parameters in SymPy numbers or symbols, top link first, and σ = ±1 for a link down or up."""
 
@@ -84,6 +74,11 @@ class Chain(NamedTuple):
     def geometry(self) -> tuple[tuple[Any, ...], ...]:
         """Mass, length, centre and inertia, from which the pair follows."""
         return self.mass, self.length, self.centre, self.inertia
+
+    @property
+    def is_of_bobs(self) -> bool:
+        """Whether every mass is at the end of its link."""
+        return self.centre == self.length and not any(self.inertia)
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +100,6 @@ class SymbolicCarrier:
     carries: tuple[bool, ...]
     mass: Any = sp.S.Zero
     inertia: Any = sp.S.Zero
-    length: Any = sp.S.Zero
     centre: tuple[Any, Any] = (sp.S.Zero, sp.S.Zero)
     masses: Any = None
     points: tuple[Any, ...] = ()
@@ -117,15 +111,14 @@ class SymbolicCarrier:
         """Its coordinates, such as x_left, s_left, phi_board, or eta_frame_1 of a modal one."""
         if self.kind == "modal":
             return tuple(coordinate("eta", *self.index, k + 1) for k in range(self.masses.rows))
-        letters = [each.letter for each in self.path.coordinates] if self.path else LETTERS[self.kind]
-        return tuple(coordinate(letter, *self.index) for letter in letters)
+        motions = self.path.coordinates if self.path else ()
+        return tuple(coordinate(motion.letter, *self.index) for motion in motions)
 
     @property
     def angle(self) -> Coordinate | None:
         """Its coordinate φ; None if it does not turn."""
-        if self.path:
-            return None if self.path.turning is None else self.coordinates[self.path.turning]
-        return self.coordinates[-1] if self.kind in {"tilt", "platform"} else None
+        turning = self.path.turning if self.path else None
+        return None if turning is None else self.coordinates[turning]
 
     def place(self, where: Where) -> tuple[Any, Any]:
         """(along, down) of a point in m."""
@@ -143,57 +136,35 @@ class SymbolicCarrier:
 
     def _displacement(self) -> tuple[Any, Any]:
         """How far its origin is from where it is drawn."""
-        q = [c.q for c in self.coordinates]
-        if self.path:
-            return self.path.place(q, self.values)
-        if self.kind == "cart":
-            return q[0], sp.S.Zero
-        if self.kind == "swing":
-            return self.length * sp.sin(q[0] / self.length), self.length * (sp.cos(q[0] / self.length) - 1)
-        if self.kind == "heave":
-            return sp.S.Zero, -q[0]
-        if self.kind == "platform":
-            return q[0], -q[1]
-        return sp.S.Zero, sp.S.Zero
+        if self.path is None:
+            return ORIGIN
+        along, down = map(_without_halves, self.path.place([c.q for c in self.coordinates], self.values))
+        return along, down
 
     def speed_square(self, where: Where) -> Any:
         """|v|² of a point, in the rates of the coordinates."""
-        v = [c.v for c in self.coordinates]
-        if isinstance(where, int):
-            x_rates, z_rates = ([a * rate for a, rate in zip(row, v, strict=True)] for row in self.points[where])
-            return sp.expand(sp.Add(*x_rates) ** 2 + sp.Add(*z_rates) ** 2)
-        if self.path:
-            return sp.expand(sp.Add(*(rate**2 for rate in self._velocity(where))))
+        vx, vz = self._velocity(where)
+        if isinstance(where, int) or self.angle is None:
+            return _sum_of_squares(vx, vz)
         s, h = where
-        if self.kind == "tilt":
-            return (s**2 + h**2) * v[0] ** 2
-        if self.angle is not None:
-            S, C = sp.sin(self.angle.q), sp.cos(self.angle.q)
-            cross_rate = v[0] * (h * C - s * S) + v[1] * (h * S + s * C)
-            return v[0] ** 2 + v[1] ** 2 + (s**2 + h**2) * v[2] ** 2 + 2 * v[2] * cross_rate
-        return v[0] ** 2 if v else sp.S.Zero
+        S, C, rate = sp.sin(self.angle.q), sp.cos(self.angle.q), self.angle.v
+        cross_rate = vx * (h * C - s * S) - vz * (h * S + s * C)
+        return _sum_of_squares(vx, vz) + (s**2 + h**2) * rate**2 + 2 * rate * cross_rate
 
     def speed_across(self, where: Where, theta: Any) -> Any:
         """The velocity of a point along (cos θ, −sin θ), by which the angle θ of a link below it grows."""
-        S, C = sp.sin(theta), sp.cos(theta)
-        v = [c.v for c in self.coordinates]
-        if isinstance(where, int):
-            x_rates, z_rates = ([a * rate for a, rate in zip(row, v, strict=True)] for row in self.points[where])
-            return sp.Add(*x_rates) * C - sp.Add(*z_rates) * S
-        if self.path:
-            along, down = self._velocity(where)
-            return along * C - down * S
-        parts = {"cart": [C], "heave": [S], "platform": [C, S]}.get(self.kind, [])
-        if self.kind == "swing":
-            parts = [sp.cos(theta - self.coordinates[0].q / self.length)]
-        if self.angle is not None:
-            difference = theta - self.angle.q
-            parts = [*parts, where[1] * sp.cos(difference) + where[0] * sp.sin(difference)]
-        return sp.Add(*(part * rate for part, rate in zip(parts, v, strict=True)))
+        vx, vz = self._velocity(where)
+        across = TR10i(sp.expand(vx * sp.cos(theta) - vz * sp.sin(theta)))
+        if isinstance(where, int) or self.angle is None:
+            return across
+        difference = theta - self.angle.q
+        return across + self.angle.v * (where[1] * sp.cos(difference) + where[0] * sp.sin(difference))
 
-    def _velocity(self, where: Where) -> list[Any]:
-        """(along, down) of a point in m/s, by differentiation."""
-        return [time_derivative(part, self.coordinates) for part in self.place(where)]
+    def _velocity(self, where: Where) -> tuple[Any, Any]:
+        """(along, down) of its origin in m/s, of a modal support of a point."""
+        place = self.place(where) if isinstance(where, int) else self._displacement()
+        along, down = (time_derivative(part, self.coordinates) for part in place)
+        return along, down
 
     @property
     def stored(self) -> Any:
@@ -211,8 +182,24 @@ class SymbolicCarrier:
 
     def symbols(self) -> Iterator[Any]:
         """All numbers of it."""
-        yield from (self.mass, self.inertia, self.length, *self.stiffness, *self.damping, *self.values.values())
+        yield from (self.mass, self.inertia, *self.stiffness, *self.damping, *self.values.values())
         yield from self.masses or ()
+
+
+def _without_halves(part: Any) -> Any:
+    """A place with cosines of whole angles instead of squares of sines of half ones; exactly 0 where it is 0."""
+    angle = sp.Wild("angle")
+    whole = sp.sympify(part).replace(sp.sin(angle) ** 2, (1 - sp.cos(2 * angle)) / 2)
+    if whole == part:
+        return whole or sp.S.Zero
+    number, form = sp.factor(sp.expand(whole)).as_coeff_Mul()
+    return number * form
+
+
+def _sum_of_squares(*parts: Any) -> Any:
+    """The sum of their squares, with sin² = 1 − cos²."""
+    total = sp.expand(sp.Add(*(part**2 for part in parts)))
+    return sp.expand(total.subs({sine**2: 1 - sp.cos(sine.args[0]) ** 2 for sine in total.atoms(sp.sin)}))
 
 
 ORIGIN = (sp.S.Zero, sp.S.Zero)

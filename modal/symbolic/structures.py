@@ -487,7 +487,11 @@ class SymbolicStructure(Displayed):
                 self._add_product(D, spring.damping, ell)
         for dissipation in self._dissipations():
             self._add_curvature(D, dissipation, "v")
-        simpler = _shortest if self.is_of_pair else sp.factor
+
+        def simpler(entry: Any) -> Any:
+            shorter = sp.factor(entry)
+            return min(shorter, entry, key=sp.count_ops) if self.is_of_pair else shorter
+
         return (M, K, D) if not self.symbols else tuple(_symmetric(A, simpler) for A in (M, K, D))
 
     def _inertial(self, M: Any) -> None:
@@ -562,11 +566,6 @@ def _symmetric(matrix: Any, simpler: Callable[[Any], Any]) -> Any:
     """A symmetric matrix with its entries simpler."""
     half = {(i, j): simpler(matrix[i, j]) for i in range(matrix.rows) for j in range(i, matrix.rows)}
     return sp.Matrix(matrix.rows, matrix.rows, lambda i, j: half[min(i, j), max(i, j)])
-
-
-def _shortest(entry: Any) -> Any:
-    """An entry as a product, or as it is where a number in a sum makes that longer."""
-    return min(sp.factor(entry), entry, key=sp.count_ops)
 
 
 def indices(angle: Coordinate) -> list[str]:

@@ -428,7 +428,8 @@ def _tex(formula: Any, **settings: Any) -> str:
     settings = {"symbol_names": names, "mat_str": "bmatrix", "mat_delim": "", "inv_trig_style": "full", **settings}
     ranks = _by_rank(formula)
     settings["symbol_names"] = names | {rank: names.get(name, sp.latex(name)) for name, rank in ranks.items()}
-    return _with_commas(str(_LatexPrinter(settings).doprint(formula.xreplace({**rounded_numbers, **ranks}))))
+    text = str(_LatexPrinter(settings).doprint(formula.xreplace({**rounded_numbers, **ranks})))
+    return re.sub(r"_\{(\d+) (\d+)\}", r"_{\1,\2}", text)
 
 
 def _by_name(name: str) -> str:
@@ -445,11 +446,6 @@ def _by_name(name: str) -> str:
         "".join(f",{part}" for part in parts[len(parts) - count :]),
     )
     return _DOTTED[dots] % letter + rf"_{{\mathrm{{{index_word}}}{numbers}}}"
-
-
-def _with_commas(formula: str) -> str:
-    """SymPy's LaTeX with commas between the two numbers of an index."""
-    return re.sub(r"_\{(\d+) (\d+)\}", r"_{\1,\2}", formula)
 
 
 def _escape(words: str) -> str:

@@ -13,11 +13,8 @@ Start with `extensions`, which has what all kinds are tested for; `mechanics`
 what their motions are: `laws`, `supports`, `measures` and `formats` have a class for each kind.
 """
 
-from modal.testing.extensions import ExtensionTests
-from modal.testing.formats import FormatTests
-from modal.testing.laws import ForceTests, LawTests
-from modal.testing.measures import MeasureTests
-from modal.testing.supports import SupportTests
+from modal.testing.extensions import ExtensionTests, FormatTests, MeasureTests
+from modal.testing.mechanics import ForceTests, LawTests, SupportTests
 
 __all__ = ["ExtensionTests", "ForceTests", "FormatTests", "LawTests", "MeasureTests", "SupportTests"]
 __dir__ = __all__.copy

@@ -12,8 +12,7 @@ Start with `search`; `quantities` names what is tuned, `model` has responses wit
 from modal.tuning.closed_forms import Absorber, absorbers, den_hartog, exact_optimum
 from modal.tuning.objective import Aim, Load, MassCase, Worth
 from modal.tuning.quantities import FreeNumber, Limit, Quantity, parse_limit, parse_quantity
-from modal.tuning.report import tuned_json, tuned_record, tuned_text
-from modal.tuning.result import Curves, Rule, Tuned, Valley
+from modal.tuning.result import Curves, Rule, Tuned, Valley, tuned_json, tuned_record, tuned_text
 from modal.tuning.search import tune
 
 __all__ = [

@@ -232,6 +232,11 @@ class MassCase(Displayed):
     value: float
     cost: float
 
+    @classmethod
+    def at(cls, objective: Objective, z: Floats, factors: Factors) -> MassCase:
+        """Evaluate the objective at z with these factors."""
+        return cls(factors, objective.value(z, factors), _cost(objective, z, factors))
+
     def words(self, scene: Scene) -> str:
         """Which masses of the scene are heavier and which lighter."""
         names = {place: number_words(scene, with_numbers(place)) for place in self.factors}
@@ -247,7 +252,7 @@ class MassCase(Displayed):
 
 def worst_case(objective: Objective, z: Floats) -> MassCase:
     """Return the worst case of the objective for independent masses ±5 %."""
-    nominal = MassCase({}, objective.value(z), _cost(objective, z, {}))
+    nominal = MassCase.at(objective, z, {})
     return max((nominal, *worst_cases(objective, z)), key=lambda case: case.cost)
 
 
@@ -262,11 +267,7 @@ def worst_cases(objective: Objective, z: Floats, crew: Crew | None = None) -> li
         pieces = _signs(objective, z, places, {})
         corners = list(map_by_crew(partial(_climb, objective, z, places), pieces, crew))
     different = [factors for k, factors in enumerate(corners) if factors and factors not in corners[:k]]
-    return list(map_by_crew(partial(_mass_case, objective, z), different, crew))
-
-
-def _mass_case(objective: Objective, z: Floats, factors: Factors) -> MassCase:
-    return MassCase(factors, objective.value(z, factors), _cost(objective, z, factors))
+    return list(map_by_crew(partial(MassCase.at, objective, z), different, crew))
 
 
 def _free_masses(objective: Objective, z: Floats) -> list[Place]:

@@ -19,22 +19,22 @@ from math import log, tau
 import numpy as np
 
 from modal.errors import ComputationError, SceneError
-from modal.identification.derivatives import ModeDerivatives, polar
+from modal.identification.identifiability import ModeDerivatives, polar
 from modal.modes import Modes, natural_modes
 from modal.report import deferred
 from modal.scene import Scene, require
-from modal.scene.parameters import Place, number_at, vary, with_numbers
+from modal.scene.parameters import Place, Variable, number_at, vary, with_numbers
 from modal.scene.records import Spectrum
 from modal.statespace.channels import Arrays, Channel, Model, channel_model
 from modal.statespace.hoisting import Travel, travel_swing
 from modal.statespace.shapers import Kind
-from modal.tuning.interpolation import Interpolated, interpolate
 from modal.tuning.model import (
     COORDINATES_MAX,
     DAMPING_MIN,
     STILL_RATE,
-    TunedNumbers,
+    Interpolated,
     find_peaks,
+    interpolate,
 )
 from modal.tuning.quantities import FreeNumber, Quantity
 from modal.types import Booleans, Floats
@@ -108,7 +108,8 @@ class Quantities:
         places = [place for entry in free for place in entry.places]
         self.places = (*places, *(place for place in masses_of(scene) if place not in places))
         self.given = {place: number_at(scene, place) for place in self.places}
-        self.numbers = TunedNumbers(scene, self.places, self.form)
+        self._paths = [with_numbers(place) for place in self.places]
+        self._variable = Variable(scene, self._paths)
         self.cases: tuple[Mapping[Place, float], ...] = ({},)
         """Factors of masses for which the arrays are interpolated even without derivatives."""
 
@@ -119,7 +120,7 @@ class Quantities:
             numbers |= entry.numbers(value)
         for place, factor in (factors or {}).items():
             numbers[place] *= factor
-        return self.numbers.scene_at(np.array([*numbers.values()]))
+        return self._variable.at(dict(zip(self._paths, numbers.values(), strict=True))) if numbers else self.scene
 
     @cached_property
     def _polynomials(self) -> dict[tuple[tuple[Place, float], ...], tuple[Floats, Interpolated | None]]:
@@ -184,7 +185,7 @@ class At:
     def model(self) -> Model:
         """Its responses."""
         if self._polynomial is None:
-            return self.problem.numbers.model(self.scene)
+            return self.problem.form.model(self.scene)
         return Model(self.problem.form.kinds, self._polynomial.arrays(self.values))
 
     @cached_property
@@ -193,7 +194,7 @@ class At:
         if self._polynomial is not None:
             return self._polynomial.slopes(self.values, self._columns)
         places = [place for shared in self.by for place in shared]
-        slopes = self.problem.numbers.slopes(self.scene, places)
+        slopes = self.problem.form.slopes(self.scene, places)
         factors = np.array([self._factor(place) for place in places])
         begins = np.cumsum([0, *map(len, self.by[:-1])])
         return Arrays(*(np.add.reduceat(part * factors.reshape(-1, *[1] * (part.ndim - 1)), begins) for part in slopes))

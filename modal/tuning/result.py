@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import tau
@@ -9,13 +10,29 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from modal.report import Displayed, Drawable, TextResult
-from modal.scene import Scene
+from modal.report import (
+    NOTHING,
+    Displayed,
+    Drawable,
+    ReportColumn,
+    ReportTable,
+    TextResult,
+    as_json,
+    capital,
+    finite,
+    grid,
+    percent,
+    records_of,
+    titled,
+)
+from modal.scene import Scene, number_words, title_of
+from modal.scene.parameters import with_numbers
 from modal.tuning.closed_forms import Absorber, absorbers, values_for
+from modal.tuning.minimax import COARSE, EDGE
 from modal.tuning.model import SIDE_POINTS, find_peaks
-from modal.tuning.objective import Load, MassCase, Objective, Worth, loads, worst_case, worths
+from modal.tuning.objective import MASS_SHARE, Load, MassCase, Objective, Worth, extreme, loads, worst_case, worths
 from modal.tuning.pieces import Pieces, Quantities
-from modal.tuning.quantities import Quantity
+from modal.tuning.quantities import FreeNumber, Quantity
 from modal.types import Floats
 
 TUNED_CURVE_POINTS = 400
@@ -69,7 +86,7 @@ class Tuned(Drawable, TextResult):
     robust: bool
     open: float = 0.0
     """The relative gain of the last descent where Newton's method did not converge."""
-    writer = "modal.tuning.report:tuned_text"
+    writer = "modal.tuning.result:tuned_text"
     figure = "modal.plotting.response:tuning_figure"
 
     @property
@@ -140,7 +157,7 @@ class Tuned(Drawable, TextResult):
     def _curves(self, quantity: Quantity) -> Curves:
         setting = replace(self.objective.quantities.setting, spectrum=None, modes=(), travel=None)
         quantities = Quantities(self.scene, (), (quantity,), setting)
-        models = [quantities.numbers.model(scene) for scene in (self.given, self.scene)]
+        models = [quantities.form.model(scene) for scene in (self.given, self.scene)]
         peaks = [find_peaks(model, 0, setting.rates) for model in models]
         poles = np.abs(np.concatenate([model.poles_for(0).imag for model in models]))
         rates = np.concatenate([peak.omega[peak.inside] for peak in peaks] or [poles])
@@ -202,3 +219,277 @@ def _is_of_den_hartog(objective: Objective) -> bool:
     return (
         not kind.moves and row.unit == "m" and column.unit == "N" and not row.name.startswith(("tip", "joint", "spr"))
     )
+
+
+EQUAL_PEAKS = 1e-6
+"""Tolerance: relative, of peaks that are listed as equally high: of their written digits."""
+
+
+def tuned_record(tuned: Tuned, curves: bool = True) -> dict[str, Any]:
+    """Everything about a result for JSON."""
+    objective = tuned.objective
+    record: dict[str, Any] = {
+        "title": tuned.given.title,
+        "objective": [_aim_record(tuned, k) for k in range(len(objective.aims))],
+        "before": finite(tuned.before),
+        "after": finite(tuned.after),
+        "robust": tuned.robust,
+        "limits": [_limit_record(tuned, k) for k in range(len(objective.limits))],
+        "numbers": records_of(NUMBER, _numbers(tuned)),
+        "starts": tuned.starts,
+        "valleys": [
+            {
+                "numbers": valley.numbers.tolist(),
+                "objective": finite(valley.value),
+                "limits_kept": valley.kept,
+                "settled": valley.certain,
+            }
+            for valley in tuned.valleys
+        ],
+        "exact": tuned.certain,
+        "last_gain": tuned.open,
+        "rules": [_rule_record(rule) for rule in tuned.rules],
+        "worst_case": {
+            "masses": MASS_SHARE,
+            "before": finite(tuned.worst_before),
+            "after": finite(tuned.worst.value),
+            "factors": {with_numbers(place): factor for place, factor in tuned.worst.factors.items()},
+        },
+        "dampers": records_of(LOAD, tuned.loads),
+    }
+    if curves:
+        record["curves"] = [
+            {
+                "response": curve.name,
+                "unit": curve.unit,
+                "frequency_hz": curve.frequency_hz.tolist(),
+                "before": list(map(finite, curve.before.tolist())),
+                "after": list(map(finite, curve.after.tolist())),
+            }
+            for curve in tuned.curves()
+        ]
+    return record
+
+
+def tuned_json(tuned: Tuned, further_keys: dict[str, Any] | None = None) -> str:
+    """Return the same as text, with further details of the result."""
+    return as_json({**tuned_record(tuned), **(further_keys or {})})
+
+
+def _aim_record(tuned: Tuned, k: int) -> dict[str, Any]:
+    aim, pieces = tuned.objective.aims[k], tuned.pieces_after[k]
+    quantity = aim.quantity
+    record: dict[str, Any] = {
+        "quantity": quantity.name,
+        "maximized": aim.maximized,
+        "weight": quantity.weight,
+        "unit": tuned.unit(quantity),
+        "before": finite(extreme(quantity, tuned.pieces_before[k])),
+        "after": finite(extreme(quantity, pieces)),
+    }
+    if quantity.kind == "peak":
+        order = np.argsort(pieces.at, kind="stable")
+        record["peaks"] = [
+            {"frequency_hz": float(pieces.at[j]) / tau, "magnitude": float(pieces.values[j])}
+            for j in order
+            if pieces.inside[j]
+        ]
+    return record
+
+
+def _limit_record(tuned: Tuned, k: int) -> dict[str, Any]:
+    limit = tuned.objective.limits[k]
+    at = len(tuned.objective.aims) + k
+    return {
+        "quantity": limit.quantity.name,
+        "most": limit.most,
+        "before": finite(extreme(limit.quantity, tuned.pieces_before[at])),
+        "after": finite(extreme(limit.quantity, tuned.pieces_after[at])),
+    }
+
+
+def _change_words(change: float) -> str:
+    return f"{100 * change:+.3g} %" if np.isfinite(change) else NOTHING
+
+
+NUMBER = (
+    ReportColumn("number.path", "place"),
+    ReportColumn("number.words", None, "number"),
+    ReportColumn("number.unit_name", "unit", "unit"),
+    ReportColumn("number.value", "before", "before", "{:.6g}".format),
+    ReportColumn("value", "after", "after", "{:.9g}".format),
+    ReportColumn(lambda row: list(row.number.bounds) if row.number.has_bounds else None, "bounds"),
+    ReportColumn("worth.larger", "one_percent_larger", "+1 %", _change_words),
+    ReportColumn("worth.smaller", "one_percent_smaller", "−1 %", _change_words),
+    ReportColumn(lambda row: [finite(row.worth.low), finite(row.worth.high)], "within_one_percent"),
+    ReportColumn("worth.low", None, "from", lambda low: f"{low:.5g}" if low else "any"),
+    ReportColumn("worth.high", None, "to", lambda high: f"{high:.5g}" if np.isfinite(high) else "any"),
+)
+"""The quantities of a number."""
+SHIFTS = " Of a shift it is 1 % of the least number that it shifts."
+WORTH = (
+    "+1 % and −1 %: how much worse the objective is if a number is 1 % larger or smaller. From … to: the range in "
+    "which it is at most 1 % worse."
+)
+
+
+class _Number(NamedTuple):
+    """A free parameter, its sensitivity, and its optimal value."""
+
+    number: FreeNumber
+    worth: Worth
+    value: float
+
+
+def _numbers(tuned: Tuned) -> list[_Number]:
+    return list(map(_Number, tuned.objective.free, tuned.worths, tuned.objective.free_numbers(tuned.z).tolist()))
+
+
+def _rule_record(rule: Rule) -> dict[str, Any]:
+    absorber = rule.absorber
+    f, zeta = absorber.den_hartog
+    exact = dict(zip(("f", "zeta"), absorber.exact, strict=True))
+    return {
+        "pendulum": absorber.pendulum,
+        "mass_ratio": absorber.mu,
+        "mode_omega_rad_per_s": absorber.omega,
+        "mode_damping_ratio": absorber.damping_ratio,
+        "alone": absorber.alone,
+        "found": {"f": absorber.f, "zeta": absorber.zeta},
+        "den_hartog": {"f": f, "zeta": zeta, "values": rule.values, "objective": finite(rule.value)},
+        "exact_without_a_damper_of_the_carrier": exact if absorber.alone else None,
+    }
+
+
+LOAD = (
+    ReportColumn("path", "damper"),
+    ReportColumn("per", "per"),
+    ReportColumn("stroke", "stroke"),
+    ReportColumn("unit", "stroke_unit"),
+    ReportColumn("at_hz", "stroke_at_hz"),
+    ReportColumn("effort", "effort"),
+    ReportColumn("effort_unit", "effort_unit"),
+    ReportColumn("effort_at_hz", "effort_at_hz"),
+)
+"""The quantities of a damper."""
+
+
+def tuned_text(tuned: Tuned, further_text: str = "") -> str:
+    """Return the result as text."""
+    numbers = ReportTable.of(NUMBER, _numbers(tuned)).written()
+    worth = WORTH + SHIFTS * any(number.unknown.is_shift for number in tuned.objective.free)
+    parts = [_objective_table(tuned), numbers, worth, "\n".join(_sentences(tuned)), _rules_table(tuned), further_text]
+    return titled(title_of(tuned.given), "tuned", parts, "text")
+
+
+def _objective_table(tuned: Tuned) -> str:
+    headings = ["", "quantity", "unit", "before", "after", "peaks (Hz)"]
+    rows = []
+    for k, aim in enumerate(tuned.objective.aims):
+        piece, quantity = tuned.pieces_after[k], aim.quantity
+        peaks = ""
+        if quantity.kind == "peak":
+            largest = piece.values.max()
+            equal = sorted(piece.at[piece.inside & (piece.values >= largest * (1 - EQUAL_PEAKS))].tolist())
+            peaks = ", ".join(f"{at / tau:.5g}" for at in equal)
+        values = [f"{extreme(quantity, pieces[k]):.8g}" for pieces in (tuned.pieces_before, tuned.pieces_after)]
+        way = "maximize" if aim.maximized else "minimize"
+        rows.append(
+            [
+                f"{way}{f' ×{quantity.weight:g}' * (quantity.weight != 1)}",
+                quantity.words,
+                tuned.unit(quantity),
+                *values,
+                peaks,
+            ]
+        )
+    for k, limit in enumerate(tuned.objective.limits):
+        at = len(tuned.objective.aims) + k
+        values = [f"{extreme(limit.quantity, pieces[at]):.8g}" for pieces in (tuned.pieces_before, tuned.pieces_after)]
+        rows.append([f"at most {limit.most:g}", limit.quantity.words, tuned.unit(limit.quantity), *values, ""])
+    if not any(row[-1] for row in rows):
+        rows, headings = [row[:-1] for row in rows], headings[:-1]
+    return grid(rows, headings)
+
+
+def _sentences(tuned: Tuned) -> Iterator[str]:
+    objective = tuned.objective
+    ends, first = tuned.valleys, tuned.valleys[0].value
+    values = ", ".join(f"{valley.value:.6g}" for valley in ends)
+    alike = [valley for valley in ends if abs(valley.value - first) <= COARSE * abs(first)]
+    if tuned.starts == 1:
+        yield "Only one start had a finite value."
+    elif len(ends) == 1:
+        yield f"All {tuned.starts} starts converged to the same minimum."
+    elif all(valley.certain for valley in ends):
+        equal = f"; {len(alike)} of them are equally low" * (len(alike) > 1)
+        yield f"{tuned.starts} starts converged to {len(ends)} minima: {values}{equal}."
+    else:
+        yield f"{tuned.starts} starts ended at {values}; the best is kept."
+    if not tuned.certain:
+        yield (
+            "Newton's method did not converge: modes may coincide here, where the objective has no second "
+            f"derivatives. The last restart still improved it by {percent(tuned.open)}."
+        )
+    for aim, pieces in zip(objective.aims, tuned.pieces_after, strict=False):
+        if aim.quantity.kind == "peak" and not aim.maximized and not pieces.hertz(int(pieces.values.argmax())):
+            yield f"{capital(aim.quantity.words)} is largest at 0 Hz, where no damper acts; no peak is higher."
+    at_bounds = [
+        number.words
+        for number, z, low, high in zip(objective.free, tuned.z, objective.low, objective.high, strict=True)
+        if min(z - low, high - z) < EDGE
+    ]
+    if at_bounds:
+        yield f"At its bound: {', '.join(at_bounds)}."
+    worst = tuned.worst
+    if worst.factors:
+        words = "Tuned for the worst case" if tuned.robust else "Worst case"
+        values = f"{worst.value:.6g}, before {tuned.worst_before:.6g}"
+        yield f"{words} of all masses ±{percent(MASS_SHARE)}: {values} ({worst.words(tuned.given)})."
+    for load in tuned.loads:
+        per, where = (f" per {load.per}", f" at {load.at_hz:.4g} Hz") if load.per else (" RMS", "")
+        what = "torque" if load.unit == "rad" else "force"
+        effort = f"{what} {load.effort:.5g} {load.effort_unit}{per}"
+        damper = capital(number_words(tuned.given, load.path))
+        yield f"{damper}: stroke {load.stroke:.5g} {load.unit}{per}{where}, {effort}."
+
+
+def _rules_table(tuned: Tuned) -> str:
+    if not tuned.rules:
+        return ""
+    headings = ("pendulum", "μ", "mode", "rule", "f", "ζ", "objective")
+    rows, notes = [], []
+    for rule in tuned.rules:
+        absorber = rule.absorber
+        words = f"{absorber.omega / tau:.5g} Hz, ζ {absorber.damping_ratio:.4g}"
+        name = number_words(tuned.given, f"pendulum[{absorber.pendulum}].count").rpartition(" of ")[2]
+        rows.append(
+            [
+                name,
+                f"{absorber.mu:.6g}",
+                words,
+                "this optimum",
+                f"{absorber.f:.8f}",
+                f"{absorber.zeta:.8f}",
+                f"{tuned.after:.8g}",
+            ]
+        )
+        f, zeta = absorber.den_hartog
+        value = f"{rule.value:.8g}" if np.isfinite(rule.value) else ""
+        rows.append(["", "", "", "Den Hartog", f"{f:.8f}", f"{zeta:.8f}", value])
+        if absorber.alone:
+            f, zeta = absorber.exact
+            rows.append(
+                [
+                    "",
+                    "",
+                    "",
+                    "exact if ζ were 0" if absorber.damping_ratio > EQUAL_PEAKS else "exact",
+                    f"{f:.8f}",
+                    f"{zeta:.8f}",
+                    "",
+                ]
+            )
+        else:
+            notes = ["Den Hartog's rule with several carriers is for the mode nearest to the pendulum alone."]
+    return "\n\n".join([grid(rows, headings, spare=["unit"]), *notes])

@@ -369,6 +369,6 @@ def _refuse_no_peak(objective: Objective, z: Floats) -> None:
             at = float(piece.at[piece.values.argmax()]) / (2 * np.pi)
             where = f"that at {at:.6g} Hz, the end of the band"
             if objective.quantities.setting.band is None:
-                slowest = float(np.abs(objective.quantities.numbers.model(objective.scene_at(z)).poles).max())
+                slowest = float(np.abs(objective.quantities.form.model(objective.scene_at(z)).poles).max())
                 where = "the limit at 0 Hz" if 2 * np.pi * at < slowest else "the limit at high frequencies"
             raise ComputationError(f"{aim.quantity.name}: has no peak: its largest magnitude is {where}")

@@ -17,9 +17,8 @@ from modal.scene.doors import checked
 from modal.scene.signal_names import signal_label, signal_words, unit_words
 from modal.statespace.response import MOST_TIMES
 from modal.types import Floats
-from modal.vibration.random import INPUT, RandomResponse, poles_of
+from modal.vibration.random import INPUT, RandomResponse, ThermalNoise, poles_of
 from modal.vibration.shock import ShockResponse
-from modal.vibration.thermal import ThermalNoise
 
 POINTS_OF_BAND = 400
 """Format: frequencies of a PSD in a file or a figure, in addition to those around resonances."""

@@ -183,7 +183,9 @@ def peak(grid: Grid, values: Floats) -> tuple[float, float]:
     heights = _polynomial(coefficients, places)
     best = heights.argmax(1)[:, None]
     place = np.take_along_axis(places, best, 1)
-    slope, bend = (_polynomial(_derivative(coefficients, order), place) for order in (1, 2))
+    powers = np.arange(1.0, coefficients.shape[1])
+    slopes = coefficients[:, 1:] * powers
+    slope, bend = _polynomial(slopes, place), _polynomial(slopes[:, 1:] * powers[:-1], place)
     with np.errstate(all="ignore"):
         step = np.where(bend < 0, -slope / bend, 0.0)
     place = np.clip(place + step, places[:, :1], places[:, -1:])
@@ -201,12 +203,6 @@ def _polynomial(coefficients: Floats, places: Floats) -> Floats:
     for coefficient in coefficients.T[::-1]:
         values = values * places + coefficient[:, None]
     return values
-
-
-def _derivative(coefficients: Floats, order: int) -> Floats:
-    for _ in range(order):
-        coefficients = coefficients[:, 1:] * np.arange(1.0, coefficients.shape[1])
-    return coefficients
 
 
 def srss(peaks: Floats) -> Floats:

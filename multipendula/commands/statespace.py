@@ -42,7 +42,7 @@ from multipendula.completion import extensions, words
 if TYPE_CHECKING:
     from modal.scene import Scene
     from modal.statespace import Signal, StateSpace
-    from modal.statespace.gains import Gains
+    from modal.statespace.modal_form import Gains
     from modal.statespace.sampling import VaryingModel
     from modal.statespace.shapers import Shaper
     from modal.statespace.travels import ShapedTravel
@@ -225,7 +225,7 @@ def response(options: argparse.Namespace) -> Gains | None:
     import numpy as np
 
     from modal.statespace import impulse_table, response_table, to_modal_form
-    from modal.statespace.peaks import peaks_table
+    from modal.statespace.response import peaks_table
 
     if options.lqr or options.weights:
         _regulator(options)

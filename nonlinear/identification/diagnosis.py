@@ -17,8 +17,7 @@ import scipy
 
 from modal.errors import ComputationError, SceneError
 from modal.identification import autocorrelation, means_of
-from modal.identification.covariance import CHANCE_MAX
-from modal.identification.decays import TURNING_POINTS_MIN
+from modal.identification.decays import CHANCE_MAX, TURNING_POINTS_MIN
 from modal.identification.parameters import BOUND_DISTANCE
 from modal.modes import natural_modes
 from modal.report import counted, listed, percent, short

@@ -22,8 +22,7 @@ from modal.identification import (
     find_parameters,
     starts_of,
 )
-from modal.identification.covariance import NOISE_AT_FIRST, NOISE_MIN
-from modal.identification.decays import EVALUATIONS_MAX
+from modal.identification.decays import EVALUATIONS_MAX, NOISE_AT_FIRST, NOISE_MIN
 from modal.identification.mode_fitting import ROUGH_EVALUATIONS
 from modal.report import silent
 from modal.scene import Scene

@@ -19,9 +19,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon, Rectangle
 from matplotlib.ticker import MaxNLocator
 
-from modal.plotting.carriers import draw_piece
 from modal.plotting.layout import OBLIQUE, SMALL
-from modal.plotting.shapes import MARKS_MAX
+from modal.plotting.shapes import MARKS_MAX, draw_piece
 from modal.plotting.style import MARKED, QUIET, colour, ink, mixture, paper, rest, secondary_colour, shade
 from modal.scene import Bob, Rod
 from modal.structure import Piece

@@ -16,7 +16,7 @@ from modal.exact.characteristic import of_scene
 from modal.scene import scene_from
 from modal.scene.parameters import vary
 from modal.statespace.shapers import swings_of
-from modal.symbolic.system import symbolic_structure
+from modal.symbolic.derivation import symbolic_structure
 from modal.tuning import tune
 from modal.types import Floats
 from nonlinear import simulate

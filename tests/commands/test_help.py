@@ -317,8 +317,7 @@ def test_the_words_are_those_of_the_packages() -> None:
     from modal.exports import FORMATS
     from modal.extend.measures import taken_by
     from modal.statespace.signals import INPUTS, OF_SPRINGS, OF_STRUCTURES, OUTPUTS, PUSHES, WAYS
-    from modal.symbolic.derivation import ASKED_FOR, SECTIONS
-    from modal.symbolic.system import SYMBOLIC
+    from modal.symbolic.derivation import ASKED_FOR, SECTIONS, SYMBOLIC
     from nonlinear.integration import FORMS
     from nonlinear.integration.methods import METHODS
 

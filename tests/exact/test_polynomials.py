@@ -19,7 +19,7 @@ from modal.exact import Polynomial, equal_bobs, exact, exact_links, isolate, of_
 from modal.exact.characteristic import Factor
 from modal.exact.polynomials import count_above
 from modal.symbolic import polynomial_roots, symbolic
-from modal.symbolic.roots import closed_forms
+from modal.symbolic.eigen import closed_forms
 
 X = sp.Symbol("x")
 PAPER = {

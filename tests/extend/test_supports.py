@@ -202,7 +202,7 @@ def test_members_arrive_there(scene: Scene, there: Floats) -> None:
 
 
 def test_symbols_are_the_equations_in_numbers(scene: Scene, equations: Any) -> None:
-    from modal.symbolic.system import symbolic_structure
+    from modal.symbolic.derivation import symbolic_structure
 
     M, K, _ = (np.array(part.evalf(), dtype=float) for part in symbolic_structure(scene).matrices())
     assert pytest.approx(equations[2], abs=1e-12) == K

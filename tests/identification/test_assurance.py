@@ -10,7 +10,7 @@ import pytest
 
 from modal import load
 from modal.identification import MeasuredMode, MeasuredModes, assurance_table, compare_modes
-from modal.identification.realization import modal_assurance
+from modal.identification.decays import modal_assurance
 from modal.modes import natural_modes
 from modal.scene.parameters import vary
 

@@ -9,7 +9,7 @@ import pytest
 from modal import load
 from modal.assembly import differences, matrices
 from modal.errors import SceneError
-from modal.identification.derivatives import ModeDerivatives, matrix_derivatives, polar
+from modal.identification.identifiability import ModeDerivatives, matrix_derivatives, polar
 from modal.identification.parameters import natural_unit
 from modal.modes import natural_modes
 from modal.modes.sensitivity import sensitivities

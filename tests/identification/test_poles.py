@@ -12,8 +12,7 @@ from scipy.linalg import expm, solve_continuous_lyapunov
 from modal import load
 from modal.errors import ComputationError, SceneError
 from modal.identification import identify, poles_table
-from modal.identification.decays import log_decrement, tall_qr
-from modal.identification.realization import realize
+from modal.identification.decays import log_decrement, realize, tall_qr
 from modal.modes import natural_modes
 from modal.scene import Cart, Scene
 from modal.scene.parameters import vary

@@ -22,7 +22,7 @@ from modal.identification import (
     numbers_at,
     scene_with,
 )
-from modal.identification.derivatives import ModeDerivatives, matrix_derivatives
+from modal.identification.identifiability import ModeDerivatives, matrix_derivatives
 from modal.modes import natural_modes
 from modal.scene import Bob, Body, Pendulum, Scene, Spring
 from modal.scene.unknowns import find_unknowns

@@ -26,7 +26,7 @@ from modal import (
     natural_modes,
 )
 from modal.loci import Loci, follow_loci
-from modal.loci.tracking import follow, overlaps, solve_at
+from modal.loci.following import follow, overlaps, solve_at
 from modal.plotting import loci_figure, save
 from modal.plotting.loci import encounter_words
 from modal.scene.parameters import parse_variations, vary

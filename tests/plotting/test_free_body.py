@@ -11,7 +11,7 @@ from seen import flaws
 
 from modal import Bob, Body, Cart, Pendulum, Rod, Scene, SceneError, load
 from modal.plotting import free_body_tikz, plot_free_body
-from modal.plotting.free_body_diagrams import MOST_PARTS, diagrams, in_latex
+from modal.plotting.free_body import MOST_PARTS, diagrams, in_latex
 from modal.plotting.style import theme
 from modal.scene import VanDerPol, free_bodies, scene_from
 

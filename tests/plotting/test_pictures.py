@@ -29,9 +29,8 @@ from modal.modes import Modes
 from modal.plotting import bode_figure, coupling_figure, in_both_themes, save, shapes_figure, sheet
 from modal.plotting.layout import headline, key
 from modal.plotting.loci import loci_figure
-from modal.plotting.response import impulse_figure
+from modal.plotting.response import hoist_figure, impulse_figure
 from modal.plotting.style import HUES, QUIET, colour, ink, paper, secondary_colour, shade, theme, thickness
-from modal.plotting.travels import hoist_figure
 from modal.scene import InitialCondition, VanDerPol
 from modal.scene.parameters import parse_variations
 from modal.statespace import ModalForm, state_space, to_modal_form

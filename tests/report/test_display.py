@@ -29,7 +29,7 @@ from modal.report import (
     by_column,
     summary_of,
 )
-from modal.report.display import PROMPT_LINES
+from modal.report.results import PROMPT_LINES
 from modal.scene import Bob, Cart, Pendulum, Scene
 from nonlinear.system import AppliedForces, Kicks
 

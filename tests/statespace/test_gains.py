@@ -9,7 +9,7 @@ from control_scenes import DRIVES, SCENES, crane, mixed, rank
 
 from modal import Bob, Cart, Pendulum, Scene, load, matrices, natural_modes
 from modal.statespace import Signal, modal_gains, state_space, unreached, unseen
-from modal.statespace.gains import RELATIVE_GAIN_MIN, Side
+from modal.statespace.modal_form import RELATIVE_GAIN_MIN, Side
 
 
 def test_two_loads_are_reached_and_two_equal_ones_are_not() -> None:

@@ -14,7 +14,7 @@ from scipy.special import jv, yv
 from modal import load, natural_frequencies, natural_modes
 from modal.errors import ComputationError, SceneError
 from modal.exports import FORMATS, find_format
-from modal.plotting.travels import hoist_figure
+from modal.plotting.response import hoist_figure
 from modal.scene import Bob, Cart, Fixed, Hoist, Pendulum, Scene, Spring, Swing
 from modal.statespace import minimal, shaper_for, state_space, swings_of
 from modal.statespace.hoisting import (

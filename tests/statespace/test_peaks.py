@@ -9,7 +9,7 @@ import pytest
 
 from modal import load, natural_modes
 from modal.statespace import frequency_response, state_space, to_modal_form
-from modal.statespace.peaks import peaks_table
+from modal.statespace.response import peaks_table
 
 
 @pytest.mark.parametrize("name", ["tower", "crane-hook"])

@@ -6,7 +6,7 @@ from html.parser import HTMLParser
 from typing import Any
 
 from modal.report import HTML_ROWS, WIDTH
-from modal.report.display import PROMPT_LINES
+from modal.report.results import PROMPT_LINES
 
 
 class Elements(HTMLParser):

@@ -10,6 +10,7 @@ from test_cli import printed, refused
 
 from modal import Bob, Cart, Pendulum, Scene, load
 from modal.symbolic import derive, plain, symbolic_structure
+from modal.symbolic.derivation import chain
 from modal.symbolic.hamiltonian import (
     along_equations,
     inverse,
@@ -19,7 +20,6 @@ from modal.symbolic.hamiltonian import (
     numbers,
     velocities,
 )
-from modal.symbolic.system import chain
 from nonlinear.dynamics import Hamiltonian
 from nonlinear.system import system_of
 

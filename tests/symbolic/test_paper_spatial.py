@@ -14,7 +14,6 @@ from test_paper_cart import at, rational_state
 from modal.symbolic import lagrange_equations, time_derivative
 from modal.symbolic.papers import Equation
 from modal.symbolic.papers import spatial as paper
-from modal.symbolic.papers import spatial_azimuth as azimuth
 
 State = dict[Any, Any]
 SEEDS = range(3)
@@ -221,22 +220,22 @@ def test_momenta_and_their_rates(i: int) -> None:
     T, V = true_energies(3)
     phi, moving = paper.phi(i), paper.coordinates(3)
     p = (T - V).diff(phi.v)
-    assert_corrects(azimuth.momentum(i, 3), p, 3)
-    assert_corrects(azimuth.momentum_rate(i, 3), time_derivative(p, moving), 3)
-    assert_corrects(azimuth.conservation(i, 3), (T - V).diff(phi.q), 3)
+    assert_corrects(paper.momentum(i, 3), p, 3)
+    assert_corrects(paper.momentum_rate(i, 3), time_derivative(p, moving), 3)
+    assert_corrects(paper.conservation(i, 3), (T - V).diff(phi.q), 3)
     plane = in_one_plane(state_of(3, 7), 3)
-    assert value(azimuth.momentum(i, 3).printed.rhs - p, plane) == 0
-    assert value(azimuth.conservation(i, 3).corrected.rhs, plane) != 0, "one turning plane is not enough for (11)"
+    assert value(paper.momentum(i, 3).printed.rhs - p, plane) == 0
+    assert value(paper.conservation(i, 3).corrected.rhs, plane) != 0, "one turning plane is not enough for (11)"
     waves = {j: [plane[f] for f in paper.waves(j)] for j in paper.upto(3)}
     growing = plane | {paper.theta(j).v: 3 * s / c for j, (s, c) in waves.items()}
-    assert value(azimuth.conservation(i, 3).corrected.rhs, growing) == 0, "all sin θ grow at one rate"
+    assert value(paper.conservation(i, 3).corrected.rhs, growing) == 0, "all sin θ grow at one rate"
     still = plane | {paper.phi(j).v: sp.Integer(0) for j in paper.upto(3)}
-    assert value(azimuth.conservation(i, 3).corrected.rhs, still) == 0
+    assert value(paper.conservation(i, 3).corrected.rhs, still) == 0
 
 
 def test_small_angles() -> None:
     """(10) is the leading order of dp/dt in one plane; the corrected one of dp/dt anywhere."""
-    equation, e = azimuth.small_momentum_rate(1, 2), sp.Symbol("e")
+    equation, e = paper.small_momentum_rate(1, 2), sp.Symbol("e")
     T, V = true_energies(2)
     rate = time_derivative((T - V).diff(paper.phi(1).v), paper.coordinates(2))
     thetas = [symbol for i in (1, 2) for symbol in paper.theta(i)]
@@ -252,9 +251,9 @@ def test_small_angles() -> None:
 
 
 def test_a_single_link_conserves_its_momentum() -> None:
-    assert azimuth.conservation(1, 1).corrected.rhs == 0
-    assert azimuth.conservation(1, 2).corrected.rhs != 0
-    for build in (azimuth.momentum, azimuth.momentum_rate, azimuth.small_momentum_rate):
+    assert paper.conservation(1, 1).corrected.rhs == 0
+    assert paper.conservation(1, 2).corrected.rhs != 0
+    for build in (paper.momentum, paper.momentum_rate, paper.small_momentum_rate):
         equation = build(1, 1)
         assert sp.expand(equation.printed.rhs - equation.corrected.rhs) == 0
         assert equation.holds_when == sp.true
@@ -264,8 +263,8 @@ def test_a_single_link_conserves_its_momentum() -> None:
 def test_only_the_total_is_conserved(n: int) -> None:
     """Rates along the motion, with accelerations from the Cartesian Lagrangian."""
     moving = paper.coordinates(n)
-    total = time_derivative(azimuth.total_momentum(n), moving)
-    singles = [time_derivative(azimuth.momentum(i, n).corrected.rhs, moving) for i in paper.upto(n)]
+    total = time_derivative(paper.total_momentum(n), moving)
+    singles = [time_derivative(paper.momentum(i, n).corrected.rhs, moving) for i in paper.upto(n)]
     for seed in SEEDS:
         state = moving_state(n, seed)
         assert value(total, state) == 0
@@ -279,7 +278,7 @@ def test_the_total_is_the_angular_momentum_about_the_vertical() -> None:
         for k, (x, y, _) in enumerate(true_positions(3), 1)
     )
     for seed in SEEDS:
-        assert value(azimuth.total_momentum(3) - true, state_of(3, seed)) == 0
+        assert value(paper.total_momentum(3) - true, state_of(3, seed)) == 0
 
 
 def small_moving_state(n: int, size: float) -> State:
@@ -298,13 +297,13 @@ def small_moving_state(n: int, size: float) -> State:
 def test_azimuth_accelerations(n: int) -> None:
     """(12)-(15) miss the motion of a chain by a fifth and more even at small angles; the corrected form is it."""
     state = small_moving_state(n, 0.01)
-    c = {sp.Symbol(f"c_{i}"): azimuth.momentum(i, n).corrected.rhs.subs(state) for i in paper.upto(n)}
+    c = {sp.Symbol(f"c_{i}"): paper.momentum(i, n).corrected.rhs.subs(state) for i in paper.upto(n)}
     state |= c | dict.fromkeys(sp.symbols("l m"), 1)
     for i in paper.upto(n):
-        true, corrected = state[paper.phi(i).a], azimuth.azimuth_acceleration(i, n).corrected.rhs
+        true, corrected = state[paper.phi(i).a], paper.azimuth_acceleration(i, n).corrected.rhs
         assert float(corrected.subs(state) / true) == pytest.approx(1, rel=1e-9)
         for read in (False, True):
-            off = abs(azimuth.azimuth_acceleration(i, n, has_dots=read).printed.rhs.subs(state) / true - 1)
+            off = abs(paper.azimuth_acceleration(i, n, has_dots=read).printed.rhs.subs(state) / true - 1)
             assert off < 1e-3 if n == 1 and read else off > 0.2
 
 
@@ -318,8 +317,8 @@ def test_what_the_printed_accelerations_mean(i: int) -> None:
     spin = D * A.inv() * D * l * sp.Matrix([sp.Symbol(f"c_{j}") for j in paper.upto(n)])
     rate = time_derivative(spin[i - 1], paper.coordinates(n))
     same = {sp.Symbol("l_1"): l, sp.Symbol("m_1"): m}
-    assert sp.expand(azimuth.azimuth_acceleration(i, n, has_dots=True).printed.rhs.subs(same) - rate) == 0
-    assert sp.expand(azimuth.azimuth_acceleration(i, n).printed.rhs.subs(same) - rate) != 0
+    assert sp.expand(paper.azimuth_acceleration(i, n, has_dots=True).printed.rhs.subs(same) - rate) == 0
+    assert sp.expand(paper.azimuth_acceleration(i, n).printed.rhs.subs(same) - rate) != 0
 
 
 def test_the_printed_accelerations_letter_by_letter() -> None:
@@ -333,7 +332,7 @@ def test_the_printed_accelerations_letter_by_letter() -> None:
         ((t2 / (t2**2 * t3**2) + t3 / (t2 * t3**2)) * c2 - 4 * c3 / t3**3) / (l * m),
     ]
     for i, form in enumerate(literal, 1):
-        equation = azimuth.azimuth_acceleration(i, 3)
+        equation = paper.azimuth_acceleration(i, 3)
         assert sp.expand(equation.printed.rhs - form) == 0
         assert equation.number == ("12-13", "14", "15")[i - 1]
 
@@ -342,12 +341,12 @@ def test_the_printed_accelerations_letter_by_letter() -> None:
 def test_what_the_printed_accelerations_are_for_one_link(i: int, factor: int) -> None:
     """With dots, (12) is φ'' = −2 c θ'/(l m θ³) of a single link; (14) and (15) are twice that, and say so."""
     theta, c = paper.theta(i), sp.Symbol(f"c_{i}")
-    true = azimuth.azimuth_acceleration(1, 1, has_dots=True).corrected.rhs
+    true = paper.azimuth_acceleration(1, 1, has_dots=True).corrected.rhs
     spin = c / (paper.mass(1) * paper.length(1) * paper.theta(1).q ** 2)
     alone = at_small_angles(true).subs(paper.phi(1).v, spin)
     same = dict(zip((*paper.theta(1), paper.mass(1), paper.length(1)), (*theta, *sp.symbols("m l")), strict=True))
-    equation = azimuth.azimuth_acceleration(i, 3, has_dots=True)
-    printed = equation.printed.rhs.subs({f"c_{j}": 0 for j in azimuth.others(i, 3)}).subs({"l_1": "l", "m_1": "m"})
+    equation = paper.azimuth_acceleration(i, 3, has_dots=True)
+    printed = equation.printed.rhs.subs({f"c_{j}": 0 for j in paper.others(i, 3)}).subs({"l_1": "l", "m_1": "m"})
     assert sp.cancel(printed / alone.subs(same)) == factor
     assert ("not for one link" in equation.condition) == (factor == 2)
 
@@ -362,10 +361,10 @@ def at_small_angles(form: Any) -> Any:
 def test_when_the_printed_accelerations_hold(i: int) -> None:
     """Equal links in one turning plane, all θ' = r θ: φ'' = −2 r φ' in both forms; for one different θ' in neither."""
     n, r, spin = 3, sp.Symbol("r"), sp.Symbol("w")
-    (l, m), links, equation = sp.symbols("l m"), paper.upto(3), azimuth.azimuth_acceleration(i, 3, has_dots=True)
+    (l, m), links, equation = sp.symbols("l m"), paper.upto(3), paper.azimuth_acceleration(i, 3, has_dots=True)
     together = {paper.phi(j).q: 0 for j in links} | {paper.phi(j).v: spin for j in links}
     together |= {symbol(j): same for j in links for symbol, same in ((paper.length, l), (paper.mass, m))}
-    momenta = {f"c_{j}": at_small_angles(azimuth.momentum(j, n).corrected.rhs).subs(together) / l for j in links}
+    momenta = {f"c_{j}": at_small_angles(paper.momentum(j, n).corrected.rhs).subs(together) / l for j in links}
     growing = {paper.theta(j).v: r * paper.theta(j).q for j in links}
     turning = together | growing | {paper.phi(j).a: -2 * r * spin for j in links}
     printed = equation.printed.rhs.subs(momenta).subs({"l_1": l, "m_1": m})
@@ -377,7 +376,7 @@ def test_when_the_printed_accelerations_hold(i: int) -> None:
 
 def test_the_copy_s_exponents_are_told() -> None:
     for i, blurred in ((1, "s and N"), (2, "illegible"), (3, "exponent 5")):
-        assert blurred in azimuth.azimuth_acceleration(i, 3).note
+        assert blurred in paper.azimuth_acceleration(i, 3).note
 
 
 @pytest.mark.parametrize(("read", "power"), [(False, 1), (True, 2)])
@@ -387,7 +386,7 @@ def test_dimensions_of_the_printed_accelerations(read: bool, power: int) -> None
         sp.Symbol(f"c_{i}"): 2 * sp.Symbol(f"c_{i}") for i in (1, 2, 3)
     }
     for i in (1, 2, 3):
-        form = azimuth.azimuth_acceleration(i, 3, has_dots=read).printed.rhs
+        form = paper.azimuth_acceleration(i, 3, has_dots=read).printed.rhs
         assert sp.expand(form.subs(rates, simultaneous=True) - 2**power * form) == 0
 
 
@@ -397,7 +396,7 @@ def test_one_link() -> None:
     T, V = true_energies(1)
     row, equation = (
         lagrange_equations(T - V, paper.coordinates(1))[1],
-        azimuth.azimuth_acceleration(1, 1, has_dots=True),
+        paper.azimuth_acceleration(1, 1, has_dots=True),
     )
     assert value(row.subs(phi.a, equation.corrected.rhs), state_of(1, 0)) == 0 != value(row, state_of(1, 0))
     m, l, c = paper.mass(1), paper.length(1), sp.Symbol("c_1")
@@ -412,9 +411,9 @@ def test_one_link() -> None:
 def test_angles_are_singular_at_rest_and_unit_vectors_are_not() -> None:
     theta, state = paper.theta(1), {paper.theta(1).q: 0, paper.phi(1).q: 0}
     for form in ("printed", "corrected"):
-        equation = getattr(azimuth.azimuth_acceleration(1, 1, has_dots=True), form)
+        equation = getattr(paper.azimuth_acceleration(1, 1, has_dots=True), form)
         assert equation.rhs.subs(state).has(sp.zoo)
-    assert list(azimuth.vector_equation(1, 1).subs(state)) == [
+    assert list(paper.vector_equation(1, 1).subs(state)) == [
         -2 * paper.length(1) ** 2 * paper.mass(1) * theta.v * paper.phi(1).v,
         paper.length(1) ** 2 * paper.mass(1) * theta.a,
         0,
@@ -426,7 +425,7 @@ def test_unit_vectors_move_as_the_angles_do(n: int) -> None:
     state = moving_state(n, 2)
     off = state | {paper.theta(1).a: state[paper.theta(1).a] + 1}
     for i in paper.upto(n):
-        rows = list(azimuth.vector_equation(i, n))
+        rows = list(paper.vector_equation(i, n))
         assert [value(row, state) for row in rows] == [0, 0, 0]
         assert any(value(row, off) != 0 for row in rows)
 

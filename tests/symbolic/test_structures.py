@@ -17,8 +17,7 @@ from modal.assembly import matrices
 from modal.scene import Spring
 from modal.scene.supports import Swing, Tilt
 from modal.symbolic import derive, plain, symbolic_structure, vanishes
-from modal.symbolic.derivation import target
-from modal.symbolic.system import EQUAL, Letters, rational, structure_with
+from modal.symbolic.derivation import EQUAL, Letters, rational, structure_with, target
 from modal.symbolic.typesetting import PlusMinus
 from modal.types import Floats
 

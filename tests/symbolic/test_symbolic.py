@@ -16,9 +16,9 @@ from modal import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene, matrices, natura
 from modal.exact import of_scene
 from modal.symbolic import SymbolicStructure, chain, coordinate, derive, derive_lagrangian, symbolic_structure, vanishes
 from modal.symbolic import symbolic as symbolic_polynomial
+from modal.symbolic.derivation import cart
 from modal.symbolic.eigen import modes_section
-from modal.symbolic.lagrangian import equations, vector_equations
-from modal.symbolic.system import cart
+from modal.symbolic.hamiltonian import equations, vector_equations
 
 
 @pytest.mark.parametrize("seed", usually(range(60), range(200)))

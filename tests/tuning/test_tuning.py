@@ -13,18 +13,17 @@ import numpy as np
 import pytest
 
 from modal import Bob, Body, Cart, ComputationError, Pendulum, Rod, Scene, SceneError, load
-from modal.identification.derivatives import polar
+from modal.identification.identifiability import polar
 from modal.plotting import tuning_figure
 from modal.scene import scene_from
-from modal.scene.parameters import with_numbers
+from modal.scene.parameters import vary, with_numbers
 from modal.scene.records import Spectrum
 from modal.statespace.channels import Channel, channel_model
 from modal.statespace.hoisting import Travel, travel_swing
 from modal.statespace.response import ExactResponse
 from modal.tuning import Tuned, den_hartog, exact_optimum, tune, tuned_record, tuned_text
-from modal.tuning.interpolation import interpolate
 from modal.tuning.minimax import Evaluation, Faces, descend
-from modal.tuning.model import TunedNumbers, find_peaks
+from modal.tuning.model import find_peaks, interpolate
 from modal.tuning.objective import Objective
 from modal.tuning.pieces import Pieces, Quantities
 from modal.types import Floats
@@ -177,16 +176,17 @@ def test_responses_and_their_derivatives_are_those_of_elimination(channel: Chann
     scene = carrier(ratio=0.02).replace(pendulum=[Pendulum(links=links)])
     places = [("pendulum", 0, "links", 0, "length"), ("pendulum", 0, "links", 1, "mass"), ("support", "damping")]
     form = channel_model(scene, [channel])
-    numbers = TunedNumbers(scene, places, form)
     values = np.array([2.4, 0.3, scene.support.damping])
     omega = np.array([0.7, 1.9, 4.0])
     row, column = form.signals[0]
 
-    def true(point: np.ndarray) -> np.ndarray:
-        return ExactResponse(numbers.scene_at(point), [column], [row]).response_at(omega)[0, 0]
+    def scene_at(point: np.ndarray) -> Scene:
+        return vary(scene, dict(zip(map(with_numbers, places), point.tolist(), strict=True)))
 
-    model = numbers.model(scene)
-    H, by = model.gradient(0, omega, numbers.slopes(scene, places))
+    def true(point: np.ndarray) -> np.ndarray:
+        return ExactResponse(scene_at(point), [column], [row]).response_at(omega)[0, 0]
+
+    H, by = form.model(scene).gradient(0, omega, form.slopes(scene, places))
     assert pytest.approx(true(values), rel=1e-12) == H
     for k, value in enumerate(values):
         step = 1e-4 * value * np.eye(3)[k]
@@ -194,15 +194,15 @@ def test_responses_and_their_derivatives_are_those_of_elimination(channel: Chann
             8 * (true(values + step) - true(values - step)) - true(values + 2 * step) + true(values - 2 * step)
         ) / (12 * step[k])
         assert by[:, k] == pytest.approx(quotient, rel=1e-7, abs=1e-9 * np.abs(quotient).max())
-    polynomial = interpolate(lambda point: form.arrays(numbers.scene_at(point)), values)
+    polynomial = interpolate(lambda point: form.arrays(scene_at(point)), values)
     assert polynomial is not None
-    for part, other in zip(polynomial.arrays(3 * values), form.arrays(numbers.scene_at(3 * values)), strict=True):
+    for part, other in zip(polynomial.arrays(3 * values), form.arrays(scene_at(3 * values)), strict=True):
         assert part == pytest.approx(other, rel=1e-11, abs=1e-13)
 
 
 def test_peaks_are_where_the_slope_vanishes() -> None:
     scene = carrier(ratio=0.01)
-    model = TunedNumbers(scene, [], channel_model(scene, [Channel("x", "cart_force")])).model(scene)
+    model = channel_model(scene, [Channel("x", "cart_force")]).model(scene)
     peaks = find_peaks(model, 0, None)
     H, slope = model.slope(0, peaks.omega[peaks.inside])
     assert peaks.inside.sum() == 2

@@ -8,7 +8,7 @@ from functools import cache
 
 from modal.errors import SceneError
 from modal.symbolic import Line, Section
-from modal.symbolic.papers import Equation, cart, cart_dae, planar, spatial, spatial_azimuth
+from modal.symbolic.papers import Equation, cart, cart_dae, planar, spatial
 
 
 def paper(number: str, show: tuple[str, ...] = ()) -> tuple[str, list[Section]]:
@@ -38,7 +38,7 @@ def _equations(number: str) -> list[Equation]:
 def places(equation: Equation) -> dict[str, None]:
     """Every word for an equation's place in its paper: 12-13, 12 and 13 for the printed (12-13).
 
-    >>> list(places(spatial_azimuth.azimuth_acceleration(1, 2)))
+    >>> list(places(spatial.azimuth_acceleration(1, 2)))
     ['12-13', '12', '13']
     """
     first_number = equation.number.partition(",")[0].removeprefix("words below ")
@@ -79,14 +79,14 @@ def _spatial() -> list[Equation]:
     azimuths = [
         make(1, 2)
         for make in (
-            spatial_azimuth.momentum,
-            spatial_azimuth.momentum_rate,
-            spatial_azimuth.small_momentum_rate,
-            spatial_azimuth.conservation,
+            spatial.momentum,
+            spatial.momentum_rate,
+            spatial.small_momentum_rate,
+            spatial.conservation,
         )
     ]
-    azimuths += [spatial_azimuth.azimuth_acceleration(1, 2)]
-    azimuths += [spatial_azimuth.azimuth_acceleration(i, 3) for i in (2, 3)]
+    azimuths += [spatial.azimuth_acceleration(1, 2)]
+    azimuths += [spatial.azimuth_acceleration(i, 3) for i in (2, 3)]
     return [*kinematics, *energies, *azimuths]
 
 
