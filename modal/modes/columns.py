@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from math import isfinite, nan, pi, radians
 from textwrap import wrap
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,24 +22,40 @@ Stds = Mapping[int, tuple[float, float]]
 """Standard deviations of ω (rad/s) and of the damping ratio by the number of the mode."""
 Value = float | int | str | bool | None
 EVERY = "all"
+M_EFF = r"$m_\mathrm{eff}$"
+
+
+class OfRows:
+    """A value that needs more than its own row: the function of all modes and of the rows that computes theirs."""
+
+    def __init__(self, compute: Callable[[Modes, Sequence[Mode]], Floats]) -> None:
+        self.compute = compute
+
+    def __call__(self, mode: Mode) -> float:
+        """No number of one row alone."""
+        return nan
 
 
 class Column(NamedTuple):
     """A key with its unit, its value and, if it is printed, a heading, plain and in LaTeX, and a format.
 
-    `only_if` says for which scenes it is informative. If a value needs more than its own row, `of_rows` computes the
-    values of these modes. A column that is not `usual` is shown on request.
+    The format is at most so many significant `digits`, or a `text`. `only_if` says for which scenes the column is
+    informative. A column that is not `usual` is shown on request.
     """
 
     key: str
     value: Callable[[Mode], Value]
     heading: str = ""
     latex: str = ""
-    cell: Callable[[Mode], str] | None = None
-    only_if: Callable[[Modes], bool] = lambda modes: True
-    of_rows: Callable[[Modes, Sequence[Mode]], Floats] | None = None
     digits: int = 0
+    only_if: Callable[[Modes], bool] = lambda modes: True
+    text: Callable[[Mode], str] | None = None
     usual: bool = True
+
+    @property
+    def cell(self) -> Callable[[Mode], str] | None:
+        """The value as it is printed, None if it is not."""
+        return _digits(self.digits, self.value) if self.digits else self.text
 
     @property
     def latex_heading(self) -> str:
@@ -48,21 +64,21 @@ class Column(NamedTuple):
 
     def with_values(self, modes: Modes, rows: Sequence[Mode]) -> Column:
         """Return the same with the values of these rows, computed on first use."""
-        if self.of_rows is None:
+        if not isinstance(self.value, OfRows):
             return self
-        of_rows = self.of_rows
+        compute = self.value.compute
 
         @cache
         def values() -> dict[int, float]:
-            return dict(zip([row.number for row in rows], of_rows(modes, rows).tolist(), strict=True))
+            return dict(zip([row.number for row in rows], compute(modes, rows).tolist(), strict=True))
 
         def value(mode: Mode) -> float:
             return values()[mode.number]
 
-        return self._replace(value=value, cell=_digits(self.digits, value))
+        return self._replace(value=value)
 
 
-def _digits(limit: int, value: Callable[[Mode], float | None]) -> Callable[[Mode], str]:
+def _digits(limit: int, value: Callable[[Mode], Any]) -> Callable[[Mode], str]:
     """At most `limit` significant digits, and no more than the bound on ω allows."""
 
     def cell(mode: Mode) -> str:
@@ -77,37 +93,21 @@ def _number_with_marks(mode: Mode) -> str:
     return f"{mode.number}{''.join(mark for mark, holds in marks if holds)}"
 
 
-def _angle_cell(mode: Mode) -> str:
+def _bound_text(mode: Mode) -> str:
+    return f"{mode.relative_error_bound:.0e}"
+
+
+def _angle_text(mode: Mode) -> str:
     angle = mode.linear_to_1_percent_deg
     return ">90" if angle > 90 and isfinite(mode.kappa) and mode.kappa else _digits(3, lambda m: angle)(mode)
 
 
-def _number(
-    key: str,
-    value: Callable[[Mode], float | None],
-    heading: str,
-    latex: str,
-    digits: int,
-    only_if: Callable[[Modes], bool] = lambda modes: True,
-) -> Column:
-    return Column(key, value, heading, latex, _digits(digits, value), only_if)
-
-
-def _of_rows(
-    key: str,
-    of_rows: Callable[[Modes, Sequence[Mode]], Floats],
-    heading: str,
-    latex: str,
-    digits: int,
-    only_if: Callable[[Modes], bool] = lambda modes: True,
-    *,
-    usual: bool = True,
-) -> Column:
-    return Column(key, lambda m: nan, heading, latex, lambda m: NOTHING, only_if, of_rows, digits, usual)
-
-
 def _swings_freely(modes: Modes) -> bool:
     return on_free_cart(modes.rig)
+
+
+def _has_copies(modes: Modes) -> bool:
+    return bool((modes.multiplicity > 1).any())
 
 
 def _has_own_mass(modes: Modes) -> bool:
@@ -119,17 +119,23 @@ def _indices(modes: Modes, rows: Sequence[Mode]) -> list[int]:
     return [modes.index_of(row) for row in rows]
 
 
-_quality_factors = deferred("modal.modes.dissipation:quality_factors")
+@OfRows
+def _quality_factors(modes: Modes, rows: Sequence[Mode]) -> Floats:
+    factors: Floats = deferred("modal.modes.dissipation:quality_factors")(modes, _indices(modes, rows))
+    return factors
 
 
+@OfRows
 def _fixed_base(modes: Modes, rows: Sequence[Mode]) -> Floats:
     return fixed_base_masses(modes, _indices(modes, rows), [row.effective_mass for row in rows])
 
 
+@OfRows
 def _participation(modes: Modes, rows: Sequence[Mode]) -> Floats:
     return np.array([modes.shape(row).participation_factor + 0.0 for row in _indices(modes, rows)])
 
 
+@OfRows
 def _cumulative(modes: Modes, rows: Sequence[Mode]) -> Floats:
     """The share of the total mass in each of these modes and all below it."""
     indices = _indices(modes, rows)
@@ -138,6 +144,7 @@ def _cumulative(modes: Modes, rows: Sequence[Mode]) -> Floats:
     return np.asarray(np.cumsum(lower)[indices])
 
 
+@OfRows
 def _cumulative_held(modes: Modes, rows: Sequence[Mode]) -> Floats:
     """The same of the fixed-base modes, of the mass of the pendula."""
     indices = _indices(modes, rows)
@@ -148,47 +155,31 @@ def _cumulative_held(modes: Modes, rows: Sequence[Mode]) -> Floats:
 
 
 COLUMNS = (
-    Column("mode", lambda m: m.number, "mode", cell=_number_with_marks),
-    _number("omega_rad_per_s", lambda m: m.omega, "ω (rad/s)", r"$\omega$ (rad/s)", 9),
-    _number("frequency_hz", lambda m: m.frequency, "f (Hz)", r"$f$ (Hz)", 7),
-    _number("period_s", lambda m: m.period, "T (s)", r"$T$ (s)", 7),
-    _number("damping_ratio", lambda m: m.damping_ratio, "ζ", r"$\zeta$", 4, lambda modes: modes.scene.has_damping),
-    _of_rows(
-        "quality_factor",
-        lambda modes, rows: _quality_factors(modes, _indices(modes, rows)),
-        "Q",
-        "$Q$",
-        5,
-        lambda modes: modes.scene.has_losses,
-        usual=False,
-    ),
-    _number("growth_rate_per_s", lambda m: m.growth_rate, "growth (1/s)", "", 7, lambda modes: modes.scene.stands),
+    Column("mode", lambda m: m.number, "mode", text=_number_with_marks),
+    Column("omega_rad_per_s", lambda m: m.omega, "ω (rad/s)", r"$\omega$ (rad/s)", 9),
+    Column("frequency_hz", lambda m: m.frequency, "f (Hz)", r"$f$ (Hz)", 7),
+    Column("period_s", lambda m: m.period, "T (s)", r"$T$ (s)", 7),
+    Column("damping_ratio", lambda m: m.damping_ratio, "ζ", r"$\zeta$", 4, lambda modes: modes.scene.has_damping),
+    Column("quality_factor", _quality_factors, "Q", "$Q$", 5, lambda modes: modes.scene.has_losses, usual=False),
+    Column("growth_rate_per_s", lambda m: m.growth_rate, "growth (1/s)", "", 7, lambda modes: modes.scene.stands),
+    Column("multiplicity", lambda m: m.multiplicity, "multiplicity", "", 0, _has_copies, lambda m: str(m.multiplicity)),
+    Column("family", lambda m: m.family, "description", text=lambda m: m.family),
+    Column("cart_participation", lambda m: m.cart_participation, "cart part.", "", 4, lambda modes: modes.on_cart),
+    Column("effective_mass_kg", lambda m: m.effective_mass, "eff. mass (kg)", f"{M_EFF} (kg)", 6, _has_own_mass),
+    Column("effective_mass_share", lambda m: m.effective_mass_share, "share", "", 4, _has_own_mass),
     Column(
-        "multiplicity",
-        lambda m: m.multiplicity,
-        "multiplicity",
-        cell=lambda m: str(m.multiplicity),
-        only_if=lambda modes: bool((modes.multiplicity > 1).any()),
-    ),
-    Column("family", lambda m: m.family, "description", cell=lambda m: m.family),
-    _number("cart_participation", lambda m: m.cart_participation, "cart part.", "", 4, lambda modes: modes.on_cart),
-    _number(
-        "effective_mass_kg", lambda m: m.effective_mass, "eff. mass (kg)", r"$m_\mathrm{eff}$ (kg)", 6, _has_own_mass
-    ),
-    _number("effective_mass_share", lambda m: m.effective_mass_share, "share", "", 4, _has_own_mass),
-    _of_rows(
         "fixed_base_effective_mass_kg",
         _fixed_base,
         "fixed-base mass (kg)",
-        r"fixed-base $m_\mathrm{eff}$ (kg)",
+        f"fixed-base {M_EFF} (kg)",
         6,
         _swings_freely,
     ),
-    _number(
+    Column(
         "effective_mass_across_kg",
         lambda m: m.effective_mass_across,
         "across (kg)",
-        r"$m_\mathrm{eff}$ across (kg)",
+        f"{M_EFF} across (kg)",
         6,
         lambda modes: modes.rig.spatial,
     ),
@@ -197,7 +188,7 @@ COLUMNS = (
         lambda m: m.linear_to_1_percent_deg,
         "1 % at (°)",
         r"1\,\% at ($^\circ$)",
-        _angle_cell,
+        text=_angle_text,
     ),
     Column("kappa_per_rad2", lambda m: m.kappa),
     Column("resonances", lambda m: "; ".join(m.resonances)),
@@ -207,20 +198,12 @@ COLUMNS = (
         lambda m: m.relative_error_bound,
         "rel. error ≤",
         r"rel.\ error $\leq$",
-        lambda m: f"{m.relative_error_bound:.0e}",
+        text=_bound_text,
     ),
     Column("indistinct", lambda m: m.indistinct),
-    _of_rows("participation_factor_per_m", _participation, "part. factor (1/m)", r"$\Gamma$ (1/m)", 6, usual=False),
-    _of_rows("cumulative_effective_mass_share", _cumulative, "cum. share", "", 4, _has_own_mass, usual=False),
-    _of_rows(
-        "cumulative_fixed_base_mass_share",
-        _cumulative_held,
-        "cum. fixed-base",
-        "",
-        4,
-        _swings_freely,
-        usual=False,
-    ),
+    Column("participation_factor_per_m", _participation, "part. factor (1/m)", r"$\Gamma$ (1/m)", 6, usual=False),
+    Column("cumulative_effective_mass_share", _cumulative, "cum. share", "", 4, _has_own_mass, usual=False),
+    Column("cumulative_fixed_base_mass_share", _cumulative_held, "cum. fixed-base", "", 4, _swings_freely, usual=False),
 )
 DROPPED = (
     *("relative_error_bound", "effective_mass_share", "effective_mass_across_kg", "fixed_base_effective_mass_kg"),
@@ -266,14 +249,15 @@ def coordinate_columns(modes: Modes, rows: Sequence[Mode]) -> list[Column]:
         return shapes, shares
 
     def column(k: int, name: str, which: int) -> Column:
-        def of_rows(modes: Modes, rows: Sequence[Mode]) -> Floats:
+        @OfRows
+        def values(modes: Modes, rows: Sequence[Mode]) -> Floats:
             return np.asarray(shapes_and_shares()[which][:, k])
 
-        if which:
-            return _of_rows(f"{name}_participation", of_rows, f"{name} part.", "", 4, usual=False)
-        label, _, unit = name.rpartition("_")
-        heading = f"{label} ({unit})" if label and unit in {"m", "rad"} else name
-        return _of_rows(name, of_rows, heading, "", 4)
+        key, heading = f"{name}_participation", f"{name} part."
+        if not which:
+            label, _, unit = name.rpartition("_")
+            key, heading = name, f"{label} ({unit})" if label and unit in {"m", "rad"} else name
+        return Column(key, values, heading, digits=4, usual=not which)
 
     return [column(k, name, which) for which in (0, 1) for k, name in enumerate(modes.rig.support.names)]
 
@@ -340,7 +324,7 @@ def proof_columns(proofs: Mapping[int, str] | None) -> list[Column]:
     def word(mode: Mode) -> str:
         return (proofs or {})[mode.number]
 
-    return [Column("proof", word, "proof", cell=word)] if proofs else []
+    return [Column("proof", word, "proof", text=word)] if proofs else []
 
 
 def _with_stds(stds: Stds) -> list[Column]:
@@ -359,7 +343,7 @@ def _with_stds(stds: Stds) -> list[Column]:
             def value(mode: Mode, column: Column = column, which: int = which, factor: float = factor) -> float:
                 return nan if column.value(mode) is None else factor * stds[mode.number][which]
 
-            columns.append(_number(key, value, heading, latex, 2, column.only_if))
+            columns.append(Column(key, value, heading, latex, 2, column.only_if))
     return columns
 
 
@@ -374,4 +358,4 @@ def _at_amplitude(modes: Modes, amplitude_deg: float) -> Column:
         return ratios.get(mode.number, nan)
 
     heading = f"ζ({angle}°)", rf"$\zeta({angle}^\circ)$"
-    return Column(f"damping_ratio_at_{angle}_deg", ratio, *heading, _digits(4, ratio))
+    return Column(f"damping_ratio_at_{angle}_deg", ratio, *heading, 4)

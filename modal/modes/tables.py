@@ -14,6 +14,7 @@ from modal.errors import ComputationError, SceneError, spelling_hint
 from modal.modes.columns import (
     COLUMNS,
     Column,
+    OfRows,
     Stds,
     added_by,
     columns_of,
@@ -287,7 +288,7 @@ OMEGA = "omega_rad_per_s"
 
 def record_of(mode: Mode) -> dict[str, Any]:
     """The row of a mode by the keys of the table, except columns that need more than the row; None for no value."""
-    return {column.key: finite(column.value(mode)) for column in COLUMNS if column.of_rows is None}
+    return {column.key: finite(column.value(mode)) for column in COLUMNS if not isinstance(column.value, OfRows)}
 
 
 def table_of(modes: Modes) -> dict[str, NDArray[Any]]:
@@ -302,7 +303,7 @@ def _array(values: list[Any]) -> NDArray[Any]:
 
 def summarize_mode(mode: Mode) -> Summary:
     """Return the number of a mode, its description and its row of the table."""
-    columns = {column.key: column for column in COLUMNS if column.cell and column.of_rows is None}
+    columns = {column.key: column for column in COLUMNS if column.cell and not isinstance(column.value, OfRows)}
     cells = {key: column.cell(mode) for key, column in columns.items() if column.cell}
     title = f"Mode {cells.pop('mode')}: {cells.pop('family')}"
     facts = [(columns[key].heading, cell) for key, cell in cells.items() if cell != NOTHING]
