@@ -15,22 +15,26 @@ if TYPE_CHECKING:
     from modal.scene.points import CarrierEnd, End, GroundEnd, LinkEnd, Where
     from modal.structure.carriers import PLATFORM, CarrierNumbers, Moving, carrier_numbers
     from modal.structure.outlines import STILL, Piece, Scaffold
-    from modal.structure.rest import (
+    from modal.structure.structure import (
         Phi,
         Row,
+        SpringNumbers,
+        Structure,
         bends,
         carried_weights,
+        coordinate_units,
         drawn_together,
         find_imbalance,
         hung_masses,
         is_damped,
         phi,
+        scale_structure,
         slopes,
+        structure_of,
         tied,
         turning,
         weights,
     )
-    from modal.structure.structure import SpringNumbers, Structure, coordinate_units, scale_structure, structure_of
 
 
 if not TYPE_CHECKING:
