@@ -17,11 +17,13 @@ def lazy_attributes(package: str) -> Callable[[str], Any]:
     """Return the `__getattr__` of a package, which loads a name from the module that type checkers import it from.
 
     It covers the names in `__all__`, further names of modules that need SciPy and that `import *` omits, and these
-    modules. `dir` shows all these names.
+    modules. `dir` shows all these names. A package of internal names has no `__all__`: its imports list them.
     """
 
     def find(name: str) -> Any:
         homes = homes_of(package)
+        if name == "__all__":
+            return sorted(homes)
         if name in homes:
             return getattr(import_module(homes[name]), name)
         if f"{package}.{name}" in homes.values():
@@ -42,4 +44,5 @@ def homes_of(package: str) -> dict[str, str]:
     with open(str(offering.__file__), encoding="utf-8") as source:
         imports = IMPORT.findall(source.read())
     homes = {name: home for home, names in imports for name in re.findall(r"\w+", names.partition(" as ")[0])}
-    return {name: home for name, home in homes.items() if name in offering.__all__ or home.startswith(f"{package}.")}
+    names = vars(offering).get("__all__", homes)
+    return {name: home for name, home in homes.items() if name in names or home.startswith(f"{package}.")}

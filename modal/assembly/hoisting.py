@@ -236,10 +236,8 @@ def instants(scene: Scene) -> Callable[[float], HoistInstant]:
     pivot_rows, down, curvatures = (rows[owner] for rows in (hanging.phi.rail, hanging.phi.down, hanging.bends))
     labels, quadratic, sunk = coordinate_labels(rig), quadratic_drags(scene), down.T
     pattern = np.tril(owner[:, None] == owner) * sigma
-    lever_rows, arms = (
-        np.where(hoisting.moving, pattern, np.tril(pattern, -1)),
-        np.diag(~hoisting.moving * sigma * centre),
-    )
+    lever_rows = np.where(hoisting.moving, pattern, np.tril(pattern, -1))
+    arms = np.diag(~hoisting.moving * sigma * centre)
     index, (bare_M, bare_K, bare_D) = np.arange(first, first + len(mass)), _without_links(rig)
     resting: dict[bytes, HoistInstant] = {}
 

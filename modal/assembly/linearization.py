@@ -187,12 +187,8 @@ def matrices_table(scene: Scene, dense: Matrices, form: str) -> str:
     """M, K and D of a scene; `form` is text or json."""
     by_name = {"M": dense.M, "K": dense.K, "D": dense.D}
     if form == "json":
-        document = {
-            "scene": describe(scene),
-            "coordinates": list(dense.labels),
-            **{name: matrix.tolist() for name, matrix in by_name.items()},
-        }
-        return as_json(document)
+        numbers = {name: matrix.tolist() for name, matrix in by_name.items()}
+        return as_json({"scene": describe(scene), "coordinates": list(dense.labels), **numbers})
     labels = list(map(symbols_in, dense.labels))
     parts = [folded(f"coordinates ({len(labels)}): {', '.join(labels)}")]
     for name, matrix in by_name.items():
@@ -207,9 +203,8 @@ def _grid(matrix: Floats, labels: Sequence[str]) -> str:
     rows = ["  " + "  ".join(cell.rjust(width) for cell in row) for row in cells]
     if fits(breadth(rows[0])):
         return "\n".join(rows)
-    return aligned(
-        [[name, *row] for name, row in zip(labels, cells, strict=True)], ["", *labels], ["right"] * (1 + len(labels))
-    )
+    rows_of_labels = [[name, *row] for name, row in zip(labels, cells, strict=True)]
+    return aligned(rows_of_labels, ["", *labels], ["right"] * (1 + len(labels)))
 
 
 # ---------------------------------------------------------------------------------------------- rows of displacements

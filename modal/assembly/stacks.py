@@ -28,17 +28,8 @@ CHANGING = {"centre", "inertia"}
 """Numbers of a link at which zero is another form, as it is for both of a support."""
 OTHERS = frozenset(
     {
-        "inverted",
-        "joint_springs",
-        "rotor",
-        "dampers",
-        "law",
-        "linear_drag",
-        "massless_cart",
-        "constant_force",
-        "structure",
-        "springs",
-        "feedback",
+        *("inverted", "joint_springs", "rotor", "dampers", "law", "linear_drag", "massless_cart"),
+        *("constant_force", "structure", "springs", "feedback"),
     }
 )
 """The features of scenes whose equations stacks do not have."""

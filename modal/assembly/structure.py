@@ -152,14 +152,9 @@ class Hanging:
             mass, drag = (self._on_point((carrier, where), name, floats) for name in ("mass", "drag"))
             inertia += row_squares(DOWN, carrier, down, mass)
             damping += row_squares(DRAG_DOWN, carrier, down, drag)
+        rows = ([square for square in part if square.row_source is not None] for part in (inertia, stiffness, damping))
         masses, stiffnesses, losses = (
-            [
-                (square.kind, element)
-                for square in part
-                if square.row_source is not None
-                for _, element in square.elements
-            ]
-            for part in (inertia, stiffness, damping)
+            [(square.kind, element) for square in part for _, element in square.elements] for part in rows
         )
         parts: list[list[float]] = [[] for _ in range(structure.size)]
         for _, element in (group for group in stiffnesses if group[0] != SPRING):

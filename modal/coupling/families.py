@@ -80,12 +80,10 @@ def transfer(first: complex, second: complex, coupling: complex) -> Transfer:
         early = np.linspace(0.0, min(period, 100 / rate), SAMPLES_OF_EXCHANGE)
         late = np.geomspace(1e-3, 1e6, SAMPLES_OF_EXCHANGE) / rate
         other_energy = _swung(np.concatenate((early, late)), turn, decay) * abs(coupling) ** 2
-        remainder = (
-            float(max(_energy_at(sign * half, turn, decay, period) for sign in (1, -1))) if isfinite(period) else 0.0
-        )
-    return Transfer(
-        period, float(other_energy.max()), remainder, beats=bool(abs(turn.real) > abs(turn.imag)), lossless=False
-    )
+        remainder, beats = 0.0, bool(abs(turn.real) > abs(turn.imag))
+        if isfinite(period):
+            remainder = float(max(_energy_at(sign * half, turn, decay, period) for sign in (1, -1)))
+    return Transfer(period, float(other_energy.max()), remainder, beats, lossless=False)
 
 
 def passes_energy(first: Floats, second: Floats) -> bool:

@@ -119,13 +119,9 @@ def _between(coupling: Coupling) -> Iterator[str]:
     who = " and ".join(names) if sum(map(len, names)) <= MOST_LETTERS else "pendula of different kinds"
     transfer, is_in_tune = pair.exchange, abs(pair.detuning) < 2 * abs(pair.coupling)
     period = f" in {transfer.period:.4g} s" if transfer.beats else ""
-    why = (
-        ""
-        if is_in_tune and (transfer.lossless or transfer.most > 0.5)
-        else ": dampers limit it"
-        if is_in_tune
-        else ": detuning limits it"
-    )
+    why = ": dampers limit it" if is_in_tune else ": detuning limits it"
+    if is_in_tune and (transfer.lossless or transfer.most > 0.5):
+        why = ""
     part = f"{'at most' if why else 'up to'} {fraction(transfer.most)}"
     yield f"{capital(who)} exchange {part} of their energy{period}{why}."
 
@@ -206,10 +202,8 @@ def damping(coupling: Coupling) -> Iterator[str]:
     yield from map(capital, stop_words(coupling.scene, LET_GO_DEG)[:MOST_DAMPED])
     if not (coupling.scene.has_damping or coupling.scene.is_driven):
         has_friction = coupling.scene.has_friction or coupling.scene.has_drag
-        statement = (
-            "in the linear scene every mode keeps its amplitude" if has_friction else "every mode keeps its amplitude"
-        )
-        yield f"Nothing {'else ' if has_friction else ''}dissipates energy [D = 0]: {statement}."
+        linear = "in the linear scene " * has_friction
+        yield f"Nothing {'else ' * has_friction}dissipates energy [D = 0]: {linear}every mode keeps its amplitude."
         return
     modes = coupling.damped_modes
     yield from (_mode(coupling, mode) for mode in modes[:MOST_DAMPED] if coupling.scene.has_damping)

@@ -404,11 +404,9 @@ def _exchange_words(pair: EnergyExchange) -> str:
             f"{percent(pair.share)} of its energy to the other [4g²/(4g² + δ²)] in beats of {short(pair.period)} s "
             "[2π/√(4g² + δ²)]"
         )
-    verdict = (
-        ("they exchange energy" if pair.share > 0.5 else "damping suppresses the exchange")
-        if is_in_tune
-        else "detuning suppresses the exchange"
-    )
+    verdict = "they exchange energy" if pair.share > 0.5 else "damping suppresses the exchange"
+    if not is_in_tune:
+        verdict = "detuning suppresses the exchange"
     back = (
         f"after a beat of {short(pair.period)} s [π/Re Ω, Ω² = g² + δ²/4 with the dampers] at most "
         f"{fraction(transfer.left)} is back"

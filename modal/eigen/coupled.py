@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -148,9 +148,9 @@ class CartPendula:
 
     @cached_property
     def _are_apart(self) -> bool:
-        return not self.fixed_squares or (
-            self._are_few and self.clusters.closest > CLOSE and not self.clusters.shared_clusters.size
-        )
+        if not self.fixed_squares:
+            return True
+        return self._are_few and self.clusters.closest > CLOSE and not self.clusters.shared_clusters.size
 
     @cached_property
     def bare_mass(self) -> float:
@@ -225,9 +225,9 @@ class CartPendula:
     def details(self, rows: Ints) -> Details:
         """Return shapes in which all copies of a kind move alike."""
         x = self.squares[rows]
-        return self.describe(
-            x, cart_shapes(self.blocks, self.cart, x) if self._are_apart else self.secular_equation.shapes(rows, x)
-        )
+        if self._are_apart:
+            return self.describe(x, cart_shapes(self.blocks, self.cart, x))
+        return self.describe(x, self.secular_equation.shapes(rows, x))
 
     def describe(self, x: Floats, motion: ChainShapes) -> Details:
         """Return the properties of shapes at x (R,)."""
@@ -314,8 +314,7 @@ class StillModes:
         return sorted(members, key=lambda member: -abs(member.momentum))
 
 
-@dataclass(frozen=True, eq=False)
-class _Member:
+class _Member(NamedTuple):
     """A pendulum's fixed-base mode of modal mass 1: its momentum p, turns and energies (n,)."""
 
     block: int
@@ -335,8 +334,7 @@ def _combination(members: list[_Member], number: int) -> Floats:
     return amplitudes
 
 
-@dataclass(frozen=True, eq=False)
-class _Own:
+class _Own(NamedTuple):
     """A block's fixed-base modes: momenta and modal masses (n modes, P), turns (n links, n modes, P)."""
 
     momentum: Floats

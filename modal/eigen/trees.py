@@ -152,12 +152,8 @@ class Tree:
         stiffness = self.stiffness[i] - inertia + child_stiffness
         alpha_stiffness, beta_stiffness = self.spring[i] * self.alpha[i] ** 2, self.spring[i] * self.beta[i] ** 2
         pivot = beta_stiffness + stiffness
-        size = (
-            self.stiffness[i]
-            + np.abs(x) * (self.mass[i] + np.abs(chain_mass))
-            + np.abs(child_stiffness)
-            + beta_stiffness
-        )
+        size = self.stiffness[i] + np.abs(x) * (self.mass[i] + np.abs(chain_mass))
+        size = size + np.abs(child_stiffness) + beta_stiffness
         return stiffness, np.where(pivot == 0, -NUDGE * size, pivot), float(alpha_stiffness)
 
     def take(self, supports: Ints | slice) -> Tree:
@@ -305,14 +301,10 @@ class Tree:
     def _inertial(self, shape: _Shape) -> _Loads:
         """M φ: forces on coordinates, on centres, and moments."""
         eta, angles, centres = shape
-        return (
-            self.mass[:, None] * eta,
-            [hanging.block.mass[:, :, None] * part for hanging, part in zip(self.hanging_chains, centres, strict=True)],
-            [
-                hanging.block.inertia[:, :, None] * part
-                for hanging, part in zip(self.hanging_chains, angles, strict=True)
-            ],
-        )
+        blocks = [hanging.block for hanging in self.hanging_chains]
+        forces = [block.mass[:, :, None] * part for block, part in zip(blocks, centres, strict=True)]
+        moments = [block.inertia[:, :, None] * part for block, part in zip(blocks, angles, strict=True)]
+        return self.mass[:, None] * eta, forces, moments
 
     def _component_columns(self, shape: _Shape) -> Floats:
         """One column for each shape, coordinates in the order of the component."""
@@ -444,11 +436,8 @@ def descend(
     The lower joint moves by y + l θ = (y (D + x l H) + l (s φ + …)) / D, in which D + x l H needs no μ.
     """
     angles, centres = np.empty_like(link_loads), np.empty_like(link_loads)
-    upper_angle, y, turn_signs = (
-        np.zeros(link_loads.shape[1:]),
-        np.broadcast_to(pivot, link_loads.shape[1:]),
-        turns(block),
-    )
+    upper_angle, turn_signs = np.zeros(link_loads.shape[1:]), turns(block)
+    y = np.broadcast_to(pivot, upper_angle.shape)
     for i in range(block.n):
         m, l, c, inertia, s = _link(block, i)
         load = s * turn_signs[i][:, None] * upper_angle + link_loads[i]

@@ -107,11 +107,9 @@ class Eigenvalues:
     @cached_property
     def spectrum(self) -> ModalSpectrum:
         """The eigenvalues in natural units, each with the source of its shape."""
-        return (
-            self._full_spectrum.take(slice(self.first, self.first + len(self._range)))
-            if self.is_partial
-            else self._full_spectrum
-        )
+        if not self.is_partial:
+            return self._full_spectrum
+        return self._full_spectrum.take(slice(self.first, self.first + len(self._range)))
 
     @property
     def _range(self) -> range:
@@ -170,11 +168,7 @@ class Eigenvalues:
         return self._range.start if self.is_partial else 0
 
     def __len__(self) -> int:
-        return (
-            len(self.short_chain.squares) + self.short_chain.is_free
-            if self.short_chain
-            else len(self.spectrum.eigenvalue)
-        )
+        return len(self.short_chain.error if self.short_chain else self.spectrum.eigenvalue)
 
     @property
     def is_classical(self) -> bool:

@@ -101,13 +101,9 @@ def _frequencies_of_variations(scene: Scene, vary: Vary, accuracy: float) -> Flo
         return np.broadcast_to(frequencies, (*shape, len(frequencies))).copy()
     if size > MOST_MEMBERS:
         raise SceneError([f"vary: at most {MOST_MEMBERS} members, not {size}"])
-    full_arrays = {
-        path: values if values.shape == shape else np.broadcast_to(values, shape) for path, values in arrays.items()
-    }
-    members = {path: values.ravel() for path, values in full_arrays.items()}
-    return _concatenate([_of_numbers(variable, members, piece, accuracy) for piece in _pieces(scene, size)]).reshape(
-        *shape, -1
-    )
+    members = {path: np.broadcast_to(values, shape).ravel() for path, values in arrays.items()}
+    frequencies = _concatenate([_of_numbers(variable, members, piece, accuracy) for piece in _pieces(scene, size)])
+    return frequencies.reshape(*shape, -1)
 
 
 def _pieces(scene: Scene, size: int) -> list[slice]:
@@ -120,14 +116,9 @@ def _of_numbers(variable: Variable, members: Mapping[str, Floats], piece: slice,
     values = {path: values_of[piece] for path, values_of in members.items()}
     numbers = {place: values_of for path, values_of in values.items() for place in variable.places[path]}
     keeps_form = keep_form(numbers)
-    stack = vary_scene(
-        variable.scene,
-        numbers if keeps_form.all() else {place: values_of[keeps_form] for place, values_of in numbers.items()},
-    )
+    stack = vary_scene(variable.scene, {place: values_of[keeps_form] for place, values_of in numbers.items()})
     omegas = np.full((len(keeps_form), 1), np.nan)
-    if stack and keeps_form.all():
-        omegas = _solve_together(stack, accuracy)
-    elif stack and keeps_form.any():
+    if stack and keeps_form.any():
         rows = _solve_together(stack, accuracy)
         omegas = np.full((len(keeps_form), rows.shape[1]), np.nan)
         omegas[keeps_form] = rows

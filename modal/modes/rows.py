@@ -38,7 +38,7 @@ from modal.modes.mode import (
     resonances,
 )
 from modal.modes.shapes import by_kind, displacements, expand, first_of_largest, is_balanced
-from modal.report import deferred
+from modal.report import deferred, listed
 from modal.structure import Structure, coordinate_units
 from modal.types import Floats, Ints
 
@@ -49,6 +49,40 @@ UNNAMED = {"tilt": "board", "heave": "support", "modal": "structure"}
 ALIKE = {"cart": "carts", "swing": "swings"}
 COUNTED = ("", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
 FIXED, CART_STILL = "fixed support", "cart still"
+BEYOND_DOUBLE = "beyond double precision"
+
+
+class _RowPart(NamedTuple):
+    """A part of a row and its place in the details of its source."""
+
+    part: SpectrumPart
+    details: Details
+    at: int
+
+    def effective_mass(self, rig: Rig) -> float:
+        """Effective mass along the rail; shapes that hold a cart still or move across the rail contribute nothing.
+
+        Combinations of pendula in different places that hold a structure still may push it.
+        """
+        holds_still = is_balanced(rig, self.part) and not (rig.structure and self.part.kind is None)
+        return 0.0 if holds_still or not self.part.along_count else self._effective_mass() * self.part.along_count
+
+    def effective_mass_across(self) -> float:
+        """Effective mass across the rail."""
+        return self._effective_mass() * self.part.across_count if self.part.across_count else 0.0
+
+    def _effective_mass(self) -> float:
+        return float(self.details.effective_mass[self.at])
+
+    @property
+    def energy(self) -> Floats:
+        """The share (P,) of each kind of pendulum in the kinetic energy."""
+        return np.concatenate([share[:, :, self.at].sum(0) for share in self.details.shares])
+
+    @property
+    def first_angles(self) -> NDArray[np.inexact]:
+        """The angles (P,) of the first links of each kind."""
+        return np.concatenate([angle[0, :, self.at] for angle in self.details.angles])
 
 
 def family(*, where: str, folds: dict[str, int], motion: str, ratio: float) -> str:
@@ -69,39 +103,23 @@ def family(*, where: str, folds: dict[str, int], motion: str, ratio: float) -> s
     return f"{where}: {words}" if words else where
 
 
-def motion_words(
-    angles: tuple[NDArray[np.inexact], ...], shares: tuple[NDArray[np.float64], ...], at: int, agreement: str
-) -> str:
-    """The given `agreement` of pendula, and the order of the most energetic one's links, in mode `at`."""
-    energy = energies(shares, at)
-    busiest = int(energy.argmax())
+def motion_words(head: _RowPart, agreement: str) -> str:
+    """The given `agreement` of pendula, and the order of the most energetic one's links."""
+    shares, busiest = head.details.shares, int(head.energy.argmax())
     sizes = np.cumsum([share.shape[1] for share in shares])
     block = int(np.searchsorted(sizes, busiest, side="right"))
     column = busiest - int(sizes[block]) + shares[block].shape[1]
-    chain = _in_phase_with_largest(angles[block][:, column, at])
+    chain = _in_phase_with_largest(head.details.angles[block][:, column, head.at])
     return ", ".join(word for word in (agreement, _order(chain)) if word)
 
 
-def energies(shares: tuple[NDArray[np.float64], ...], at: int) -> NDArray[np.float64]:
-    """Each kind's share of the kinetic energy in mode `at`, (P,)."""
-    return np.concatenate([share[:, :, at].sum(0) for share in shares])
-
-
-def agreement(
-    angles: tuple[NDArray[np.inexact], ...],
-    shares: tuple[NDArray[np.float64], ...],
-    at: int,
-    names: list[str],
-    *,
-    several: bool,
-    is_still: bool,
-) -> str:
-    """The phase agreement of the top links of all pendula with a fair share of the energy in mode `at`.
+def agreement(head: _RowPart, names: list[str], *, several: bool, is_still: bool) -> str:
+    """The phase agreement of the top links of all pendula with a fair share of the energy.
 
     `names` are those of all P kinds; `several` says that one column represents several pendula moving alike, `is_still`
     that the cart does not move.
     """
-    top, energy = np.concatenate([angle[0, :, at] for angle in angles]), energies(shares, at)
+    top, energy = head.first_angles, head.energy
     if len(top) == 1:
         return "in phase" if several else ""
     busy = energy >= SHARE_OF_MOTION_MIN * energy.max()
@@ -139,44 +157,32 @@ def moving_words(structure: Structure, eta: NDArray[np.inexact], inertia: NDArra
     moving_coordinates = np.flatnonzero(weight >= SHARE_OF_MOTION_MIN * weight.max()).tolist()
     owners = [int(np.searchsorted(structure.offsets, k, side="right")) - 1 for k in moving_coordinates]
     kinds = {structure.carriers[owner].kind for owner in owners}
-    if len(moving_coordinates) > 1 and len(kinds) == 1 and (kind := kinds.pop()) in ALIKE:
+    number = len(moving_coordinates)
+    if number > 1 and len(kinds) == 1 and (kind := kinds.pop()) in ALIKE:
         signs = np.sign(_in_phase_with_largest(eta[moving_coordinates]))
-        phase = (
-            "in phase" if (signs > 0).all() else "in antiphase" if len(moving_coordinates) == 2 else "in mixed phases"
-        )
-        is_all = len(moving_coordinates) == sum(carrier.kind == kind for carrier in structure.carriers)
-        if not is_all and len(moving_coordinates) <= 3:
-            return f"{_enumerate_words([_carrier_name(structure, owner) for owner in owners])} {phase}"
-        count = (
-            COUNTED[len(moving_coordinates)] if len(moving_coordinates) < len(COUNTED) else str(len(moving_coordinates))
-        )
-        return f"{count} {ALIKE[kind]} {phase}"
+        phase = "in phase" if (signs > 0).all() else "in antiphase" if number == 2 else "in mixed phases"
+        is_all = number == sum(carrier.kind == kind for carrier in structure.carriers)
+        if not is_all and number <= 3:
+            return f"{listed([_carrier_name(structure, owner) for owner in owners], number)} {phase}"
+        return f"{COUNTED[number] if number < len(COUNTED) else number} {ALIKE[kind]} {phase}"
     verbs_of: dict[int, list[str]] = {}
     for k, owner in zip(moving_coordinates, owners, strict=True):
         verb = structure.carriers[owner].verb(k - structure.offsets[owner])
         if verb not in verbs_of.setdefault(owner, []):
             verbs_of[owner].append(verb)
     if len(verbs_of) > 3:
-        return f"{len(moving_coordinates)} coordinates move"
+        return f"{number} coordinates move"
     return ", ".join(
-        f"{_carrier_name(structure, owner)} {_enumerate_words(verbs)}" for owner, verbs in verbs_of.items()
+        f"{_carrier_name(structure, owner)} {listed(verbs, len(verbs))}" for owner, verbs in verbs_of.items()
     )
 
 
-def following(
-    angles: tuple[NDArray[np.inexact], ...],
-    shares: tuple[NDArray[np.float64], ...],
-    pivots: Sequence[NDArray[np.inexact]],
-    at: int,
-    *,
-    several: bool,
-) -> str:
+def following(head: _RowPart, pivots: Sequence[NDArray[np.inexact]], *, several: bool) -> str:
     """Whether all pendula with a fair share of the energy swing with their pivots (P,) or against; "" for neither.
 
     `several` says that one column represents several pendula moving alike.
     """
-    energy = energies(shares, at)
-    top = np.concatenate([angle[0, :, at] for angle in angles])
+    energy, top = head.energy, head.first_angles
     signs = np.sign((top * np.conj(np.concatenate(pivots))).real)[energy >= SHARE_OF_MOTION_MIN * energy.max()]
     if not (signs > 0).all() and not (signs < 0).all():
         return ""
@@ -187,36 +193,6 @@ def following(
 def _carrier_name(structure: Structure, owner: int) -> str:
     carrier = structure.carriers[owner]
     return UNNAMED.get(carrier.kind, carrier.name) if carrier.name == carrier.kind else carrier.name
-
-
-def _enumerate_words(words: list[str]) -> str:
-    return " and ".join((", ".join(words[:-1]), words[-1])) if len(words) > 1 else words[0]
-
-
-BEYOND_DOUBLE = "beyond double precision"
-
-
-class _RowPart(NamedTuple):
-    """A part of a row and its place in the details of its source."""
-
-    part: SpectrumPart
-    details: Details
-    at: int
-
-    def effective_mass(self, rig: Rig) -> float:
-        """Effective mass along the rail; shapes that hold a cart still or move across the rail contribute nothing.
-
-        Combinations of pendula in different places that hold a structure still may push it.
-        """
-        holds_still = is_balanced(rig, self.part) and not (rig.structure and self.part.kind is None)
-        return 0.0 if holds_still or not self.part.along_count else self._effective_mass() * self.part.along_count
-
-    def effective_mass_across(self) -> float:
-        """Effective mass across the rail."""
-        return self._effective_mass() * self.part.across_count if self.part.across_count else 0.0
-
-    def _effective_mass(self) -> float:
-        return float(self.details.effective_mass[self.at])
 
 
 def _head(pieces: list[_RowPart]) -> _RowPart:
@@ -308,23 +284,14 @@ def _mode(modes: Eigenvalues, number: int, pieces: list[_RowPart]) -> Mode:
         "indistinct": bool(modes.indistinct[number]),
     }
     if not pieces:
-        known = (
-            dict.fromkeys((field.name for field in fields(Mode)), np.nan)
-            | known
-            | {"family": f"its shape is {BEYOND_DOUBLE}"}
-        )
-        return Mode(**known)
+        unknown: dict[str, Any] = dict.fromkeys((field.name for field in fields(Mode)), np.nan)
+        return Mode(**{**unknown, **known, "family": f"its shape is {BEYOND_DOUBLE}"})
     head = _head(pieces)
     certain = 1.0 if modes.error[number] < UNCERTAIN else np.nan
     effective = certain * unit * sum(piece.effective_mass(modes.rig) for piece in pieces)
+    is_simple = certain == 1 and modes.multiplicity[number] == 1 and not modes.rig.is_damped
     is_refinable = isfinite(effective) and modes.scene.n_links + modes.rig.leading <= MOST_REFINED
-    if (
-        is_refinable
-        and modes.rig.structure
-        and modes.multiplicity[number] == 1
-        and not modes.rig.is_damped
-        and certain == 1
-    ):
+    if is_simple and is_refinable and modes.rig.structure:
         effective = _left_of(modes, number, head, effective)
     light = (not modes.is_classical or ratio < LIGHT) and "law" not in modes.scene.features
     kappa = certain * float(head.details.kappa[head.at]) if light else np.nan
@@ -363,12 +330,11 @@ def row_of(details: Details, at: int) -> Details:
 def _family(modes: Eigenvalues, number: int, head: _RowPart, ratio: float) -> str:
     if np.isnan(ratio):
         return BEYOND_DOUBLE
-    details, at = head.details, head.at
     if modes.on_cart and modes.eigenvalue[number] == 0:
         return "rigid translation"
     structure, d = modes.hanging.structure, modes.rig.leading
-    motions = displacements(modes.rig, details)
-    eta = np.zeros(d) if head.part.is_still else np.array([part[at] for part in motions])
+    motions = displacements(modes.rig, head.details)
+    eta = np.zeros(d) if head.part.is_still else np.array([part[head.at] for part in motions])
     words = moving_words(structure, eta, modes.inertia) if eta.any() else ""
     still_words = CART_STILL if modes.on_cart else STRUCTURE_STILL if d else FIXED
     folds = dict.fromkeys(("", "antiphase", "across the rail"), 0)
@@ -383,18 +349,17 @@ def _family(modes: Eigenvalues, number: int, head: _RowPart, ratio: float) -> st
 
 def _motion(modes: Eigenvalues, number: int, head: _RowPart, eta: NDArray[np.inexact]) -> str:
     """How the pendula move in a mode, if their supports move by η."""
-    details, at = head.details, head.at
     if head.part.is_still:
-        return motion_words(details.angles, details.shares, at, _whose(modes, number, head.part))
-    if not any(angle[:, :, at].any() for angle in details.angles):
+        return motion_words(head, _whose(modes, number, head.part))
+    if not any(angle[:, :, head.at].any() for angle in head.details.angles):
         return ""
     several = len(modes.rig.members) > 1 or modes.rig.members[0][2] > 1
     names, cart = list(modes.rig.names.values()), modes.rig.cart
-    phase = agreement(details.angles, details.shares, at, names, several=several, is_still=not (cart and eta.any()))
+    phase = agreement(head, names, several=several, is_still=not (cart and eta.any()))
     if eta.any() and (not cart or (cart.stiffness and phase in ("", "in phase"))):
         pivots = by_kind(modes.hanging, modes.hanging.phi.rail @ eta)
-        phase = following(details.angles, details.shares, pivots, at, several=several) or phase
-    return motion_words(details.angles, details.shares, at, phase)
+        phase = following(head, pivots, several=several) or phase
+    return motion_words(head, phase)
 
 
 def structure_motion(modes: Eigenvalues, number: int) -> tuple[Floats, Floats]:

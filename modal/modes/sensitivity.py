@@ -127,38 +127,22 @@ def sensitivities(modes: Modes, number: int) -> Sensitivities:
         return Sensitivities(**zeros)  # type: ignore[arg-type]
     links_and_angles = list(_chains_with_angles(modes, shape))
     centres = [_centres(*chain, shape.cart) for chain in links_and_angles]
-    if (
-        sum(_rounding_error(*chain, shape.cart, z) for chain, z in zip(links_and_angles, centres, strict=True))
-        > CANCELLED
-    ):
+    errors = [_rounding_error(*chain, shape.cart, z) for chain, z in zip(links_and_angles, centres, strict=True)]
+    if sum(errors) > CANCELLED:
         centres = centre_displacements(modes.rig, value, shape)
-    chains = [
-        _of_chains(*chain, z, value, modes.scene.gravity) for chain, z in zip(links_and_angles, centres, strict=True)
-    ]
-    columns = [np.concatenate([np.ravel(values) for values in column]) for column in zip(*chains, strict=True)]
-    cart, square, support = shape.cart**2, value**2, modes.rig.cart
-    pencil = 2 * value
+    pairs = zip(links_and_angles, centres, strict=True)
+    chains = [_of_chains(*chain, z, value, modes.scene.gravity) for chain, z in pairs]
+    columns = {name: np.concatenate([chain[name].ravel() for chain in chains]) for name in chains[0]}
+    cart, support = shape.cart**2, modes.rig.cart
+    pencil, of_links = 2 * value, complex(columns.pop("pencil").sum())
     if value.real:
-        of_cart = cart * (2 * value * support.mass + support.damping) if support else 0.0
-        pencil = of_cart + complex(columns.pop().sum())
+        pencil = of_links + (cart * (2 * value * support.mass + support.damping) if support else 0.0)
     factor = -value.conjugate() / abs(value) / pencil
-    mass, length, centre, inertia, rotor, stiffness, gravity, damping, drag = (
-        (factor * entries).real for entries in columns[:9]
-    )
-    return Sensitivities(
-        mass,
-        length,
-        centre,
-        inertia,
-        rotor,
-        stiffness,
-        (factor * square * cart).real,
-        (factor * cart).real,
-        float(gravity.sum()),
-        damping,
-        drag,
-        (factor * value * cart).real,
-    )
+    slopes: dict[str, Any] = {name: (factor * column).real for name, column in columns.items()}
+    slopes["gravity"] = float(slopes["gravity"].sum())
+    slopes["cart_mass"] = (factor * value**2 * cart).real
+    slopes["cart_damping"] = (factor * value * cart).real
+    return Sensitivities(**slopes, cart_stiffness=(factor * cart).real)
 
 
 def refuse(modes: Modes, number: int) -> None:
@@ -201,12 +185,10 @@ def _chains_with_angles(modes: Modes, shape: Shape) -> Iterator[tuple[_Chain, Co
     angles, at = shape.angles.astype(np.complex128), 0
     for pendulum, (block, column, copies) in zip(modes.scene.pendulum, modes.rig.members, strict=True):
         arrays = modes.rig.blocks[block]
-        m, l, c, I = (values[:, column] for values in (arrays.mass, arrays.length, arrays.centre, arrays.inertia))
-        J, sigma, damping, drag = (getattr(arrays, name)[:, column] for name in ("rotor", "sigma", "damping", "drag"))
         size = copies * arrays.n
         follows = [float(link.is_uniform) for link in pendulum.chain]
-        chain = _Chain(m, l, c, I, J, sigma, damping, drag, np.array(follows))
-        yield chain, angles[at : at + size].reshape(copies, arrays.n)
+        numbers = (getattr(arrays, name)[:, column] for name in _Chain._fields[:-1])
+        yield _Chain(*[*numbers, np.array(follows)]), angles[at : at + size].reshape(copies, arrays.n)
         at += size
 
 
@@ -225,12 +207,12 @@ def _rounding_error(chain: _Chain, phi: Complexes, cart: complex, z: Complexes) 
     return float(np.sum(m * np.abs(z) * rounding.real + turns * np.abs(load)))
 
 
-def _of_chains(chain: _Chain, phi: Complexes, z: Complexes, value: complex, g: float) -> tuple[Complexes, ...]:
+def _of_chains(chain: _Chain, phi: Complexes, z: Complexes, value: complex, g: float) -> dict[str, Complexes]:
     """∂(2V + λ 2R + λ² 2T)/∂p of the copies of a chain, each (copies, n), including dependent quantities.
 
     z (copies, n) are the displacements of the centres of mass.
 
-    The last is the part of φᵀ(2λM + D)φ that each link adds.
+    `pencil` is the part of φᵀ(2λM + D)φ that each link adds.
     """
     m, l, c, I, J, sigma, d, e, follows = chain
     square, turn = value**2, phi**2
@@ -240,18 +222,18 @@ def _of_chains(chain: _Chain, phi: Complexes, z: Complexes, value: complex, g: f
     centre = sigma * (m * g * turn + 2 * push * phi)
     length = sigma * (g * turn * pair.masses_below(m) + 2 * phi * _sum_below(push))
     bend = np.diff(phi, axis=1, prepend=0.0) ** 2
-    return (
-        g * h + square * z**2 + follows * I / m * inertia,
-        length + follows * (c * centre + 2 * I * inertia) / l,
-        centre,
-        inertia,
-        square * bend,
-        bend,
-        m * h,
-        value * bend,
-        value * z**2,
-        2 * value * (m * z**2 + I * turn + J * bend) + d * bend + e * z**2,
-    )
+    return {
+        "mass": g * h + square * z**2 + follows * I / m * inertia,
+        "length": length + follows * (c * centre + 2 * I * inertia) / l,
+        "centre": centre,
+        "inertia": inertia,
+        "rotor": square * bend,
+        "stiffness": bend,
+        "gravity": m * h,
+        "damping": value * bend,
+        "drag": value * z**2,
+        "pencil": 2 * value * (m * z**2 + I * turn + J * bend) + d * bend + e * z**2,
+    }
 
 
 def _sum_above(values: Complexes) -> Complexes:
@@ -332,7 +314,7 @@ def _load_link(
     responses = [
         chain_response(block, load, rig.gravity, numbers) for block, load in zip(rig.blocks, loads, strict=True)
     ]
-    pivot: Any = None
+    pivot: Any = 0 * numbers.omega
     if moves_cart and rig.cart:
         counts = [numbers.number(block.count[:, None]) for block in rig.blocks]
         mass = np.sum([(count * hanging.mass).sum(0) for count, hanging in zip(counts, responses, strict=True)], axis=0)
@@ -340,13 +322,11 @@ def _load_link(
         pivot = inertial * counts[kind[0]][kind[1]] * responses[kind[0]].inertial[kind[1], 0]
     centres, turns = [], []
     for number, (block, hanging) in enumerate(zip(rig.blocks, responses, strict=True)):
-        zero = 0 * numbers.omega
-        y = hanging.joints[:, :, 0] * pivot if pivot is not None else hanging.joints[:, :, 0] * 0
-        theta = hanging.angles[:, :, 0] * pivot if pivot is not None else hanging.angles[:, :, 0] * 0
+        y, theta = (motion[:, :, 0] * pivot for motion in (hanging.joints, hanging.angles))
         if number == kind[0]:
             y[:, kind[1]] = y[:, kind[1]] + hanging.joints[:, kind[1], 1]
             theta[:, kind[1]] = theta[:, kind[1]] + hanging.angles[:, kind[1], 1]
-            turn = theta[link, kind[1]] - (theta[link - 1, kind[1]] if link else zero)
+            turn = theta[link, kind[1]] - (theta[link - 1, kind[1]] if link else 0 * numbers.omega)
         offset = numbers.number((block.sigma * block.centre)[..., None])
         centres.append((y[:-1] + offset * theta)[..., 0])
         turns.append(theta[..., 0])

@@ -17,17 +17,8 @@ from modal.eigen import FreeMotions, ModalSpectrum, noun_count
 from modal.modes.modes import Modes
 
 PACKAGES = (
-    "numpy",
-    "scipy",
-    "sympy",
-    "control",
-    "matplotlib",
-    "numba",
-    "heyoka",
-    "flint",
-    "distributed",
-    "pandas",
-    "xarray",
+    *("numpy", "scipy", "sympy", "control", "matplotlib", "numba"),
+    *("heyoka", "flint", "distributed", "pandas", "xarray"),
 )
 
 

@@ -294,7 +294,7 @@ def _labels(scaffold: Scaffold, pieces: list[Piece], push: str) -> Iterator[Labe
         letters = [coordinate.letter for coordinate in carrier.path.coordinates] if carrier.path else []
         symbols = [LETTERS.get(letter, letter) for letter in letters] or ["s"]
         index = rf"_\mathrm{{{carrier.name.replace('_', chr(92) + '_')}}}" if has_names else ""
-        left, right, level = scaffold.body(k)
+        left, right, level = scaffold.bodies[k]
         platform = carrier.kind == "platform"
         (x, y), (end, _) = (scaffold.place(k, (s, level), at_rest)[0].tolist() for s in (left, right))
         if carrier.size:

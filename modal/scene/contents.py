@@ -63,13 +63,14 @@ class Expected(NamedTuple):
 
     words: str
     kinds: frozenset[str]
+    text: str = ""
 
 
 EXPECTED = {
     "scene": Expected("a scene", frozenset({"scene"})),
-    "table": Expected("a CSV table", frozenset({"table", "run table"})),
-    "report": Expected("a JSON report of fit", frozenset({"json"})),
-    "": Expected("a text file", frozenset()),
+    "table": Expected("a CSV table", frozenset({"table", "run table"}), "CSV text"),
+    "report": Expected("a JSON report of fit", frozenset({"json"}), "JSON text"),
+    "": Expected("a text file", frozenset(), "text"),
 }
 OF_RUN = "plot and animate take it; a scene is the TOML file that was simulated"
 AS_CSV = "numbers are read from CSV text"
@@ -170,8 +171,6 @@ MEASURED_MAX = 1e50
 SIZES_READ = f"its size must be from {MEASURED_MIN:g} to {MEASURED_MAX:g}, or 0"
 PIECE_BYTES = 1 << 20
 """Limit: bytes that are read at once: no memory is taken for what is not there, and a heading stands in the first."""
-NAMES = {"table": "CSV text", "report": "JSON text", "": "text"}
-"""The name of the text of which a file of each kind consists."""
 
 
 def content_of(path: str | PathLike[str], largest: int = FILE_BYTES_MAX) -> bytes:
@@ -194,7 +193,7 @@ def decode_text(content: bytes, purpose: str = "") -> str:
     except UnicodeDecodeError as error:
         if purpose == "scene":
             raise SceneError([f"byte {error.start} is not UTF-8 text: save the file as UTF-8"]) from None
-        raise SceneError([f"is not a {NAMES[purpose]} file: byte {error.start} is not UTF-8"]) from None
+        raise SceneError([f"is not a {EXPECTED[purpose].text} file: byte {error.start} is not UTF-8"]) from None
 
 
 def first_line(path: str | PathLike[str]) -> str:

@@ -206,12 +206,12 @@ def _of_atom(atom: str, names: Mapping[str, Any], has_no_bound: bool) -> Check |
         item_check = _of_atom(inner.removesuffix("]").removesuffix(", ..."), names, has_no_bound)
         return _list_of(item_check) if item_check else None
     if atom in PLAIN:
-        return _number_problem if has_no_bound and atom == "float" else PLAIN[atom]
+        return NUMBER if has_no_bound and atom == "float" else PLAIN[atom]
     if atom.removeprefix("os.").startswith("PathLike"):
-        return lambda value: "" if isinstance(value, PathLike) else f"{_value_text(value)}: must be the path of a file"
+        return _must_be("the path of a file", _is_of(PathLike))
     meaning = names.get(atom)
     if base.split(".")[-1] == "Callable" or get_origin(meaning) is Callable:
-        return _callable
+        return _must_be("a function", callable)
     if get_origin(meaning) is Literal:
         return _one_of(get_args(meaning))
     if atom in WAYS or (isinstance(meaning, type) and not getattr(meaning, "_is_protocol", False)):
@@ -226,32 +226,13 @@ def _is_finite(value: object) -> bool:
         return False
 
 
-def _number(value: object) -> str:
-    right = _is_finite(value)
-    return "" if right else f"{_value_text(value)}: must be a finite number"
+def _must_be(words: str, is_right: Callable[[Any], bool]) -> Check:
+    return lambda value: "" if is_right(value) else f"{_value_text(value)}: must be {words}"
 
 
-def _number_problem(value: object) -> str:
-    right = not isinstance(value, bool) and isinstance(value, Real) and not isnan(value)
-    return "" if right else f"{_value_text(value)}: must be a number"
-
-
-def _integer_problem(value: object) -> str:
-    right = not isinstance(value, bool) and isinstance(value, Integral)
-    return "" if right else f"{_value_text(value)}: must be a whole number"
-
-
-def _text(value: object) -> str:
-    return "" if isinstance(value, str) else f"{_value_text(value)}: must be text"
-
-
-def _truth(value: object) -> str:
-    right = isinstance(value, bool) or type(value).__name__ in {"bool", "bool_"}
-    return "" if right else f"{_value_text(value)}: must be True or False"
-
-
-def _callable(value: object) -> str:
-    return "" if callable(value) else f"{_value_text(value)}: must be a function"
+def _is_of(*kinds: type) -> Callable[[object], bool]:
+    """Whether a value is of one of these kinds, True and False aside."""
+    return lambda value: isinstance(value, kinds) and not isinstance(value, bool)
 
 
 def _list_of(item_check: Check) -> Check:
@@ -265,7 +246,13 @@ def _list_of(item_check: Check) -> Check:
     return problem
 
 
-PLAIN: dict[str, Check] = {"float": _number, "int": _integer_problem, "str": _text, "bool": _truth}
+NUMBER = _must_be("a number", lambda value: _is_of(Real)(value) and not isnan(value))
+PLAIN: dict[str, Check] = {
+    "float": _must_be("a finite number", _is_finite),
+    "int": _must_be("a whole number", _is_of(Integral)),
+    "str": _must_be("text", _is_of(str)),
+    "bool": _must_be("True or False", lambda value: type(value).__name__ in {"bool", "bool_"}),
+}
 
 
 def _one_of(words: Sequence[str]) -> Check:

@@ -18,7 +18,6 @@ from modal.scene.validation import (
     POSITIVE,
     REAL,
     REALS,
-    UNREAD,
     Part,
     Schema,
     field,
@@ -26,6 +25,7 @@ from modal.scene.validation import (
     list_of,
     one_or_list,
     optional,
+    refuse_file,
     text,
 )
 from modal.types import NOISE_OF_SUM
@@ -53,12 +53,6 @@ class GainMatrix(Part):
                 yield f".states: has {name} twice"
 
 
-def _numbers(value: object) -> object:
-    if isinstance(value, str):
-        raise ValueError(UNREAD)
-    return value
-
-
 class Feedback(Part):
     """A loop from an `output` to an `input` with a `gain`, or from all states by the matrix `gains`.
 
@@ -72,7 +66,7 @@ class Feedback(Part):
     gain: float | None = field(optional(REAL), "the input is −gain × (output − reference)", default=None)
     reference: float = field(REAL, "of the output, in its unit", default=0.0)
     gains: GainMatrix | None = field(
-        function_before(_numbers, optional(GainMatrix.schema())), "or u = −K z: a table, or a CSV file", default=None
+        function_before(refuse_file, optional(GainMatrix.schema())), "or u = −K z: a table, or a CSV file", default=None
     )
     limit: float | None = field(optional(POSITIVE), "largest size of the input, in its unit", default=None)
     sample_time: float | None = field(

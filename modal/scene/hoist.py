@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import pairwise
 from math import isclose
 from typing import TYPE_CHECKING, Literal
 
@@ -19,6 +18,7 @@ from modal.scene.validation import (
     REALS_OR_NONE,
     UNREAD,
     Part,
+    curve_problems,
     field,
     list_of,
     number,
@@ -79,12 +79,7 @@ class Hoist(Part):
         if self.time_s is None or self.length_m is None:
             yield f".{RECORD[self.time_s is not None]}: is required in a record"
             return
-        if len(self.time_s) != len(self.length_m):
-            yield f".length_m: has {len(self.length_m)} values for {len(self.time_s)} times"
-        elif len(self.time_s) < 2:
-            yield f".time_s: has {len(self.time_s)} samples: at least 2 are needed"
-        if any(later <= earlier for earlier, later in pairwise(self.time_s)):
-            yield ".time_s: must be strictly ascending"
+        yield from curve_problems(*RECORD, self.time_s, self.length_m, least=2)
 
     def problems_from(self, length: float) -> Iterator[str]:
         """Return what is wrong with the law from `length` (m) on: another start, lengths not positive or not finite."""

@@ -15,7 +15,6 @@ axes (on linear ones where a number is 0), beyond them constant.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 from modal import pair
@@ -30,6 +29,7 @@ from modal.scene.validation import (
     Part,
     Schema,
     any_kind,
+    curve_problems,
     field,
     list_of,
     number,
@@ -54,12 +54,9 @@ class LossTable(Part):
 
     def problems(self) -> Iterator[str]:
         """Lists that do not fit each other, frequencies that do not ascend."""
-        if len(self.frequency_hz) != len(self.loss):
-            yield f".loss: has {len(self.loss)} values for {len(self.frequency_hz)} frequencies"
-        elif not self.loss:
+        if not (self.loss or self.frequency_hz):
             yield ".loss: must not be empty"
-        if any(later <= earlier for earlier, later in pairwise(self.frequency_hz)):
-            yield ".frequency_hz: must be strictly ascending"
+        yield from curve_problems("frequency_hz", "loss", self.frequency_hz, self.loss)
 
 
 Loss = float | LossTable

@@ -9,12 +9,12 @@ sliding with a constant force, and holds the cart at rest up to that limit.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from os import PathLike, fspath
 from typing import TYPE_CHECKING, Any, Literal
 from unicodedata import category
 
 from modal.errors import SceneError
 from modal.report import Displayed, Summary, deferred
+from modal.scene.doors import problem_of
 from modal.scene.features import DRAG, DRIVES, FRICTION, LOSS, features, hangs_plainly
 from modal.scene.links import AnyLink, Bob, Body, Link, Rod, is_lossy
 from modal.scene.motion import FORCE, AppliedForce, ConstantForce, Force, Ground, Moved, SupportMotion
@@ -334,11 +334,7 @@ class Scene(Displayed, Part):
         """The same scene with those joint laws alone that stay."""
         if "law" not in self.features:
             return self
-        pendula = (
-            pendulum.replace(links=tuple(link.replace(law=link.laws_that(stays)) for link in pendulum.links))
-            for pendulum in self.pendulum
-        )
-        return self.replace(pendulum=tuple(pendula))
+        return self._with_links(lambda link: link.replace(law=link.laws_that(stays)))
 
     @property
     def is_hoisted(self) -> bool:
@@ -347,13 +343,9 @@ class Scene(Displayed, Part):
 
     def at(self, time: float) -> Scene:
         """Return the same scene with all lengths fixed at their values at a time (s)."""
-        pendula = tuple(
-            pendulum.replace(
-                links=tuple(link.replace(length=link.length_at(time), hoist=None) for link in pendulum.links)
-            )
-            for pendulum in self.pendulum
-        )
-        return self.replace(pendulum=pendula) if self.is_hoisted else self
+        if not self.is_hoisted:
+            return self
+        return self._with_links(lambda link: link.replace(length=link.length_at(time), hoist=None))
 
     @property
     def is_moved(self) -> bool:
@@ -426,8 +418,11 @@ class Scene(Displayed, Part):
 
     def _with(self, **joint: Any) -> Scene:
         """The same scene with these numbers at every joint."""
-        links = (tuple(link.replace(**joint) for link in pendulum.links) for pendulum in self.pendulum)
-        pendula = (pendulum.replace(links=chain) for pendulum, chain in zip(self.pendulum, links, strict=True))
+        return self._with_links(lambda link: link.replace(**joint))
+
+    def _with_links(self, change: Callable[[AnyLink], AnyLink]) -> Scene:
+        """The same scene with every link changed."""
+        pendula = (pendulum.replace(links=tuple(map(change, pendulum.links))) for pendulum in self.pendulum)
         return self.replace(pendulum=tuple(pendula))
 
     def _with_supports(self, change: Callable[[Support | Moved], Support | Moved]) -> Scene:
@@ -512,8 +507,7 @@ def validate_scene(scene: object) -> Scene:
     """Return the scene itself; raise SceneError, with a hint, for anything else."""
     if isinstance(scene, Scene):
         return scene
-    advice = f': load("{fspath(scene)}") gives one' if isinstance(scene, str | PathLike) else ""
-    raise SceneError([f"a Scene is required, not {type(scene).__name__}{advice}"])
+    raise SceneError([problem_of("Scene", scene)])
 
 
 def validate_scenes(scenes: object) -> Sequence[Scene]:

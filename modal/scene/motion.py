@@ -14,7 +14,7 @@ from itertools import pairwise
 from typing import Literal
 
 from modal.scene.contents import MEASURED_MIN
-from modal.scene.points import parse_point
+from modal.scene.points import point_text
 from modal.scene.stored import OneOrSeveralKinds, Several, SeveralOrNone
 from modal.scene.validation import (
     FILE_NAME,
@@ -25,6 +25,7 @@ from modal.scene.validation import (
     UNREAD,
     Part,
     any_kind,
+    curve_problems,
     field,
     function_after,
     function_before,
@@ -33,6 +34,7 @@ from modal.scene.validation import (
     one_of,
     one_or_list,
     optional,
+    refuse_file,
     text,
 )
 
@@ -49,12 +51,6 @@ RECORDED: dict[str, Quantity] = {
 """What a record of a motion holds, by its key."""
 FORCES = ("force_n", "moment_nm")
 """The keys of a record of a force, and of a torque."""
-
-
-def _numbers(value: object) -> object:
-    if isinstance(value, str):
-        raise ValueError(UNREAD)
-    return value
 
 
 class SineSignal(Part):
@@ -103,14 +99,9 @@ class RecordSignal(Part):
         if len(present_keys) != 1 or self.time_s is None:
             yield f": needs a file, or time_s and {'one of ' if len(keys) > 1 else ''}{', '.join(keys)}"
             return
-        times, values = self.time_s, getattr(self, present_keys[0])
-        if len(times) != len(values):
-            yield f".{present_keys[0]}: has {len(values)} values for {len(times)} times"
-        elif len(times) < 4:  # a cubic spline has no fewer
-            yield f".time_s: has {len(times)} samples: at least 4 are needed"
-        if any(later <= earlier for earlier, later in pairwise(times)):
-            yield ".time_s: must be strictly ascending"
-        elif any(later - earlier < MEASURED_MIN for earlier, later in pairwise(times)):
+        (key,), times = present_keys, self.time_s
+        yield from curve_problems("time_s", key, times, getattr(self, key), least=4)  # of a cubic spline
+        if any(0 < later - earlier < MEASURED_MIN for earlier, later in pairwise(times)):
             yield f".time_s: has samples less than {MEASURED_MIN:g} s apart"
 
 
@@ -123,7 +114,7 @@ class RandomSignal(Part):
 
     kind: Literal["random"] = field(one_of("random"), default="random")
     psd: Several[float] = field(
-        function_before(_numbers, list_of(NON_NEGATIVE)), "one-sided power spectral density", "square of the unit/Hz"
+        function_before(refuse_file, list_of(NON_NEGATIVE)), "one-sided power spectral density", "square of the unit/Hz"
     )
     frequency_hz: SeveralOrNone[float] = field(
         optional(list_of(number(ge=0, le=1e100))), "frequencies of the PSD", "Hz", default=None
@@ -139,7 +130,7 @@ class RandomSignal(Part):
         if self.frequency_hz is None:
             yield ".frequency_hz: is required with a list of psd"
             return
-        problems = list(spectrum_problems(self.frequency_hz, self.psd))
+        problems = list(curve_problems("frequency_hz", "psd", self.frequency_hz, self.psd, least=2))
         yield from problems
         if problems:
             return
@@ -208,16 +199,6 @@ class RandomMotion(RandomSignal, Movement):
     )
 
 
-def spectrum_problems(frequencies: tuple[float, ...], psd: tuple[float, ...]) -> Iterator[str]:
-    """Return what is wrong with a PSD, each line beginning with its key."""
-    if len(frequencies) != len(psd):
-        yield f".psd: has {len(psd)} values for {len(frequencies)} frequencies"
-    elif len(psd) < 2:
-        yield f".psd: has {len(psd)} values: at least 2 are needed"
-    if any(later <= earlier for earlier, later in pairwise(frequencies)):
-        yield ".frequency_hz: must be strictly ascending"
-
-
 SupportMotion = SineMotion | SweepMotion | RecordMotion | RandomMotion
 MOTION = any_kind(SineMotion, SweepMotion, RecordMotion, RandomMotion)
 
@@ -256,11 +237,6 @@ class Moved(Ground):
 # ---------------------------------------------------------------------------------------------------------- forces
 
 
-def _point(text: str) -> str:
-    parse_point(text)
-    return text
-
-
 class AppliedForce(Part):
     """A force `on` a point of a scene (`modal.scene.points`), or with `direction` "torque" a torque.
 
@@ -268,7 +244,7 @@ class AppliedForce(Part):
     (`…@0.5`) acts on the link alone.
     """
 
-    on: str = field(function_after(_point, text(200)), "point, such as pendulum[0].links[1]@0.6")
+    on: str = field(function_after(point_text, text(200)), "point, such as pendulum[0].links[1]@0.6")
     direction: Acting = field(one_of("horizontal", "vertical", "torque"), "vertical: upwards", default="horizontal")
 
     def problems(self) -> Iterator[str]:

@@ -5,7 +5,7 @@ Pendula and links are counted from 1 as they hang, with all copies, as the table
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import accumulate
 from typing import NamedTuple
 
@@ -165,7 +165,8 @@ def _parts(scene: Scene, place: Place, places: Sequence[Place]) -> list[str]:
     """The name of a number, and the parts that it belongs to, from the inside out."""
     match place:
         case ("pendulum", entry, *inner):
-            pendula = _ranges(_pendula(scene, {at[1] for at in places}), "pendulum", "pendula")
+            counts = [pendulum.count for pendulum in scene.pendulum]
+            pendula = _ranges(_numbers_of(counts, {at[1] for at in places}), "pendulum", "pendula")
             return [*_of_pendulum(scene, int(entry), inner, places), pendula]
         case ("support", *inner):
             return _of_support(scene, inner)
@@ -185,7 +186,8 @@ def _of_pendulum(scene: Scene, entry: int, inner: Sequence[Step], places: Sequen
     match inner:
         case ("links", _, *rest):
             links = {int(at[3]) for at in places if at[1] == entry}
-            link = _ranges(_links(scene, entry, links), "link", "links")
+            counts = [link.count for link in scene.pendulum[entry].links]
+            link = _ranges(_numbers_of(counts, links), "link", "links")
             owners = {"hoist": "the hoist", "drive": "the drive"}
             return [_quantity(rest), *(owners[str(step)] for step in rest[:1] if step in owners), link]
         case ("start", name, int(_)):
@@ -227,16 +229,10 @@ def _quantity(steps: Sequence[Step]) -> str:
     return f"{words} {number + 1}" if has_number and number is not None else words
 
 
-def _pendula(scene: Scene, entries: set[Step]) -> list[int]:
-    """The pendula, from 1, that these entries of a file describe."""
-    ends = [0, *accumulate(pendulum.count for pendulum in scene.pendulum)]
+def _numbers_of(counts: Iterable[int], entries: Iterable[Step]) -> list[int]:
+    """The numbers, from 1, of what these entries describe if each of them describes so many."""
+    ends = [0, *accumulate(counts)]
     return [number for entry in sorted(map(int, entries)) for number in range(ends[entry] + 1, ends[entry + 1] + 1)]
-
-
-def _links(scene: Scene, entry: int, links: set[int]) -> list[int]:
-    """The links, from 1, that these links of an entry describe."""
-    ends = [0, *accumulate(link.count for link in scene.pendulum[entry].links)]
-    return [number for link in sorted(links) for number in range(ends[link] + 1, ends[link + 1] + 1)]
 
 
 def _ranges(numbers: Sequence[int], single: str, several: str) -> str:
@@ -247,8 +243,5 @@ def _ranges(numbers: Sequence[int], single: str, several: str) -> str:
             runs[-1].append(number)
         else:
             runs.append([number])
-    text = ", ".join(
-        f"{numbers_in_row[0]}" if len(numbers_in_row) == 1 else f"{numbers_in_row[0]}–{numbers_in_row[-1]}"
-        for numbers_in_row in runs
-    )
+    text = ", ".join(f"{run[0]}" if len(run) == 1 else f"{run[0]}–{run[-1]}" for run in runs)
     return f"{single if len(numbers) == 1 else several} {text}"

@@ -399,24 +399,24 @@ def validate_variations(scene: Scene, variations: Sequence[Variation]) -> None:
     Values that fail only in combination with those of another variation are reported at that point.  Each variation
     then knows the unit that its number has in this scene.
     """
-    problems: dict[str, None] = {}
+    problems: list[str] = []
     occupied_places: set[Place] = set()
     for variation in variations:
-        try:
+        with gathered(problems):
             places = find_places(scene, variation.path)
-        except SceneError as error:
-            problems |= dict.fromkeys(error.problems)
-            continue
-        problems |= dict.fromkeys(
-            f"{with_numbers(place)}: is varied twice" for place in places if place in occupied_places
-        )
-        values = variation.values
-        telling = values if places[0][-1] == "count" else (values[0], values[-1])
-        problems |= dict.fromkeys(_refusals(scene, variation.path, telling, places))
-        occupied_places |= set(places)
-        object.__setattr__(variation, "scene_unit", unit_at(scene, places[0]))
-    if problems:
-        raise SceneError(tuple(problems))
+            problems += _occupy(places, occupied_places)
+            values = variation.values
+            telling = values if places[0][-1] == "count" else (values[0], values[-1])
+            problems += _refusals(scene, variation.path, telling, places)
+            object.__setattr__(variation, "scene_unit", unit_at(scene, places[0]))
+    refuse_any(dict.fromkeys(problems))
+
+
+def _occupy(places: Sequence[Place], occupied_places: set[Place]) -> list[str]:
+    """Add places to those that are varied; one message for each that is among them."""
+    problems = [f"{with_numbers(place)}: is varied twice" for place in places if place in occupied_places]
+    occupied_places.update(places)
+    return problems
 
 
 def _refusals(scene: Scene, path: str, values: Iterable[float], places: Sequence[Place]) -> Iterator[str]:
@@ -437,7 +437,7 @@ def parse_vary(scene: Scene, vary: Vary) -> tuple[tuple[Variation, ...], dict[st
         vary = [vary]
     if not isinstance(vary, list | tuple) or not all(isinstance(axis, str | Variation) for axis in vary):
         raise SceneError([f"vary {vary!r}: must be a list of PLACE=VALUES, or a mapping of places to values"])
-    axes = tuple(axis if isinstance(axis, Variation) else parse_variations([axis])[0] for axis in vary)
+    axes = tuple(map(variation_of, vary))
     validate_variations(scene, axes)
     return axes, {}
 
@@ -458,23 +458,20 @@ def parse_arrays(scene: Scene, numbers: Mapping[str, ArrayLike]) -> tuple[Variab
         else:
             variable.places[path] = places
             problems += [f"{path}: must be finite"] * (not np.isfinite(arrays[path]).all())
-            problems += [f"{with_numbers(place)}: is varied twice" for place in places if place in occupied_places]
-            occupied_places.update(places)
+            problems += _occupy(places, occupied_places)
     refuse_any(problems)
     return variable, arrays
 
 
 def validate_arrays(variable: Variable, arrays: Mapping[str, Floats]) -> None:
     """Raise SceneError with every number of arrays that the scene cannot have, whatever its other numbers are."""
-    problems: dict[str, None] = {}
+    problems: list[str] = []
     for path, values in arrays.items():
         places = variable.places[path]
-        if values.size and not (
-            places[0][-1] in ANY_POSITIVE and values.min() >= NUMBER_SIZE_MIN and values.max() <= NUMBER_SIZE_MAX
-        ):
-            problems |= dict.fromkeys(_refusals(variable.scene, path, _telling(places[0][-1], values), places))
-    if problems:
-        raise SceneError(tuple(problems))
+        is_any = places[0][-1] in ANY_POSITIVE
+        if values.size and not (is_any and values.min() >= NUMBER_SIZE_MIN and values.max() <= NUMBER_SIZE_MAX):
+            problems += _refusals(variable.scene, path, _telling(places[0][-1], values), places)
+    refuse_any(dict.fromkeys(problems))
 
 
 def _telling(name: Step, values: Floats) -> list[float]:

@@ -180,6 +180,12 @@ def _carrier_problems(scene: Described, point: CarrierPoint) -> Iterator[str]:
         yield f'support "{point.name}" has {len(support.points)} points, numbered from 0'
 
 
+def point_text(text: str) -> str:
+    """Return a text that denotes a point; raise ValueError for any other."""
+    parse_point(text)
+    return text
+
+
 def points_at(scene: Described, text: str) -> int:
     """Return the number of points that a name denotes: one for every copy and every link of a run."""
     point = parse_point(text)

@@ -29,9 +29,10 @@ from modal.errors import SceneError, refuse_any, spelling_hint
 from modal.scene.contents import MEASURED_MAX, MEASURED_MIN, SIZES_READ
 from modal.scene.hoist import RECORD
 from modal.scene.length_laws import integrated_law
-from modal.scene.motion import FORCES, RECORDED, Quantity, spectrum_problems
+from modal.scene.motion import FORCES, RECORDED, Quantity
 from modal.scene.supports import ARRAYS, read_matrices
 from modal.scene.tables import DataTable, in_si, read_table, time_unit
+from modal.scene.validation import curve_problems
 from modal.types import Floats
 
 TIMES = ("time_s", "time", "t_s")
@@ -153,7 +154,7 @@ def read_spectrum(
         raise table.lacks(column_words, hint)
     name, of = densities[0]
     frequencies, psd = numbers["frequency_hz"], numbers[name]
-    problems = list(spectrum_problems(frequencies, psd))
+    problems = list(curve_problems("frequency_hz", "psd", frequencies, psd, least=2))
     problems += [f".{name} = {value!r}: must not be negative" for value in psd if value < 0][:1]
     problems += [f".frequency_hz = {value!r}: must not be negative" for value in frequencies if value < 0][:1]
     problems += [f".frequency_hz = {value!r}: {SIZES_READ}" for value in frequencies if 0 < value < MEASURED_MIN][:1]
@@ -270,7 +271,7 @@ class _Files(NamedTuple):
         """A support with the arrays of its file, or with the numbers of those of its motions."""
         if part.get("kind") != "modal":
             return self.with_motion(part, place)
-        new_part = self._read_file(part, place, "file", ARRAYS, _matrices)
+        new_part = self._read_file(part, place, "file", ARRAYS, lambda path, **options: read_matrices(path))
         return new_part if new_part is not part else self.with_motion(part, place)
 
     def with_motion(self, part: dict[str, Any], place: str) -> dict[str, Any]:
@@ -281,13 +282,17 @@ class _Files(NamedTuple):
         """A motion of a support with the numbers of its file."""
         if part.get("kind") == "random":
             return self._read_file(part, place, "psd", ("frequency_hz", "of"), _motion_psd)
-        return self._read_file(part, place, "file", ("time_s", *RECORDED), read_record) if _is_record(part) else part
+        if part.get("kind") == "record":
+            return self._read_file(part, place, "file", ("time_s", *RECORDED), read_record)
+        return part
 
     def force(self, part: dict[str, Any], place: str) -> dict[str, Any]:
         """A force with the numbers of its file."""
         if part.get("kind") == "random":
             return self._read_file(part, place, "psd", ("frequency_hz",), _force_psd)
-        return self._read_file(part, place, "file", ("time_s", *FORCES), _force_record) if _is_record(part) else part
+        if part.get("kind") == "record":
+            return self._read_file(part, place, "file", ("time_s", *FORCES), partial(read_record, acts=True))
+        return part
 
     def hoist(self, part: dict[str, Any], place: str) -> dict[str, Any]:
         """A hoist with the numbers of its file."""
@@ -320,18 +325,6 @@ class _Files(NamedTuple):
             self.problems.extend(f"{place}: {problem.removeprefix(prefix)}" for problem in error.problems)
             return part
         return numbers | {key: value for key, value in part.items() if key not in (name, "columns")}
-
-
-def _matrices(path: Path, *, has_quotes: bool, columns: Mapping[str, str]) -> dict[str, Any]:
-    return read_matrices(path)
-
-
-def _is_record(part: Mapping[str, Any]) -> bool:
-    return part.get("kind") == "record"
-
-
-def _force_record(path: Path, *, has_quotes: bool, columns: Mapping[str, str]) -> dict[str, Any]:
-    return read_record(path, True, has_quotes=has_quotes, columns=columns)
 
 
 def _motion_psd(path: Path, *, has_quotes: bool, columns: Mapping[str, str]) -> dict[str, Any]:

@@ -26,7 +26,7 @@ from modal.extend import Support, SupportCoordinate
 from modal.scene.carriers import CartMotion, HeaveMotion, PlatformMotion, SwingMotion, TiltMotion
 from modal.scene.contents import FILE_BYTES_MAX
 from modal.scene.links import LOSS_ANGLE, Loss, is_lossy
-from modal.scene.points import parse_point
+from modal.scene.points import point_text
 from modal.scene.stored import Pair, Rows, RowsOfPoints, Several, SeveralOrNone
 from modal.scene.validation import (
     FILE_NAME,
@@ -364,12 +364,7 @@ Carrier = Cart | Swing | Tilt | Heave | Platform | ModalSupport
 """The supports that have coordinates of their own."""
 
 
-def _end(text: str) -> str:
-    parse_point(text)
-    return text
-
-
-END = function_after(_end, text(200))
+END = function_after(point_text, text(200))
 
 
 class Spring(Part):

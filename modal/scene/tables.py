@@ -64,21 +64,10 @@ UNIT = re.compile(
     r"(?P<word>.*?)\s*(?:\((?P<round>[^()]*)\)|\[(?P<square>[^][]*)\]|/\s*(?P<slash>[^/\s]\S*)|\bin (?P<in>\S+))"
 )
 """A heading that ends in a unit."""
-TIME_WORDS = frozenset(
-    (
-        "t",
-        "time",
-        "times",
-        "timestamp",
-        "elapsed",
-        "seconds_elapsed",
-        "time_elapsed",
-        "zeit",
-        "temps",
-        "tiempo",
-        "tempo",
-    )
-)
+TIME_WORDS = {
+    *("t", "time", "times", "timestamp", "elapsed", "seconds_elapsed", "time_elapsed"),
+    *("zeit", "temps", "tiempo", "tempo"),
+}
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0}
 """Seconds of the units of time."""
 IN_SI = {

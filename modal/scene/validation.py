@@ -6,7 +6,8 @@ as `pendulum[2].links[0].mass = -1.0: must be positive`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import pairwise
 from operator import index
 from typing import Any, ClassVar, NamedTuple, Self, cast, dataclass_transform
 
@@ -59,6 +60,25 @@ def _several(value: object) -> object:
     if isinstance(value, Part):
         raise ValueError(f"must be a list: write [{type(value).__name__}(…)]")
     return value
+
+
+def refuse_file(value: object) -> object:
+    """The numbers of a part; the name of a file, which is read with the scene, is rejected."""
+    if isinstance(value, str):
+        raise ValueError(UNREAD)
+    return value
+
+
+def curve_problems(x: str, y: str, places: Sequence[float], values: Sequence[float], least: int = 0) -> Iterator[str]:
+    """Return why values are no curve over times or frequencies, by their keys: number, or places that do not ascend."""
+    is_in_time = x == "time_s"
+    if len(places) != len(values):
+        yield f".{y}: has {len(values)} values for {len(places)} {'times' if is_in_time else 'frequencies'}"
+    elif len(values) < least:
+        few = f".{x}: has {len(values)} samples" if is_in_time else f".{y}: has {len(values)} values"
+        yield f"{few}: at least {least} are needed"
+    if any(later <= earlier for earlier, later in pairwise(places)):
+        yield f".{x}: must be strictly ascending"
 
 
 def function_before(function: Callable[[Any], Any], schema: Schema) -> Schema:
@@ -182,10 +202,8 @@ class Field(NamedTuple):
     @property
     def full_schema(self) -> Schema:
         """The schema with the default."""
-        schema = (
-            self.schema if self.is_required else {"type": "default", "schema": self.schema, "default": self.default}
-        )
-        return {"type": "model-field", "schema": schema}
+        default = {} if self.is_required else {"type": "default", "schema": self.schema, "default": self.default}
+        return {"type": "model-field", "schema": default or self.schema}
 
 
 def field(schema: Schema, meaning: str = "", unit: str = "", *, default: Any = REQUIRED) -> Any:
@@ -224,13 +242,7 @@ class Part:
         KEYS.update(cls.fields)
         TAGS.update(cls.fields["kind"].schema["expected"] if "kind" in cls.fields else [])
         kinds = {key: list(_kinds(field.schema)) for key, field in cls.fields.items() if key != "kind"}
-        KINDS.update(
-            {
-                key: ", ".join(f'"{kind}"' for kind in kinds_of_key)
-                for key, kinds_of_key in kinds.items()
-                if kinds_of_key
-            }
-        )
+        KINDS.update({key: ", ".join(f'"{kind}"' for kind in words) for key, words in kinds.items() if words})
 
     def __init__(self, /, **data: Any) -> None:
         """Raise SceneError."""

@@ -15,55 +15,27 @@ if TYPE_CHECKING:
     from modal.scene.points import CarrierEnd, End, GroundEnd, LinkEnd, Where
     from modal.structure.carriers import PLATFORM, CarrierNumbers, Moving, carrier_numbers
     from modal.structure.outlines import STILL, Piece, Scaffold
-    from modal.structure.rest import (
+    from modal.structure.structure import (
         Phi,
         Row,
+        SpringNumbers,
+        Structure,
         bends,
         carried_weights,
+        coordinate_units,
         drawn_together,
         find_imbalance,
         hung_masses,
         is_damped,
         phi,
+        scale_structure,
         slopes,
+        structure_of,
         tied,
         turning,
         weights,
     )
-    from modal.structure.structure import SpringNumbers, Structure, coordinate_units, scale_structure, structure_of
 
-__all__ = [
-    "PLATFORM",
-    "STILL",
-    "CarrierEnd",
-    "CarrierNumbers",
-    "End",
-    "GroundEnd",
-    "LinkEnd",
-    "Moving",
-    "Phi",
-    "Piece",
-    "Row",
-    "Scaffold",
-    "SpringNumbers",
-    "Structure",
-    "Where",
-    "bends",
-    "carried_weights",
-    "carrier_numbers",
-    "coordinate_units",
-    "drawn_together",
-    "find_imbalance",
-    "hung_masses",
-    "is_damped",
-    "phi",
-    "scale_structure",
-    "slopes",
-    "structure_of",
-    "tied",
-    "turning",
-    "weights",
-]
 
 if not TYPE_CHECKING:
     __getattr__ = lazy_attributes(__name__)

@@ -97,7 +97,7 @@ class Scaffold:
         return tuple(np.array(part).reshape(-1, 2) for part in points)
 
     @cached_property
-    def _bodies(self) -> tuple[tuple[float, float, float], ...]:
+    def bodies(self) -> tuple[tuple[float, float, float], ...]:
         """Left, right and height (m, along and below its origin) of every support's body."""
         bodies = []
         for body, points in zip(self.structure.carriers, self._points, strict=True):
@@ -135,10 +135,6 @@ class Scaffold:
             order += upper
         return tuple(order[1:]) if len(order) > len(moving) else ()
 
-    def body(self, carrier: int) -> tuple[float, float, float]:
-        """Return left, right and height (m, along and below its origin) of a support's body."""
-        return self._bodies[carrier]
-
     @cached_property
     def shifts(self) -> Floats:
         """Offset (m) of every support in the drawing, along the rail and up, (C, 2)."""
@@ -150,7 +146,7 @@ class Scaffold:
             shifts[list(self.storeys), 1] = np.cumsum(heights)
             return shifts
         boxes = []
-        for body, (left_end, right_end, level) in zip(carriers, self._bodies, strict=True):
+        for body, (left_end, right_end, level) in zip(carriers, self.bodies, strict=True):
             x, z = (float(part) for part in body.position)
             boxes.append((x + left_end, x + right_end, z + level))
         moving = [k for k, body in enumerate(carriers) if body.size]
@@ -228,7 +224,7 @@ class Scaffold:
         moving = [k for k, body in enumerate(self.structure.carriers) if body.size and body.points is None]
         at_rest, names = np.zeros((1, self.structure.size)), []
         for k in moving if len(moving) > 1 else ():
-            body, (left_end, right_end, level) = self.structure.carriers[k], self._bodies[k]
+            body, (left_end, right_end, level) = self.structure.carriers[k], self.bodies[k]
             height = float(body.values["length"]) if body.kind == "swing" else 0.0
             place = (right_end + 0.5 * self.unit, level)
             if not self.storeys:
@@ -262,7 +258,7 @@ class Scaffold:
 
     def _carrier(self, k: int, eta: Floats) -> Iterator[Piece]:
         body, u = self.structure.carriers[k], self.unit
-        left_end, right_end, level = self._bodies[k]
+        left_end, right_end, level = self.bodies[k]
         if not body.size:
             yield from self._ceiling(k)
             return
@@ -290,30 +286,18 @@ class Scaffold:
         points, u = self._points[k], self.unit
         for h in np.unique(points[:, 1]):
             abscissas = points[points[:, 1] == h, 0]
-            yield from _hatch(
-                self._ground_points(k, [(abscissas.min() - 0.16 * u, h), (abscissas.max() + 0.16 * u, h)]), u
-            )
+            ends = [(abscissas.min() - 0.16 * u, h), (abscissas.max() + 0.16 * u, h)]
+            yield from _hatch(self._ground_points(k, ends), u)
 
     def _frame(self, k: int, eta: Floats) -> Iterator[Piece]:
         """The points of a modal support where something is fixed to them, as dots."""
-        numbers = sorted(
-            {pivot.where for pivot in self.structure.pivots if pivot.carrier == k}
-            | {
-                end.where
-                for spring in self.structure.springs
-                for end in spring.ends
-                if isinstance(end, CarrierEnd) and end.carrier == k
-            },
-            key=str,
-        )
-        for where in numbers:
-            asides = [
-                float(aside)
-                for p, aside in zip(self.pendula.tolist(), self.aside, strict=True)
-                if self.structure.pivots[p] == (k, where)
-            ] or [0.0]
+        pivots, margin = self.structure.pivots, np.array([2 * HALF_HEIGHT * self.unit, 0.0])
+        drawn = list(zip(self.pendula.tolist(), self.aside.tolist(), strict=True))
+        ends_of_springs = [end for spring in self.structure.springs for end in spring.ends]
+        fixed = [*pivots, *(end for end in ends_of_springs if isinstance(end, CarrierEnd))]
+        for where in sorted({end.where for end in fixed if end.carrier == k}, key=str):
+            asides = [aside for p, aside in drawn if pivots[p] == (k, where)] or [0.0]
             ends = [self.place(k, where, eta, aside) for aside in (min(asides), max(asides))]
-            margin = np.array([4 * HALF_HEIGHT * self.unit / 2, 0.0])
             yield Piece("line", np.stack([ends[0] - margin, ends[1] + margin], axis=1))
             yield Piece("dot", np.stack([(ends[0] + ends[1]) / 2], axis=1))
 
@@ -321,7 +305,7 @@ class Scaffold:
         if k in self.storeys:
             yield from self._storey(k, eta)
             return
-        left_end, right_end, _ = self._bodies[k]
+        left_end, right_end, _ = self.bodies[k]
         u, low = self.unit, 2 * HALF_HEIGHT * self.unit
         for s in (0.75 * left_end + 0.25 * right_end, 0.25 * left_end + 0.75 * right_end):
             middle = self.place(k, (s, low), eta)[:, None]
@@ -337,7 +321,7 @@ class Scaffold:
     def _storey(self, k: int, eta: Floats) -> Iterator[Piece]:
         """The columns from the storey below, or the ground, which stay upright at both ends."""
         number, half = self.storeys.index(k), HALF_HEIGHT * self.unit
-        left_end, right_end, _ = self._bodies[k]
+        left_end, right_end, _ = self.bodies[k]
         share = np.linspace(0.0, 1.0, 13)[:, None]
         for s in (left_end + 0.1 * self.unit, right_end - 0.1 * self.unit):
             top = self.place(k, (s, half), eta)
@@ -351,7 +335,7 @@ class Scaffold:
             yield from _hatch(self._ground_points(k, [(left_end, level), (right_end, level)]), self.unit, 1.0)
 
     def _swing(self, k: int, body: CarrierNumbers, eta: Floats) -> Iterator[Piece]:
-        left_end, right_end, _ = self._bodies[k]
+        left_end, right_end, _ = self.bodies[k]
         length, u = float(body.values["length"]), self.unit
         for s in (left_end + 0.06 * u, right_end - 0.06 * u):
             top = np.broadcast_to(self._ground_points(k, [(s, -length)]), (len(eta), 1, 2))
@@ -360,7 +344,7 @@ class Scaffold:
         yield from self._to_wall(k, body.stiffness[0], 0.0, eta)
 
     def _tilt(self, k: int, body: CarrierNumbers, eta: Floats) -> Iterator[Piece]:
-        left_end, right_end, level = self._bodies[k]
+        left_end, right_end, level = self.bodies[k]
         u, way = self.unit, 1.0 if level < 0 or (level == 0 and not len(self._points[k])) else -1.0
         foot = min(max(0.0, left_end), right_end)
         if abs(level) > HALF_HEIGHT * u:
@@ -374,14 +358,14 @@ class Scaffold:
         yield Piece("dot", self._at(k, [(float(body.centre[0]), float(body.centre[1]))], eta))
 
     def _heave(self, k: int, body: CarrierNumbers, eta: Floats) -> Iterator[Piece]:
-        left_end, right_end, _ = self._bodies[k]
+        left_end, right_end, _ = self.bodies[k]
         u = self.unit
         for s in (left_end - 0.03 * u, right_end + 0.03 * u):
             yield Piece("guide", self._ground_points(k, [(s, -0.3 * u), (s, 0.3 * u)]))
         yield from self._to_floor(k, body.stiffness[0], eta, (left_end + right_end) / 2)
 
     def _platform(self, k: int, body: CarrierNumbers, eta: Floats) -> Iterator[Piece]:
-        left_end, right_end, _ = self._bodies[k]
+        left_end, right_end, _ = self.bodies[k]
         sway, heave, roll = body.stiffness
         yield from self._to_wall(k, sway, 0.0, eta)
         at = (0.6 * left_end, 0.6 * right_end) if roll else ((left_end + right_end) / 2,)
@@ -394,7 +378,7 @@ class Scaffold:
         if not (stiffness or damping):
             return
         side = self._side(k)
-        end = self._bodies[k][1 if side > 0 else 0]
+        end = self.bodies[k][1 if side > 0 else 0]
         wall = end + side * WALL_GAP * self.unit
         yield from self._wall(k, wall, level, side)
         body_end = self.place(k, (end, level), eta)
@@ -404,7 +388,7 @@ class Scaffold:
     def _side(self, k: int) -> float:
         """On which side of a support there is room for a wall: −1 left, 1 right."""
         middles = [
-            float(body.position[0]) + float(self.shifts[i, 0]) + sum(self._bodies[i][:2]) / 2
+            float(body.position[0]) + float(self.shifts[i, 0]) + sum(self.bodies[i][:2]) / 2
             for i, body in enumerate(self.structure.carriers)
         ]
         return 1.0 if len(middles) > 1 and middles[k] == max(middles) and middles[k] > min(middles) else -1.0
@@ -468,7 +452,7 @@ class Scaffold:
         edges, abscissas = [first, second], [self._rest_place(end) for end in ends]
         for k, end in enumerate(ends):
             if isinstance(end, CarrierEnd) and end.where == (0.0, 0.0):
-                left_end, right_end, level = self._bodies[end.carrier]
+                left_end, right_end, level = self.bodies[end.carrier]
                 distance = abscissas[1 - k] - abscissas[k]
                 if abs(distance) > right_end - left_end and not level:
                     edges[k] = edges[k] + np.array([right_end if distance > 0 else left_end, 0.0])
@@ -498,7 +482,7 @@ class Scaffold:
             yield from _hatch(fixed_end + np.array([[[-0.08, 0.0], [0.08, 0.0]]]) * self.unit, self.unit, 1.0)
             yield Piece("spring", _zigzag(fixed_end[None], moving_end, self.unit, is_damper=is_damper))
         elif carrier is not None and not isinstance(end.where, int):  # type: ignore[union-attr]
-            level = self._bodies[carrier][2] if end.where == (0.0, 0.0) else float(end.where[1])  # type: ignore[union-attr]
+            level = self.bodies[carrier][2] if end.where == (0.0, 0.0) else float(end.where[1])  # type: ignore[union-attr]
             yield from self._to_wall(carrier, not is_damper, is_damper, eta, level)
         else:
             rest_joints = {pendulum: place[None] for pendulum, place in (self.hanging or {}).items()}

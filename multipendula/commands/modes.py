@@ -27,7 +27,7 @@ COLUMN_NAMES = (
     *("effective_mass_across_kg", "linear_to_1_percent_deg", "relative_error_bound", "participation_factor_per_m"),
     *("cumulative_effective_mass_share", "cumulative_fixed_base_mass_share"),
 )
-"""The columns of `modal.modes.columns` that are printed; the help page must not load that module."""
+"""The columns of `modal.modes.tables` that are printed; the help page must not load that module."""
 LONG_CHAIN = 2000
 """Cost: links of a scene of which only the modes that are shown are looked for: `benchmarks/few_modes.py`."""
 

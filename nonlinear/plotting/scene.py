@@ -135,7 +135,7 @@ def stage_of(trajectory: Trajectory, at: Floats) -> Stage:
     )
     camera = np.zeros(len(at))
     if system.cart is not None:
-        cart, (left, right, _) = motions[0].cart[::TRAIL_POINTS] + support[:, 0], scaffold.body(0)
+        cart, (left, right, _) = motions[0].cart[::TRAIL_POINTS] + support[:, 0], scaffold.bodies[0]
         camera = cart if np.ptp(cart) > 0.75 * depth + (right - left) / 4 else camera
     return Stage(actors, pieces, camera, depth, floor, system.cart is not None, scaffold.notes)
 

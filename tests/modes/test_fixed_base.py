@@ -10,9 +10,8 @@ from modal import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene, load, natural_mo
 from modal.assembly import matrices
 from modal.coupling import explain
 from modal.errors import SceneError
-from modal.modes.columns import COLUMNS, DROPPED, columns_of, printed_columns
 from modal.modes.numbering import fixed_base_masses
-from modal.modes.tables import table
+from modal.modes.tables import COLUMNS, DROPPED, columns_of, printed_columns, table
 from modal.report import fitted
 from modal.scene.parameters import number_at, vary
 

@@ -34,7 +34,7 @@ def test_the_message_it_quotes_is_the_real_one() -> None:
 
 
 def test_every_column_is_explained() -> None:
-    from modal.modes.columns import COLUMNS
+    from modal.modes.tables import COLUMNS
 
     manual = (Path(__file__).parents[2] / "docs" / "reference" / "columns.md").read_text(encoding="utf-8")
     explained = re.findall(r"\*\*(.*?)\*\*", manual)
