@@ -276,14 +276,21 @@ def border_words(maps: Sequence[RhythmMap], name: str, kind: str, is_birth: bool
 
 
 def _mark(axis: Axes, marks: Sequence[tuple[float, str, str]]) -> None:
-    """Vertical lines with words above the axes, each row of words a little lower."""
-    low, high = axis.get_xlim()
-    rows = min(3, len(marks))
-    for number, (value, words, dashes) in enumerate(sorted(marks)):
-        height = 1.01 + 0.045 * (rows - 1 - number % 3)
+    """Vertical lines with words above the axes, in the lowest row where they cover no others."""
+    rows: list[list[tuple[float, float]]] = []
+    for value, words, dashes in sorted(marks):
         axis.axvline(value, color=ink() if dashes == "-" else secondary_colour(), lw=0.9, ls=dashes)
-        side = "right" if value > (low + high) / 2 else "left"
-        axis.text(value, height, words, transform=axis.get_xaxis_transform(), fontsize="small", ha=side, va="bottom")
+        side = "right" if axis.transLimits.transform((value, 0))[0] > 0.5 else "left"
+        text = axis.text(
+            value, 1, f" {words} ", transform=axis.get_xaxis_transform(), fontsize="small", ha=side, va="bottom"
+        )
+        low, high = text.get_window_extent().intervalx
+        free = (row for row, spans in enumerate(rows) if all(low > end or high < begin for begin, end in spans))
+        row = next(free, len(rows))
+        if row == len(rows):
+            rows.append([])
+        rows[row].append((low, high))
+        text.set_y(1.01 + 0.045 * row)
 
 
 def grid_figure(grid: RhythmGrid) -> Figure:
