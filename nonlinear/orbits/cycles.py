@@ -277,11 +277,7 @@ def require_range(scene: Scene, variation: Variation) -> None:
 
 
 def beginnings(
-    scene: Scene,
-    variation: Variation,
-    value: float,
-    start: tuple[State, float] | None,
-    tolerance: float,
+    scene: Scene, variation: Variation, value: float, start: tuple[State, float] | None, tolerance: float
 ) -> Iterator[Beginning]:
     """Limit cycles at one value of the number."""
     varied_scene = vary(scene, {variation.path: value})
