@@ -423,11 +423,7 @@ def judge_counts(row: Data, claim: Data, blocks: list[Sums], w: Q, e: Q, bits: i
 
 def judge_roots(row: Data, claim: Data, blocks: list[Sums], w: Q, e: Q) -> str:
     """Roots z in a disc within the bound of w = |z|, about the root of the table."""
-    (re, im), zeta, radius = (
-        map(Q, claim["centre"]),
-        Q(row["damping_ratio"]),
-        Q(claim["radius"]),
-    )
+    (re, im), zeta, radius = (map(Q, claim["centre"]), Q(row["damping_ratio"]), Q(claim["radius"]))
     near, far = w * (1 - e) + radius, w * (1 + e) - radius
     is_near = min(radius, far) >= 0 and near**2 <= re * re + im * im <= far**2
     if im < 0 or not is_near or abs(re + zeta * w) > e * w:

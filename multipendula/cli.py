@@ -226,7 +226,7 @@ def _channels(options: argparse.Namespace) -> Iterator[None]:
     if options.page.usual and options.output is None:
         options.output = file_beside(options.scene, options.page.usual)
     files = [action for action in options.page._actions if action.metavar == "FILE" and action.option_strings]
-    named = [(_long(action), vars(options)[action.dest]) for action in files]
+    named = [(action.option_strings[0], vars(options)[action.dest]) for action in files]
     if unnamed := [option for option, name in named if name == ""]:
         raise SceneError([f"{option}: the name of the file is empty" for option in unnamed])
     if why := options.page.refused.get(os.path.splitext(getattr(options, "output", None) or "")[1].lower()):
@@ -253,11 +253,6 @@ def _limit(options: argparse.Namespace) -> TableLimit | None:
     asked = any(getattr(options, name, None) for name in chosen)
     ways = ["--format text"] * hasattr(options, "format") + ["a pipe"]
     return None if asked else TableLimit(TABLE_ROWS, f"; {' or '.join(ways)} shows all")
-
-
-def _long(action: argparse.Action) -> str:
-    """The long name of an option."""
-    return next(option for option in action.option_strings if option.startswith("--"))
 
 
 @contextmanager

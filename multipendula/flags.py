@@ -118,11 +118,7 @@ FLAGS: dict[str, Flag] = {
     "--digits": Flag("N", "number of digits that are proved", integer(1000), default=30),
     "--discrete": Flag("SECONDS", "sample time of a controller", SECONDS, keyword="step", names=("sample",)),
     "--dominant": Flag(
-        "N",
-        "keep only this number of modes, those that contribute most",
-        integer(99999),
-        "alone",
-        keyword="count",
+        "N", "keep only this number of modes, those that contribute most", integer(99999), "alone", keyword="count"
     ),
     "--drive": Flag("NAME", "how the cart is driven"),
     "--duration": Flag("SECONDS", "simulated time", SECONDS, "motion"),

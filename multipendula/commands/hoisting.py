@@ -12,7 +12,6 @@ from multipendula.completion import words
 from multipendula.options import integer
 
 if TYPE_CHECKING:
-    from modal.scene import Scene
     from modal.statespace.hoisting import Along, Residual, TravelLimits
 
 
@@ -65,7 +64,7 @@ def hoist(options: argparse.Namespace) -> Along | None:
     hoist hoisting-crane --format csv -o hoist.png
         numbers, and a picture
     """
-    from modal.statespace.hoisting import frequencies_along
+    from modal.statespace.hoisting import Travel, frequencies_along, travel_residuals
 
     picture(options.output)
     limits = limits_of(options)
@@ -79,7 +78,10 @@ def hoist(options: argparse.Namespace) -> Along | None:
     noted(scene.at(0.0), "mode shapes")
     drive = options.drive or DRIVES[bool(options.travel)]
     along = frequencies_along(scene, options.samples, drive)
-    left = _left(scene, options, limits) if options.travel else ()
+    left: tuple[Residual, ...] = ()
+    if options.travel:
+        travel = Travel.along(scene, options.travel, options.over, limits)
+        left = travel_residuals(scene, travel, kind=options.kind or "zv", count=options.count or 1)
     say(_written(along, left, options), options.format)
     if name := getattr(options, "format_words", "").removeprefix("-o "):
         remark(f"{name}: {along.main_figures(left)}")
@@ -89,9 +91,9 @@ def hoist(options: argparse.Namespace) -> Along | None:
 
         start = along.times[0]
         shaper = shaper_for(scene.at(start), options.count or 1, options.kind or "zv")
-        travel = shaped_travel(scene, shaper, options.travel, options.over, limits=limits)
-        draw_in(options, options.output, "modal.plotting", "travel_figure", travel)
-        _made(options, f"the travel of {travel.distance:g} m, unshaped and shaped")
+        shaped = shaped_travel(scene, shaper, options.travel, options.over, limits=limits)
+        draw_in(options, options.output, "modal.plotting", "travel_figure", shaped)
+        _made(options, f"the travel of {shaped.distance:g} m, unshaped and shaped")
     elif options.output:
         smooth = frequencies_along(scene, max(options.samples, 201), drive)
         draw_in(options, options.output, "modal.plotting", "hoist_figure", smooth)
@@ -102,13 +104,6 @@ def hoist(options: argparse.Namespace) -> Along | None:
 def _made(options: argparse.Namespace, words: str) -> None:
     if options.format == "text":
         made(options.output, words)
-
-
-def _left(scene: Scene, options: argparse.Namespace, limits: TravelLimits | None) -> tuple[Residual, ...]:
-    from modal.statespace.hoisting import Travel, travel_residuals
-
-    travel = Travel.along(scene, options.travel, options.over, limits)
-    return travel_residuals(scene, travel, kind=options.kind or "zv", count=options.count or 1)
 
 
 def _written(along: Along, left: tuple[Residual, ...], options: argparse.Namespace) -> str:

@@ -59,11 +59,4 @@ def _shown(name: str) -> tuple[dict[str, Any], dict[str, Any] | None]:
     return scene_data(trajectory.scene), recording_of(trajectory)
 
 
-COMMANDS = (
-    Command(
-        topic="motion",
-        run=play,
-        main=("--output",),
-        takes=(RUN, main_file("the page", KINDS, ".html")),
-    ),
-)
+COMMANDS = (Command(topic="motion", run=play, main=("--output",), takes=(RUN, main_file("the page", KINDS, ".html"))),)

@@ -214,10 +214,5 @@ COMMANDS = (
             option("--amplitude in its drawing (default 25)", default=25.0),
         ),
     ),
-    Command(
-        topic="modes",
-        run=matrices,
-        main=("--format", "--output"),
-        takes=(SCENE, *text_file("text", "json")),
-    ),
+    Command(topic="modes", run=matrices, main=("--format", "--output"), takes=(SCENE, *text_file("text", "json"))),
 )

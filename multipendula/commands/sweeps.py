@@ -188,7 +188,7 @@ COMMANDS = (
             SCENE,
             option(
                 "--vary: support.mass=1:1000:50log, gravity=1:10:5 or pendulum[*].links[0].length=0.9,1,1.1; one to "
-                "three of them; start.energy=1:20:40 (J above rest) draws --members starts at every energy",
+                "three of them; start.energy=1:20:40 (J above rest) draws --members starts at every energy"
             ),
             measured("sweep", "frequencies, over energies lyapunov); repeat for several", keyword="measures"),
             option("--members: starts drawn at every start.energy (default 50)", type=integer(100_000)),

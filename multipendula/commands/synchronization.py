@@ -33,9 +33,7 @@ if TYPE_CHECKING:
 MORE = "--words describes prediction and simulation in sentences."
 
 
-def sync(
-    options: argparse.Namespace,
-) -> SynchronizationStudy | Branches | PopulationDiagram | RhythmMap | RhythmGrid:
+def sync(options: argparse.Namespace) -> SynchronizationStudy | Branches | PopulationDiagram | RhythmMap | RhythmGrid:
     """Predict which mode survives in a scene with drives, simulate it, and measure which pendula synchronize.
 
     For scenes with drives (van der Pol torques or escapements). Averaged equations predict the steady oscillations,

@@ -154,7 +154,7 @@ COMMANDS = (
             SCENE,
             option(
                 "--free, each perhaps with bounds, such as 'pendulum[0].links[0].length=0.5:2,"
-                "pendulum[0].links[0].damping'",
+                "pendulum[0].links[0].damping'"
             ),
             "--minimize: peak:OUTPUT/INPUT, such as peak:x/cart_force, the largest magnitude over frequencies; "
             "rms:OUTPUT under --psd; residual, the angle that a --travel leaves; damping, the least ratio of the "

@@ -25,10 +25,7 @@ OUTPUTS = (
     *("coordinates", "coordinate_rates", "coordinate_accelerations", "spring_forces", "spring_extensions"),
 )
 WRITTEN = (
-    option(
-        f"--signals: angles,tip_accelerations (default), {', '.join(OUTPUTS[2:])}",
-        completion=words(OUTPUTS),
-    ),
+    option(f"--signals: angles,tip_accelerations (default), {', '.join(OUTPUTS[2:])}", completion=words(OUTPUTS)),
     *text_file("text", "csv", "json", drawn=True),
     *picture_file(),
 )

@@ -26,7 +26,7 @@ import numpy as np
 
 from modal.modes.rows import ALIKE, COUNTED, UNNAMED
 from modal.scene import Scene
-from modal.structure import STILL, Piece, Scaffold, Structure
+from modal.structure import STILL, Scaffold, Structure
 from multipendula.page.scalars import HELPERS, functions_of, method_source
 
 if TYPE_CHECKING:
@@ -174,7 +174,7 @@ def _drawing(system: System, structure: Structure) -> tuple[Module, list[dict[st
         own_piece: dict[str, Any] = {"role": piece.role, "carrier": carrier}
         if piece.is_outline:
             own_piece["closed"] = True
-        if _is_still(piece, points):
+        if piece.role in STILL and all(isinstance(value, float | int) for value in points):
             own_piece["points"] = [round(float(value), 9) for value in points]
         else:
             own_piece["count"] = len(points) // 2
@@ -182,10 +182,6 @@ def _drawing(system: System, structure: Structure) -> tuple[Module, list[dict[st
         told.append(own_piece)
     pivots = [value for x, z in scaffold.pivots(eta)[0].tolist() for value in (x, -z)]
     return Module(tape, {"pivots": pivots, "pieces": moving}), told
-
-
-def _is_still(piece: Piece, points: list[Any]) -> bool:
-    return piece.role in STILL and all(isinstance(value, float | int) for value in points)
 
 
 def scaffold_of(system: System) -> Scaffold:

@@ -71,7 +71,7 @@ def _outliers(result: Fit) -> Iterator[str]:
     for c, sensor in enumerate(result.recording.sensors):
         if result.misfit[c] > MISFIT_MAX:
             continue
-        count = sum(outliers(miss) for k, _, miss in _misses(result) if k == c)
+        count = sum(outliers(miss) for _, miss in _misses(result, c))
         if count:
             words = f"{sensor.words}: {counted(count, 'reading is an outlier', 'readings are outliers')}, beyond "
             words += f"{OUTLIER_STDS:g} standard deviations of the others"
@@ -172,9 +172,9 @@ def _bounds(result: Fit) -> Iterator[str]:
 
 def _whiteness(result: Fit) -> Iterator[str]:
     step = np.median(np.concatenate([np.diff(segment.times) for segment in result.recording.segments]))
-    for sensor, rho in zip(result.recording.sensors, result.rho, strict=True):
+    for c, (sensor, rho) in enumerate(zip(result.recording.sensors, result.rho, strict=True)):
         if len(rho) == 1:
-            count = sum(outliers(miss) for k, _, miss in _misses(result) if result.recording.sensors[k] == sensor)
+            count = sum(outliers(miss) for _, miss in _misses(result, c))
             yield f"{sensor.words}: the residuals are white" + (", but for the outliers" if count else "")
         else:
             yield (
@@ -184,14 +184,13 @@ def _whiteness(result: Fit) -> Iterator[str]:
             )
 
 
-def _misses(result: Fit) -> list[tuple[int, Floats, Floats]]:
-    """Sensor, times and residuals of every series."""
+def _misses(result: Fit, sensor: int) -> list[tuple[Floats, Floats]]:
+    """Times and residuals of every series of a sensor."""
     series = []
     for misses, segment in zip(result.misses, result.recording.segments, strict=True):
-        for c in range(len(result.recording.sensors)):
-            is_present = np.isfinite(segment.values[:, c])
-            if np.count_nonzero(is_present) > SEGMENT_ROWS_MIN:
-                series.append((c, segment.times[is_present], -misses[is_present, c]))
+        is_present = np.isfinite(segment.values[:, sensor])
+        if np.count_nonzero(is_present) > SEGMENT_ROWS_MIN:
+            series.append((segment.times[is_present], -misses[is_present, sensor]))
     return series
 
 
@@ -201,7 +200,7 @@ def _lines(result: Fit) -> Iterator[str]:
     for c, sensor in enumerate(result.recording.sensors):
         if len(result.rho[c]) == 1:
             continue
-        misses = [(times, miss) for k, times, miss in _misses(result) if k == c]
+        misses = _misses(result, c)
         step = float(np.median(np.diff(misses[0][0])))
         longest = max(times[-1] - times[0] for times, _ in misses)
         count = 2 ** int(np.ceil(np.log2(4 * longest / step)))
@@ -228,9 +227,7 @@ def _growth(result: Fit) -> Iterator[str]:
     """Whether residuals are larger where the swing is."""
     for c, sensor in enumerate(result.recording.sensors):
         sizes, misses, rates, parts = [], [], [], []
-        for k, times, miss in _misses(result):
-            if k != c:
-                continue
+        for times, miss in _misses(result, c):
             segment = next(
                 part for part in result.recording.segments if times[0] >= part.times[0] and times[-1] <= part.times[-1]
             )

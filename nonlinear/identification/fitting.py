@@ -15,13 +15,7 @@ import numpy as np
 import scipy
 
 from modal.errors import ComputationError, SceneError
-from modal.identification import (
-    autocorrelation,
-    covariance,
-    find_determined,
-    find_parameters,
-    starts_of,
-)
+from modal.identification import autocorrelation, covariance, find_determined, find_parameters, starts_of
 from modal.identification.decays import EVALUATIONS_MAX, NOISE_AT_FIRST, NOISE_MIN
 from modal.identification.mode_fitting import ROUGH_EVALUATIONS
 from modal.report import silent
@@ -410,22 +404,22 @@ class _Reached(Exception):  # noqa: N818
 
 def _decrement(J: Floats, residuals: Floats) -> float:
     """By how much the sum of squares can still fall, to first order: the part of the residuals that J can make up."""
-    size = np.linalg.norm(J, axis=0)
-    size[size == 0] = 1.0
-    Q, R, _ = scipy.linalg.qr(J / size, mode="economic", pivoting=True)
+    return float(np.sum(np.square(_basis(J).T @ residuals)))
+
+
+def _basis(columns: Floats) -> Floats:
+    """An orthonormal basis of the span of columns, whatever their sizes."""
+    size = np.linalg.norm(columns, axis=0)
+    if not size.any():
+        return columns[:, :0]
+    Q, R, _ = scipy.linalg.qr(columns[:, size > 0] / size[size > 0], mode="economic", pivoting=True)
     diagonal = np.abs(np.diag(R))
-    return float(np.sum(np.square(Q[:, diagonal > 1e-10 * diagonal[0]].T @ residuals))) if len(diagonal) else 0.0
+    return np.asarray(Q[:, diagonal > 1e-10 * diagonal[0]])
 
 
 def _project_out(J: Floats, nuisances: Booleans, numbers: int) -> Floats:
     """The columns of the numbers without the part that nuisances can compensate."""
-    columns, nuisance_columns = J[:, :numbers], J[:, nuisances]
-    if not nuisance_columns.shape[1]:
-        return columns
-    size = np.linalg.norm(nuisance_columns, axis=0)
-    Q, R, _ = scipy.linalg.qr(nuisance_columns[:, size > 0] / size[size > 0], mode="economic", pivoting=True)
-    diagonal = np.abs(np.diag(R))
-    Q = Q[:, diagonal > 1e-10 * diagonal[0]]
+    columns, Q = J[:, :numbers], _basis(J[:, nuisances])
     once = columns - Q @ (Q.T @ columns)
     return np.asarray(once - Q @ (Q.T @ once))
 

@@ -358,14 +358,10 @@ class FitProblem(Displayed):
         """The motions at these unknowns, where they are among the last evaluations."""
         unknowns = u.tobytes()
         for evaluation in self.evaluations:
-            if evaluation.unknowns == unknowns and self._has_motions_of(evaluation.problem):
+            parts = zip(self._of_motions, evaluation.problem._of_motions, strict=True)  # whatever the noise
+            if evaluation.unknowns == unknowns and all(part is other_part for part, other_part in parts):
                 return evaluation.flow
         return None
-
-    def _has_motions_of(self, other: FitProblem) -> bool:
-        """Whether both have the same motions, whatever the noise."""
-        parts = zip(self._of_motions, other._of_motions, strict=True)
-        return all(part is other_part for part, other_part in parts)
 
     @property
     def _of_motions(self) -> tuple[object, ...]:

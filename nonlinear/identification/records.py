@@ -294,7 +294,8 @@ def read_recording(
     for path in paths:
         with gathered(problems):
             table = _recorded_table(path, scene, where or {}, columns or {}, carriers)
-            if _has_no_cart(scene) if scene else _is_still(table):
+            is_still = RUNS in table.columns and len(set(table.words(RUNS))) == 1
+            if _has_no_cart(scene) if scene else is_still:
                 table = table.renamed({RUNS: f"({RUNS})"} if RUNS in table.columns else {})
             rates = _derived_rates(table, columns or {}, carriers)
             derived |= rates
@@ -311,10 +312,7 @@ def read_recording(
     problems += _empty(sensors, segments) if not problems else []
     refuse_any(problems)
     unknown = {column for table in tables for column in table.columns if not _is_known(column, carriers)}
-    other_columns = (unknown | derived) - {
-        *(where or {}),
-        f"({RUNS})",
-    }
+    other_columns = (unknown | derived) - {*(where or {}), f"({RUNS})"}
     recording = Recording(tuple(sensors), tuple(segments), angles == "relative", tuple(sorted(other_columns)))
     return replace(recording.unwrap_angles(), readings=tuple(map(_reading, tables)))
 
@@ -328,11 +326,6 @@ def _reading(table: DataTable) -> str:
     rate = f"{len(table)} rows" + (f" at {1 / step:.6g} Hz" if step > 0 else "")
     words = [table.described(), rate, counted(gaps, "gap", "gaps") if gaps else ""]
     return f"{table.name}: {'; '.join(filter(None, words))}"
-
-
-def _is_still(table: DataTable) -> bool:
-    """Whether the cart of a simulated run never moves."""
-    return RUNS in table.columns and len(set(table.words(RUNS))) == 1
 
 
 Carriers = Mapping[str, Sensor]
@@ -435,11 +428,7 @@ def _absent(scene: Scene, sensor: Sensor) -> Iterator[str]:
 
 
 def _recorded_table(
-    source: Source,
-    scene: Scene | None,
-    where: Mapping[str, str],
-    meanings: Mapping[str, str],
-    carriers: Carriers,
+    source: Source, scene: Scene | None, where: Mapping[str, str], meanings: Mapping[str, str], carriers: Carriers
 ) -> DataTable:
     """The rows of a file that are used, under the columns that it has or that its headings were found to mean."""
     table = source if isinstance(source, DataTable) else read_table(source)

@@ -234,17 +234,13 @@ class Fit(FittedNumbers):
     @property
     def rms_unit(self) -> str:
         """The unit of `rms`: rad where an angle is read, else that of the first sensor."""
-        return unit_of_residuals(self.recording)
+        sensors = self.recording.sensors
+        units = [sensor.unit for sensor in sensors if sensor.is_angle or not sensor.pendulum]
+        return "rad" if "rad" in units else sensors[0].unit
 
     def _misses(self, segments: Sequence[int]) -> Floats:
         chosen = [k for k, sensor in enumerate(self.recording.sensors) if sensor.unit == self.rms_unit]
         return np.concatenate([self.misses[s][:, chosen].ravel() for s in segments])
-
-
-def unit_of_residuals(recording: Recording) -> str:
-    """The unit in which residuals of a recording are reported: rad where an angle is read, else the first sensor's."""
-    units = [sensor.unit for sensor in recording.sensors if sensor.is_angle or not sensor.pendulum]
-    return "rad" if "rad" in units else recording.sensors[0].unit
 
 
 def root_mean_square(values: Floats) -> float:

@@ -7,22 +7,23 @@ and Floquet multipliers, and the special points between them.
 
 Start with `modes` for conservative scenes, with `cycles` for self-excited ones and with `forced` under drives of a
 period.  `symmetric` and `shooting` have the equations of orbits, `flow` integrates them with their variational
-equations, `continuation` follows their solutions, `floquet` the stability, `special` where it changes, and `entering`
-what leaves there.  `populations` has the orbits on which every population of equal pendula moves as one.
+equations, `continuation` follows their solutions, `floquet` the stability, `special` where it changes; `cycles` also
+follows what leaves there.  `populations` has the orbits on which every population of equal pendula moves as one.
 """
 
 from nonlinear.orbits.branch import Branch
 from nonlinear.orbits.cycles import (
+    LEAVES,
     cycle_of,
     first_special_point,
     follow_cycles,
     growth,
     last_swing,
+    leaving_branch,
     limit_cycles,
     periodic_orbit,
     require_cycles,
 )
-from nonlinear.orbits.entering import LEAVES, leaving_branch
 from nonlinear.orbits.floquet import Floquet
 from nonlinear.orbits.flow import Flow
 from nonlinear.orbits.forced import (

@@ -158,19 +158,10 @@ class Flow(Displayed):
 
     def _through(self, solver: FloatDOP853, switched_equations: Switched) -> Floats:
         """The change of V by the switch that was met, whose state and numbers hold from then on."""
-        switches, S, j, u = (
-            switched_equations.switches,
-            np.eye(len(solver.y)).tolist(),
-            switched_equations.met_switch or 0,
-            # the inputs before those of contacts
-            [*self.equations.inputs_at(solver.t, ())] if self.equations.inputs_at else [],
-        )
-        y, f, held_inputs, count_before = (
-            solver.y,
-            solver.f.tolist(),
-            [*u, *switched_equations.contact_inputs],
-            len(switches.events),
-        )
+        switches, j, S = switched_equations.switches, switched_equations.met_switch or 0, np.eye(len(solver.y)).tolist()
+        u = [*self.equations.inputs_at(solver.t, ())] if self.equations.inputs_at else []  # before those of contacts
+        held_inputs, count_before = [*u, *switched_equations.contact_inputs], len(switches.events)
+        y, f = solver.y, solver.f.tolist()
         solver.switch(S)
         if self.change is None:
             return np.array(S).T
@@ -209,10 +200,8 @@ class Flow(Displayed):
 
     def _attempt(self, time: float, y: Numbers, rate: Numbers, length: float, contact_inputs: Numbers) -> Any:
         """The end of one step and its stages."""
-        inputs_at, attempt = (
-            self._listed_with(contact_inputs),
-            attempt_of(self.equations.size, ", inputs(t + {} * h, z)"),
-        )
+        inputs_at = self._listed_with(contact_inputs)
+        attempt = attempt_of(self.equations.size, ", inputs(t + {} * h, z)")
         smallest = (self.tolerance * self.scale).tolist()
         return attempt(self._rate, length, y, rate, self.tolerance, smallest, time, inputs_at)[2:4]
 

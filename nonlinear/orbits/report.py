@@ -87,6 +87,9 @@ def orbits_csv(branches: Sequence[Branch]) -> str:
 def orbit_rows(branch: Branch, number: int = 1) -> Iterator[dict[str, Any]]:
     """Return the CSV rows of every orbit of a branch with this number."""
     for orbit in branch.orbits:
+        driven = _driven(orbit)
+        if driven:
+            driven["whole_turns"] = " ".join(map(str, driven["whole_turns"]))
         yield {
             **state_columns(
                 branch.variation,
@@ -99,16 +102,11 @@ def orbit_rows(branch: Branch, number: int = 1) -> Iterator[dict[str, Any]]:
             ),
             "branch": number,
             "from": branch.origin,
-            **_columns(_driven(orbit)),
+            **driven,
             "energy_J": orbit.energy,
             "largest_multiplier": _largest(orbit),
             "residual": orbit.residual,
         }
-
-
-def _columns(driven: dict[str, Any]) -> dict[str, Any]:
-    """The same as columns, full turns separated by blanks."""
-    return driven | ({"whole_turns": " ".join(map(str, driven["whole_turns"]))} if driven else {})
 
 
 def orbits_text(scene: Scene, branches: Sequence[Branch], linear: float | None = None) -> str:

@@ -81,7 +81,7 @@ class FlowAt:
         return lru_cache(maxsize=8)(self._make)
 
     def _make(self, value: float | None) -> Flow:
-        scene = self.scene if value is None else self._scene_at(value)
+        scene = self.scene if value is None or self.variation is None else self._scene_at(value)
         require(scene, self.capability)
         flow = Flow(system_of(scene), self.tolerance, force=self.force)
         if value is None or self.variation is None:
@@ -89,11 +89,10 @@ class FlowAt:
         return replace(flow, change=_change(self._scene_at, value, flow))
 
     @cached_property
-    def _variable(self) -> Variable:
-        return Variable(self.scene, [self.variation.path] if self.variation else [])
-
-    def _scene_at(self, value: float) -> Scene:
-        return self._variable.at({self.variation.path: value}) if self.variation else self.scene
+    def _scene_at(self) -> Callable[[float], Scene]:
+        path = self.variation.path if self.variation else ""
+        variable = Variable(self.scene, [path])
+        return lambda value: variable.at({path: value})
 
 
 @dataclass(frozen=True, eq=False)
@@ -363,11 +362,9 @@ def _change(scene_at: Callable[[float], Scene], value: float, flow: Flow) -> Num
         if equations.form != flow.equations.form or len(switching) != len(reference):
             return None
         samples.append((np.array(equations.numbers), np.array(switching)))
-    return (
-        NumberChange(*((after - before) / (2 * aside) for before, after in zip(*samples, strict=True)))
-        if aside
-        else None
-    )
+    if not aside:
+        return None
+    return NumberChange(*((after - before) / (2 * aside) for before, after in zip(*samples, strict=True)))
 
 
 def spread(problem: Shooting, flow: Flow, y: Floats, period: float) -> Floats:

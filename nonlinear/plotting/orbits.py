@@ -18,14 +18,7 @@ from modal.plotting.style import HUES, MARKED, PREDICTED, SOLVED_POINTS, seconda
 from modal.scene import Scene, title_of
 from modal.scene.parameters import Variation, vary
 from modal.types import Floats
-from nonlinear.plotting.branches import (
-    LABELS,
-    DrawnBranch,
-    branch_keys,
-    figure_along,
-    mark,
-    stability_keys,
-)
+from nonlinear.plotting.branches import LABELS, DrawnBranch, branch_keys, figure_along, mark, stability_keys
 
 if TYPE_CHECKING:
     from nonlinear.orbits import Branch, Orbit

@@ -13,14 +13,7 @@ from matplotlib.figure import Figure
 from modal.errors import ComputationError, MultipendulaError
 from modal.modes import natural_modes
 from modal.plotting.curves import draw_curves, is_blob, pick
-from modal.plotting.layout import (
-    caption,
-    even_choice,
-    headline,
-    legend,
-    mark_modes,
-    set_frame,
-)
+from modal.plotting.layout import caption, even_choice, headline, legend, mark_modes, set_frame
 from modal.plotting.style import (
     CURVE_POINTS,
     HUES,

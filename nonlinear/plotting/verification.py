@@ -76,10 +76,10 @@ def check_figure(check: Check) -> Figure:
     axis.set(xlabel="largest angle a (°)", ylabel="shift of frequency |ω(a)/ω − 1| (–)")
     log_ticks(axis.xaxis, high / low)
     headline(figure, title_of(check.scene), "frequency against amplitude")
-    handles = [
-        Line2D([], [], color=colour(k), ls="", marker=_marker(k), ms=_size(k), mec=paper(), label=_label(row))
-        for k, row in enumerate(rows)
-    ]
+    handles = []
+    for k, row in enumerate(rows):
+        name = f"mode {row.mode.number}: {row.mode.omega:.5g} rad/s, κ = {row.mode.kappa:.4g}".replace("-", "−")
+        handles.append(Line2D([], [], color=colour(k), ls="", marker=_marker(k), ms=_size(k), mec=paper(), label=name))
     key(figure, [*handles, *_style_keys(rows)], columns=2)
     return figure
 
@@ -178,10 +178,6 @@ def _marker(k: int) -> str:
 def _size(k: int) -> float:
     """Alternating large and small sizes: the small ones stay visible on top."""
     return SIZES[k % 2]
-
-
-def _label(row: ModeCheck) -> str:
-    return f"mode {row.mode.number}: {row.mode.omega:.5g} rad/s, κ = {row.mode.kappa:.4g}".replace("-", "−")
 
 
 def tradeoff_figure(work_precision: WorkPrecision) -> Figure:

@@ -40,17 +40,13 @@ def dataset_of(trajectory: Trajectory) -> Any:
     spatial = system.spatial
     dims = ("time", "pendulum", "link", *["axis"] * spatial)
     links, rates = (_spread(values, place, counts) for values in (motion.links, motion.link_rates))
-    names = ("direction", "direction_rate") if spatial else ("angle", "angular_rate")
-    about = (
-        (("1", "unit vector along the link"), ("1/s", "its rate"))
-        if spatial
-        else (("rad", "angle from the downward vertical"), ("rad/s", "angular rate"))
-    )
-    variables = {
-        names[0]: (dims, links, _attributes(*about[0])),
-        names[1]: (dims, rates, _attributes(*about[1])),
-        "work": ("time", motion.work, _attributes("J", "work of dampers and applied forces")),
-    }
+    variables: dict[str, Any] = {"work": ("time", motion.work, _attributes("J", "work of dampers and applied forces"))}
+    if spatial:
+        variables["direction"] = (dims, links, _attributes("1", "unit vector along the link"))
+        variables["direction_rate"] = (dims, rates, _attributes("1/s", "its rate"))
+    else:
+        variables["angle"] = (dims, links, _attributes("rad", "angle from the downward vertical"))
+        variables["angular_rate"] = (dims, rates, _attributes("rad/s", "angular rate"))
     if system.cart is not None:
         variables["cart"] = ("time", motion.cart, _attributes("m", "position of the cart"))
         variables["cart_rate"] = ("time", motion.cart_rate, _attributes("m/s", "velocity of the cart"))

@@ -46,7 +46,9 @@ IMPLICIT = tuple(method for method in SCIPY if method not in EXPLICIT)
 
 def text(trajectory: Trajectory, *, ropes: bool = True) -> str:
     """The lines, ready to print; with `ropes` also which links of bobs push, which takes another look at the run."""
-    lines = [*_lines(trajectory), *(_ropes(trajectory) if ropes else ())]
+    lines = [*_lines(trajectory)]
+    if ropes:
+        lines += [("" if number else "ropes", words) for number, words in enumerate(slack_words(trajectory))]
     width = max(len(name) for name, _ in lines)
     title = title_of(trajectory.scene)
     return "\n".join(map(visible, [title, *(f"{name:<{width}}  {words}" for name, words in lines)]))
@@ -79,12 +81,6 @@ def _lines(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
         yield "event", f"{happening.name} at {happening.time:.12g} s"
     if (remaining := len(trajectory.happenings) - EVENTS_SHOWN) > 0:
         yield "", f"and {remaining} more"
-
-
-def _ropes(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
-    """Which links of bobs push, if that can be decided."""
-    for number, words in enumerate(slack_words(trajectory)):
-        yield ("" if number else "ropes"), words
 
 
 def _friction(trajectory: Trajectory) -> Iterator[tuple[str, str]]:

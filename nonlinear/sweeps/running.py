@@ -137,10 +137,7 @@ def sweep(
     else:
         axes = tuple(map(variation_of, [vary] if isinstance(vary, str) else vary))
         study = Study(scene, axes, parse_measures(texts_of(measures)), members, seed)
-    validate(
-        lambda: validate_whole(1, optional=True, workers=workers),
-        lambda: validate_store(folder, share),
-    )
+    validate(lambda: validate_whole(1, optional=True, workers=workers), lambda: validate_store(folder, share))
     kept = journal or (RowFolder(folder, study) if folder is not None else Checkpoint())
     rows = {row.index: row for row in kept.rows}
     left = _left(study, rows, share or (0, 1))
