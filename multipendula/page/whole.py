@@ -1,8 +1,8 @@
 """Scenes whose equations the page has as one text: those with dry friction, or with forces, on a cart or a support.
 
-The module `whole` of the page is made here, null for other scenes: the functions of `nonlinear.dynamics.switching_of`,
-the changes at a switch and where a step ends at one, all the same text as Python runs (`multipendula.page.scalars`),
-and where the numbers are that they take.
+The module `whole` of the page is made here, null for other scenes: the functions of `switching_of` in
+`nonlinear.dynamics.forms`, the changes at a switch and where a step ends at one, all the same text as Python runs
+(`multipendula.page.scalars`), and where the numbers are that they take.
 """
 
 from __future__ import annotations

@@ -181,15 +181,10 @@ def without_springs(system: System) -> System:
     for group in system.groups:
         laws = tuple(replace(term, pulls=False) for term in group.laws)
         groups.append(replace(group, block=replace(group.block, stiffness=0.0 * group.block.stiffness), laws=laws))
-    carriers = [
-        replace(
-            carrier,
-            stiffness=(0.0,) * len(carrier.stiffness),
-            K=None if carrier.K is None else 0.0 * carrier.K,
-            stores=False,
-        )
-        for carrier in structure.carriers
-    ]
+    carriers = []
+    for carrier in structure.carriers:
+        K = None if carrier.K is None else 0.0 * carrier.K
+        carriers.append(replace(carrier, stiffness=(0.0,) * len(carrier.stiffness), K=K, stores=False))
     springs = [spring._replace(stiffness=0.0) for spring in structure.springs]
     suspension = replace(structure, carriers=tuple(carriers), springs=tuple(springs))
     return replace(system, groups=tuple(groups), suspension=suspension)

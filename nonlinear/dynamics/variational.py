@@ -19,10 +19,9 @@ from modal.errors import ComputationError
 from modal.types import IMAGINARY_STEP, Floats
 from nonlinear.dynamics.elimination import SINGULAR
 from nonlinear.dynamics.forces import cart_force, modal_drag, plane_drag
-from nonlinear.dynamics.forms import Form, Symbolic, form_of, jacobian_of, module_of
+from nonlinear.dynamics.forms import Form, Symbolic, form_of, jacobian_of, module_of, switching_of, with_contacts
 from nonlinear.dynamics.generated import UNDEFINED, Generated, InputFunction
 from nonlinear.dynamics.mechanics import energies
-from nonlinear.dynamics.switching import switching_of, with_contacts
 from nonlinear.dynamics.tape import gradient, partials
 from nonlinear.dynamics.text import Module
 

@@ -17,11 +17,10 @@ import numpy as np
 from modal.errors import ComputationError
 from modal.types import Floats
 from nonlinear.dynamics.contacts import JAMMED, contacts_of, escaping, jams
-from nonlinear.dynamics.forms import Form, form_of
+from nonlinear.dynamics.forms import Form, Pairs, form_of, joint_value, switching_of, with_contacts
 from nonlinear.dynamics.generated import Generated, InputFunction, Rate, Written
 from nonlinear.dynamics.inputs import Inputs
 from nonlinear.dynamics.minimal import Arranged
-from nonlinear.dynamics.switching import Pairs, joint_value, switching_of, with_contacts
 from nonlinear.dynamics.text import Function, Module, function_in
 from nonlinear.integration.changes import TEXTS, Places, changing, compiled_source
 from nonlinear.system import NO_KICKS, Friction, Kicks, Load, System

@@ -52,11 +52,6 @@ class Numbers(Displayed):
     switching: tuple[Any, ...] = ()
 
     @cached_property
-    def array_entries(self) -> tuple[int, ...]:
-        """Which entries are arrays."""
-        return tuple(k for k, entry in enumerate(self.entries) if isinstance(entry, np.ndarray))
-
-    @cached_property
     def works(self) -> bool:
         """Whether energy goes in or out of any member, or could where these entries differ."""
         system = self.system
@@ -91,23 +86,20 @@ class Numbers(Displayed):
     @cached_property
     def arrays(self) -> System:
         """The system with these in its arrays: (n, P, 1), or (n, P, S) where members differ."""
-        system = system_with(self.system, [_spread(entry) for entry in self._uniform_entries], tail=True)
+        entries = [entry if isinstance(entry, np.ndarray) else np.array([entry]) for entry in self._uniform_entries]
+        system = system_with(self.system, entries, tail=True)
         return system_with_constants(system, self.constants)
 
     @property
     def _uniform_entries(self) -> list[Any]:
         """The entries, of each field either all arrays or none."""
         links, entries = self.system.n_links, list(self.entries)
-        count = max((len(entries[k]) for k in self.array_entries), default=1)
+        count = max((len(entry) for entry in entries if isinstance(entry, np.ndarray)), default=1)
         for at in range(BEFORE, BEFORE + len(FIELDS) * links, links):
             field = entries[at : at + links]
             if any(isinstance(entry, np.ndarray) for entry in field):
                 entries[at : at + links] = [np.broadcast_to(entry, count) for entry in field]
         return entries
-
-
-def _spread(entry: Any) -> Any:
-    return entry if isinstance(entry, np.ndarray) else np.array([entry])
 
 
 def numbers_of(
@@ -210,19 +202,13 @@ def _motion_constants(
 
 def constants_of(system: System) -> list[float]:
     """The entries of D_modal, the constants of prescribed motions and the numbers of loops, of a system's own."""
-    return [*_modal_of(system), *_constants_of(system), *(number for loop in system.loops for number in loop.numbers)]
+    motions = system.prescribed_motions if system.is_analytic else ()
+    constants = (constant for motion in motions for constant in motion.constants)
+    return [*_modal_of(system), *constants, *(number for loop in system.loops for number in loop.numbers)]
 
 
 def _modal_of(system: System) -> list[Any]:
     return [] if system.modal_damping is None else np.ravel(system.modal_damping).tolist()
-
-
-def _constants_of(system: System) -> list[Any]:
-    return (
-        [constant for motion in system.prescribed_motions for constant in motion.constants]
-        if system.is_analytic
-        else []
-    )
 
 
 def entries_of(system: System) -> list[float]:

@@ -37,19 +37,13 @@ HEADINGS = ("mode", "ω (rad/s)", "largest (°)", "energy", "lines")
 def check_table(check: Check, form: Form = "text") -> str:
     """A check as text, markdown, csv (one line per run) or json, as `form` says."""
     if form == "json":
+        modes_with_runs = []
+        for row, record in zip(check.rows, records_of(MODE, check.rows), strict=True):
+            pairs = zip(records_of(RUN, _runs([row])), row.measurements, strict=True)
+            modes_with_runs.append(record | {"runs": [run | {"pushing": _pushing(m.pushing)} for run, m in pairs]})
         record_of_all = {
             "scene": describe(check.scene),
-            "modes": [
-                {
-                    **record,
-                    "runs": [
-                        {**record_of_run, "pushing": _pushing(m.pushing)}
-                        for record_of_run, m in zip(runs, row.measurements, strict=True)
-                    ],
-                }
-                for record, row in zip(records_of(MODE, check.rows), check.rows, strict=True)
-                for runs in [records_of(RUN, _runs([row]))]
-            ],
+            "modes": modes_with_runs,
             "skipped": [{"mode": number, "reason": reason} for number, reason in check.skipped],
             "verdict_sentences": check_verdict(check),
         }
@@ -233,25 +227,16 @@ MODE = (
 def comparison_table(comparison: Comparison, form: Form = "text") -> str:
     """A comparison as text, markdown, csv (one line for each line of the motion) or json, as `form` says."""
     if form == "json":
-        coordinates = [_record(comparison, row) for row in comparison.rows]
-        verdict = comparison_verdict(comparison)
-        scene = describe(comparison.modes.scene)
-        return as_json(
-            {
-                "scene": scene,
-                "coordinates": coordinates,
-                "verdict_sentences": verdict,
-                "pushing": _pushing(comparison.pushing),
-            }
-        )
+        record_of_all = {
+            "scene": describe(comparison.modes.scene),
+            "coordinates": [_record(comparison, row) for row in comparison.rows],
+            "verdict_sentences": comparison_verdict(comparison),
+            "pushing": _pushing(comparison.pushing),
+        }
+        return as_json(record_of_all)
     if form == "csv":
-        return as_csv(
-            [
-                {"mode": r.mode.number, "copy": r.copy + 1, **line}
-                for r in comparison.rows
-                for line in _lines(comparison, r)
-            ]
-        )
+        heads = [({"mode": row.mode.number, "copy": row.copy + 1}, row) for row in comparison.rows]
+        return as_csv([head | line for head, row in heads for line in _lines(comparison, row)])
     note = "lines: frequency (rad/s), amplitude, and difference from the nearest frequency of the table."
     words = words_of(comparison.pushing, comparison.modes.scene)
     verdict_text = _paragraph(comparison_verdict(comparison), form)
