@@ -130,34 +130,22 @@ def form_of(
         for group, is_frail in zip(system.groups, weak, strict=True)
     )
     D = motion_constants[: 0 if system.modal_damping is None else np.size(system.modal_damping)]
-    return Form(
-        chains,
-        _present(numbers),
-        tuple(l is c or bool(np.array_equal(l, c)) for l, c in zip(length, centre, strict=True)),
-        _present(D),
-        tuple(tuple(places.tolist()) for places, _ in hoisting.laws) if hoisting else (),
-        support.directions if support else (),
-        tuple((force.places, force.direction, force.carrier and tuple(force.carrier)) for force in system.forces),
-        len(motion_constants) - len(D) if system.is_analytic or system.loops else None,
-        has_load,
-        system.works or has_load if works is None else works,
-        (),
-        False,
-        system.spatial,
-        shape_of(system),
-        tuple(tuple(map(_shape_of_term, (*group.laws, *group.point_forces))) for group in system.groups),
-        (system.is_analytic, *(loop.shape for loop in system.loops)),
-        system,
-    )
+    ends = tuple(l is c or bool(np.array_equal(l, c)) for l, c in zip(length, centre, strict=True))
+    laws = tuple(tuple(places.tolist()) for places, _ in hoisting.laws) if hoisting else ()
+    forces = tuple((force.places, force.direction, force.carrier and tuple(force.carrier)) for force in system.forces)
+    constant_count = len(motion_constants) - len(D) if system.is_analytic or system.loops else None
+    counts_work = system.works or has_load if works is None else works
+    joint_laws = tuple(tuple(map(_shape_of_term, (*group.laws, *group.point_forces))) for group in system.groups)
+    loops = (system.is_analytic, *(loop.shape for loop in system.loops))
+    numbers_of_links = chains, _present(numbers), ends, _present(D)
+    inputs: Any = laws, support.directions if support else (), forces, constant_count, has_load, counts_work
+    return Form(*numbers_of_links, *inputs, (), False, system.spatial, shape_of(system), joint_laws, loops, system)
 
 
 def _shape_of_term(term: JointTerm) -> tuple[Any, ...]:
     """The non-numeric part of the joint laws."""
-    return (
-        type(term.law),
-        term.order,
-        *(tuple(np.ravel(part).tolist()) for part in (term.rows, term.columns, term.scale)),
-    )
+    places = (tuple(np.ravel(part).tolist()) for part in (term.rows, term.columns, term.scale))
+    return type(term.law), term.order, *places
 
 
 def _present(entries: Sequence[Any]) -> tuple[bool, ...]:

@@ -80,11 +80,8 @@ class Hamiltonian(Generated):
         return self._rate("arrays")
 
     def _rate(self, target: str) -> Callable[..., Any]:
-        velocities, slopes, half = (
-            self.function("velocities", target),
-            self.function("slopes", target),
-            self.layout.half,
-        )
+        velocities, slopes = (self.function(name, target) for name in ("velocities", "slopes"))
+        half = self.layout.half
 
         def rate(y: Any, u: Any = ()) -> list[Any]:
             v = velocities(y)
@@ -164,15 +161,9 @@ def hamilton_of(form: Form) -> Module:
     if form.spatial:
         momenta, slopes = _across_links(minimal, q, v, momenta, slopes)
     solvers = list(zip(system.groups, equations.bodies, strict=True))
-    return Module(
-        tape,
-        {
-            "velocities": apply_inverse_mass(system, solvers, q, v, minimal.places).tolist(),
-            "momenta": momenta,
-            "slopes": [*slopes, power] if form.works else slopes,
-            "energy": [parts.total],
-        },
-    )
+    functions = {"velocities": apply_inverse_mass(system, solvers, q, v, minimal.places).tolist()}
+    functions |= {"momenta": momenta, "slopes": [*slopes, power] if form.works else slopes, "energy": [parts.total]}
+    return Module(tape, functions)
 
 
 def without_springs(system: System) -> System:

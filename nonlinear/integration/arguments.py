@@ -208,11 +208,7 @@ def validate_load(load: object) -> None:
 
 def validate_events(events: object) -> None:
     """Raise SceneError for anything but a list of events."""
-    if (
-        isinstance(events, str)
-        or not isinstance(events, Sequence)
-        or not all(isinstance(event, Event) for event in events)
-    ):
+    if isinstance(events, str) or not isinstance(events, Sequence) or any(not isinstance(e, Event) for e in events):
         raise SceneError([f"events {events!r:.60}: must be a list of Events"])
 
 

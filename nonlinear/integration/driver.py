@@ -386,11 +386,9 @@ class Drive:
         with np.errstate(all="ignore"), guard:
             rows, ends, steps = stepper.sweep(self.times[record.row_count :], all_ends, self._most)
             record.drift = stepper.drift
-            stop = (
-                self._find_stop(record, cast("DOP853Stepper[Any]", stepper).steps_of_sweep())
-                if steps and self._has_watches
-                else None
-            )
+            stop = None
+            if steps and self._has_watches:
+                stop = self._find_stop(record, cast("DOP853Stepper[Any]", stepper).steps_of_sweep())
         if stop is not None:
             if isinstance(stepper, FloatStepper):
                 stepper.take_back(stop.time, stop.y)

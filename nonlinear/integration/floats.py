@@ -355,11 +355,8 @@ class FloatStepper(DOP853Stepper[Written]):
         portion = 1 if mends else limit
         while True:
             steps, new_due_steps, new_rows = solver.advance(due[row_count:], portion)
-            due_steps, row_count, self._sweep_steps = (
-                due_steps + new_due_steps,
-                row_count + new_rows,
-                [*self._sweep_steps, *steps],
-            )
+            due_steps, row_count = due_steps + new_due_steps, row_count + new_rows
+            self._sweep_steps = [*self._sweep_steps, *steps]
             self._work(steps, [(step.start, step.end) for step in steps])
             ends += [(step.end, self._project() if mends else step.after) for step in steps]
             if not (mends and steps and row_count < len(due) and len(ends) < limit and solver.t < solver.t_bound):

@@ -86,11 +86,9 @@ def validate_method(
     """
     validate_scene(scene)
     system = system or system_of(scene)
-    problems = (
-        []
-        if method in METHODS
-        else [f"method {method}: must be one of {', '.join(METHODS)}{spelling_hint(method, METHODS)}"]
-    )
+    problems = []
+    if method not in METHODS:
+        problems.append(f"method {method}: must be one of {', '.join(METHODS)}{spelling_hint(method, METHODS)}")
     if form not in FORMS:
         problems.append(f"form {form}: must be one of {', '.join(FORMS)}{spelling_hint(form, FORMS)}")
         form = "auto"

@@ -187,15 +187,8 @@ class Request:
         """The symmetry reductions that apply."""
         flat = self.form not in {"spatial", "maximal", "hamiltonian"}
         system = self.system
-        acted_on = (
-            self.load
-            or system.has_escapements
-            or system.prescribed_motions
-            or system.loops
-            or system.rubs
-            or system.has_drag
-            or self.watching
-        )
+        moved = system.prescribed_motions or system.loops or system.has_drag
+        acted_on = self.load or self.watching or moved or system.has_escapements or system.rubs
         return () if acted_on else find_symmetries(self.system, self.start, planar=flat)
 
     @property

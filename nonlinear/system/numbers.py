@@ -108,19 +108,12 @@ def numbers_of(
     """The numbers of a scene, with arrays (S,) of `values` at some of its places and D_modal (S, n, n)."""
     validate_scene(scene)
     replacements: Values = values or {}
-    rows = [
-        row
-        for p, pendulum in enumerate(scene.pendulum)
-        for row in [
-            _row(
-                link,
-                {place[4:]: value for place, value in replacements.items() if place[:4] == ("pendulum", p, "links", i)},
-            )
-            for i, link in enumerate(pendulum.links)
-            for _ in range(link.count)
-        ]
-        * pendulum.count
-    ]
+    links, rows_of = _placed_links(scene), dict[Place, list[Any]]()
+    for place, link in links:
+        if place not in rows_of:
+            changes = {key[4:]: value for key, value in replacements.items() if key[:4] == place}
+            rows_of[place] = _row(link, changes)
+    rows = [rows_of[place] for place, _ in links]
     fields = [entry for field in zip(*rows, strict=True) for entry in field]
     base = system or system_of(scene)
     if modal is not None:
@@ -136,6 +129,16 @@ def numbers_of(
     return Numbers(base, (replacements.get(("gravity",), scene.gravity), *fields, *rest, *laws), constants)
 
 
+def _placed_links(scene: Scene) -> list[tuple[Place, AnyLink]]:
+    """Every link with all copies, and its place in the scene."""
+    links: list[tuple[Place, AnyLink]] = []
+    for p, pendulum in enumerate(scene.pendulum):
+        places = [(("pendulum", p, "links", i), link) for i, link in enumerate(pendulum.links)]
+        chain = [pair for pair in places for _ in range(pair[1].count)]
+        links += chain * pendulum.count
+    return links
+
+
 @checked
 def law_places(scene: Scene, system: System) -> list[tuple[int, Place]]:
     """Which entries are parameters of laws, the last of a system's own, and their places in the scene."""
@@ -146,13 +149,7 @@ def law_places(scene: Scene, system: System) -> list[tuple[int, Place]]:
 def _law_entries(scene: Scene, system: System) -> Iterator[tuple[Place, JointPart, Parameter]]:
     if not (scene.has_laws or scene.has_drag):
         return
-    links = [
-        (("pendulum", p, "links", i), link)
-        for p, pendulum in enumerate(scene.pendulum)
-        for _ in range(pendulum.count)
-        for i, link in enumerate(pendulum.links)
-        for _ in range(link.count)
-    ]
+    links = _placed_links(scene)
     for group in system.groups:
         for term in (*group.laws, *group.point_forces):
             for parameter in term.law.parameters:
