@@ -138,8 +138,10 @@ def form_of(
     joint_laws = tuple(tuple(map(_shape_of_term, (*group.laws, *group.point_forces))) for group in system.groups)
     loops = (system.is_analytic, *(loop.shape for loop in system.loops))
     numbers_of_links = chains, _present(numbers), ends, _present(D)
-    inputs: Any = laws, support.directions if support else (), forces, constant_count, has_load, counts_work
-    return Form(*numbers_of_links, *inputs, (), False, system.spatial, shape_of(system), joint_laws, loops, system)
+    inputs = laws, support.directions if support else (), forces, constant_count, has_load, counts_work
+    laws_of_parts = shape_of(system), joint_laws, loops
+    parts: Any = (*numbers_of_links, *inputs, (), False, system.spatial, *laws_of_parts, system)
+    return Form(*parts)
 
 
 def _shape_of_term(term: JointTerm) -> tuple[Any, ...]:
