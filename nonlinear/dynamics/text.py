@@ -29,11 +29,8 @@ KINDS = ("y", "u", "v")
 """The arguments of a function that is written, in this order; those of no use are empty."""
 FUNCTIONS: dict[str, Mapping[str, Any]] = {
     "floats": {
-        "sin": math.sin,
-        "cos": math.cos,
-        "sqrt": math.sqrt,
+        **{name: getattr(math, name) for name in ("sin", "cos", "sqrt", "exp", "log", "tanh")},
         "arctan": math.atan,
-        **{name: getattr(math, name) for name in ("exp", "log", "tanh")},
         "where": lambda x, a, b: a if x > 0 else b,
     },
     "arrays": {

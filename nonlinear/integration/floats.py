@@ -339,9 +339,12 @@ class FloatStepper(DOP853Stepper[Written]):
 
     def _work(self, steps: Sequence[FloatStep], spans: Sequence[tuple[float, float]]) -> None:
         """Count the work of friction in these steps between these times (s)."""
-        if steps and isinstance(self.equations, Switched) and self.equations.presses:
-            inside = partial(samples, self._abreast(steps))
-            self.equations.add_rail_work(inside, np.array(spans), [step.contact_inputs for step in steps])
+        switched = self.equations
+        if not steps or not isinstance(switched, Switched) or not switched.switches.places.presses:
+            return
+        inside, inputs = partial(samples, self._abreast(steps)), [step.contact_inputs for step in steps]
+        beside = switched.free.inputs_beside
+        switched.switches.add_rail_work(inside, np.array(spans), inputs, switched.state, beside)
 
     def sweep(
         self, times: Floats, all_ends: bool = True, limit: int = STEPS_AT_ONCE

@@ -385,21 +385,6 @@ class Switched(Written, Arranged):
             w = [(late - early) / (times[1] - times[0]) for early, late in zip(*ends, strict=True)]
         return self.switches.values(y, f, u, self.state, w)
 
-    def add_rail_work(
-        self, inside: Callable[[Floats], Floats], spans: Floats, contact_inputs: Sequence[Sequence[float]]
-    ) -> None:
-        """Count the work of friction on a rail with a coefficient, as `Switches.add_rail_work` does."""
-        self.switches.add_rail_work(inside, spans, contact_inputs, self.state, self.free.inputs_beside)
-
-    @property
-    def presses(self) -> bool:
-        """Whether the friction of the rail has a coefficient."""
-        return self.switches.places.presses
-
-    def record(self, time: float, y: Sequence[float]) -> Friction:
-        """Return the friction record until this time."""
-        return self.switches.friction_record(time, y, self.state)
-
     # ------------------------------------------------------------------------------------------------- the equations
 
     @property

@@ -305,16 +305,10 @@ def limit(
     of the extrapolation, to which come the effects of the errors of the frequencies and of companions: other modes in
     the motion shift a frequency by about their share of the energy, which is no longer proportional to a² alone.
     """
-    certain = sorted(
-        (measurement for measurement in runs if measurement.error < SHIFT_ERROR_MAX * abs(measurement.shift)),
-        key=lambda measurement: measurement.effective,
-    )
+    known = [run for run in runs if run.error < SHIFT_ERROR_MAX * abs(run.shift)]
+    certain = sorted(known, key=lambda measurement: measurement.effective)
     pieces = [certain[at : at + 3] for at in range(max(1, len(certain) - 2))]
-    limits = (
-        _extrapolate(piece, np.array([exact(measurement) for measurement in piece]), at_rest)
-        for piece in pieces
-        if piece
-    )
+    limits = [_extrapolate(piece, np.array([exact(run) for run in piece]), at_rest) for piece in pieces if piece]
     return min(limits, key=lambda value: value[1], default=(nan, inf))
 
 
