@@ -291,11 +291,8 @@ def _climb(
             reasons[candidate.family] = str(error) if candidate.modal else f"from {candidate.tolerance:g} on: {error}"
         except KeyboardInterrupt:
             measured_candidates = {row.candidate for row in rows}
-            return rows, reasons | {
-                candidate_left.name: INTERRUPTED
-                for candidate_left in candidates[count:]
-                if candidate_left not in measured_candidates
-            }
+            remaining = [candidate for candidate in candidates[count:] if candidate not in measured_candidates]
+            return rows, reasons | {candidate.name: INTERRUPTED for candidate in remaining}
     return rows, reasons
 
 

@@ -121,10 +121,8 @@ class Variational(Generated):
         """
         name = "sticking" if self.form.contacts else "rates"
         module = switching_of(self.form) if self.form.contacts else module_of(self.form)
-        p = [
-            np.array([value + 1j * IMAGINARY_STEP * step])
-            for value, step in zip(self.numbers, change.tolist(), strict=True)
-        ]
+        pairs = zip(self.numbers, change.tolist(), strict=True)
+        p = [np.array([value + 1j * IMAGINARY_STEP * step]) for value, step in pairs]
         inputs = np.asarray(u) + 1j * IMAGINARY_STEP * np.asarray(input_change) if len(input_change) else u
         with np.errstate(all="ignore"):
             values = module.function(name, module.constants(p), "arrays")([*y.astype(complex)], inputs)

@@ -254,10 +254,8 @@ def split(scene: Scene, start: State) -> tuple[State, State]:
     s, r = (part[:, None] for part in factors(theta))
     p = u[:, :2] / s
     rate = (w[:, :2] + r / s * w[:, 2:] * p) / s
-    return (
-        State(rest + p[:, 0], rate[:, 0], start.cart, start.cart_rate),
-        State(rest + p[:, 1], rate[:, 1]),
-    )
+    along = State(rest + p[:, 0], rate[:, 0], start.cart, start.cart_rate)
+    return along, State(rest + p[:, 1], rate[:, 1])
 
 
 def join(scene: Scene, along: Motion, across: Motion) -> Motion:

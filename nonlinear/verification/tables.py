@@ -51,12 +51,8 @@ def check_table(check: Check, form: Form = "text") -> str:
     if form == "csv":
         return as_csv(records_of(RUN, _runs(check.rows)))
     modes, runs = ReportTable.of(MODE, check.rows), ReportTable.of(RUN, _runs(check.rows))
-    parts = [
-        _paragraph(check_verdict(check), form),
-        modes.written(form),
-        runs.written(form),
-        "\n\n".join(map(markdown, _notes(check))) if form == "markdown" else "\n".join(_notes(check)),
-    ]
+    notes = "\n\n".join(map(markdown, _notes(check))) if form == "markdown" else "\n".join(_notes(check))
+    parts = [_paragraph(check_verdict(check), form), modes.written(form), runs.written(form), notes]
     return titled(title_of(check.scene), "the table of modes against the full motion", parts, form)
 
 
@@ -91,11 +87,8 @@ def check_verdict(check: Check) -> list[str]:
             accuracy_words = f", and from ω (1 + κa²) by {most}{percent(residual)}" if isfinite(residual) else ""
             sentences.append(f"At {degrees(large):.3g}° {they} from it by {most}{percent(plain)}{accuracy_words}.")
     angles = [(row.mode.linear_to_1_percent_deg, row.one_percent_deg) for row in check.rows]
-    if misses := [
-        abs(table_angle / run_angle - 1)
-        for table_angle, run_angle in angles
-        if isfinite(table_angle) and isfinite(run_angle)
-    ]:
+    known = [pair for pair in angles if all(map(isfinite, pair))]
+    if misses := [abs(table_angle / run_angle - 1) for table_angle, run_angle in known]:
         which = "angles at which a frequency is 1 % off differ" if several else "angle at which it is 1 % off differs"
         sentences.append(f"The {which} from the table by {most}{percent(max(misses))}.")
     if odd := sorted({row.mode.number for row, measurement in runs if measurement.irregular}):
@@ -140,11 +133,9 @@ def _omega_cell(pair: tuple[ModeCheck, Measurement]) -> str:
 
 def _shift_cell(pair: tuple[ModeCheck, Measurement]) -> str:
     measurement = pair[1]
-    return (
-        NOTHING
-        if measurement.irregular
-        else digits(measurement.shift, measurement.error / max(abs(measurement.shift), measurement.error), 4)
-    )
+    if measurement.irregular:
+        return NOTHING
+    return digits(measurement.shift, measurement.error / max(abs(measurement.shift), measurement.error), 4)
 
 
 RUN = (
