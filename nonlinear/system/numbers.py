@@ -298,16 +298,28 @@ def system_with_constants(system: System, numbers: Sequence[Any]) -> System:
 
 def numbers_of_structure(structure: Structure) -> list[Any]:
     """The numbers of a structure, in order."""
-    numbers: list[Any] = []
+    return [number for _, number in _entries_of_structure(structure)]
+
+
+def dampers_of(structure: Structure) -> list[int]:
+    """Which of its numbers are those of dampers."""
+    return [k for k, (name, _) in enumerate(_entries_of_structure(structure)) if name in {"damping", "D"}]
+
+
+def _entries_of_structure(structure: Structure) -> list[tuple[str, Any]]:
+    """The numbers of a structure, in order, each with a name."""
+    entries: list[tuple[str, Any]] = []
     for carrier in structure.carriers:
-        numbers += [*carrier.position, carrier.mass, carrier.inertia, *carrier.centre]
-        numbers += [*carrier.parameters, *carrier.stiffness, *carrier.damping]
-        numbers += [entry for part in _modal(carrier) for entry in np.ravel(part).tolist()]
+        body = [*carrier.position, carrier.mass, carrier.inertia, *carrier.centre, *carrier.parameters]
+        parts: dict[str, Any] = {"body": body, "stiffness": carrier.stiffness, "damping": carrier.damping}
+        parts |= {name: np.ravel(part).tolist() for name, part in _modal(carrier).items()}
+        entries += [(name, number) for name, part in parts.items() for number in part]
     for pivot in _pivots(structure):
-        numbers += [] if isinstance(pivot.where, int) else pivot.where
+        entries += [] if isinstance(pivot.where, int) else [("pivot", number) for number in pivot.where]
     for spring in structure.springs:
-        numbers += [spring.stiffness, spring.damping, *(entry for end in spring.ends for entry in _of_end(end))]
-    return numbers
+        entries += [("stiffness", spring.stiffness), ("damping", spring.damping)]
+        entries += [("end", number) for end in spring.ends for number in _of_end(end)]
+    return entries
 
 
 def structure_with(structure: Structure, numbers: Sequence[Any]) -> Structure:
@@ -322,8 +334,10 @@ def structure_with(structure: Structure, numbers: Sequence[Any]) -> Structure:
         position, (mass, inertia), centre = take(2), take(2), take(2)
         parameters = take(len(carrier.parameters))
         stiffness, damping = take(len(carrier.stiffness)), take(len(carrier.damping))
-        arrays = [_stack([_single(entry) for entry in take(part.size)]).reshape(part.shape) for part in _modal(carrier)]
-        modal = dict(zip(("M", "K", "D", "points"), arrays, strict=False))
+        modal = {
+            name: _stack([_single(entry) for entry in take(part.size)]).reshape(part.shape)
+            for name, part in _modal(carrier).items()
+        }
         law = {"stiffness": stiffness, "damping": damping, "centre": centre, "position": position, **modal}
         carriers.append(replace(carrier, mass=mass, inertia=inertia, parameters=parameters, **law))
     pivots = {
@@ -343,8 +357,9 @@ def _single(entry: Any) -> Any:
     return float(entry[0]) if isinstance(entry, np.ndarray) else entry
 
 
-def _modal(carrier: CarrierNumbers) -> list[Floats]:
-    return [part for part in (carrier.M, carrier.K, carrier.D, carrier.points) if part is not None]
+def _modal(carrier: CarrierNumbers) -> dict[str, Floats]:
+    parts = {"M": carrier.M, "K": carrier.K, "D": carrier.D, "points": carrier.points}
+    return {name: part for name, part in parts.items() if part is not None}
 
 
 def _pivots(structure: Structure) -> list[CarrierEnd]:
@@ -365,26 +380,6 @@ def _end_with(end: End, numbers: tuple[Any, ...]) -> End:
     if isinstance(end, LinkEnd):
         return end._replace(below=numbers[0])
     return end._replace(where=numbers) if isinstance(end, CarrierEnd) else GroundEnd(numbers)
-
-
-def dampers_of(structure: Structure) -> list[int]:
-    """Which of its numbers are those of dampers."""
-    dampers: list[int] = []
-    at = 0
-    for carrier in structure.carriers:
-        at += 6 + len(carrier.parameters) + len(carrier.stiffness)
-        dampers += range(at, at + len(carrier.damping))
-        at += len(carrier.damping)
-        for name in ("M", "K", "D", "points"):
-            part = getattr(carrier, name)
-            if part is not None:
-                dampers += range(at, at + part.size) if name == "D" else ()
-                at += part.size
-    at += sum(2 for pivot in _pivots(structure) if not isinstance(pivot.where, int))
-    for spring in structure.springs:
-        dampers.append(at + 1)
-        at += 2 + sum(len(_of_end(end)) for end in spring.ends)
-    return dampers
 
 
 def structure_places(scene: Scene) -> list[tuple[int, Place]]:
@@ -410,7 +405,7 @@ def _places_of_structure(scene: Scene, structure: Structure) -> list[list[Place]
         ways = [coordinate.way for coordinate in carrier.path.coordinates] if carrier.path else []
         names += [(law, way) if way else (law,) for law in ("stiffness", "damping") for way in ways]
         places += [[(*head, *name) for head in heads if name] for name in names]
-        places += [[] for part in _modal(carrier) for _ in range(part.size)]
+        places += [[] for part in _modal(carrier).values() for _ in range(part.size)]
     first = 0
     for p, pendulum in enumerate(scene.pendulum):
         if scene.is_structured and not isinstance(structure.pivots[first].where, int):
