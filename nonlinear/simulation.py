@@ -157,11 +157,8 @@ def advise(
     It is what `simulate` does with an accuracy, whose other arguments these are. Raise SceneError for invalid
     arguments, SimulationError if an integrator fails.
     """
-    return seek_accuracy(
-        Goal(
-            request_of(scene, duration, Choice.tolerance, accuracy, output, start, start_time, options), float(accuracy)
-        )
-    )
+    request = request_of(scene, duration, Choice.tolerance, accuracy, output, start, start_time, options)
+    return seek_accuracy(Goal(request, float(accuracy)))
 
 
 def request_of(

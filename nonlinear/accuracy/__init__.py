@@ -15,11 +15,13 @@ from modal.lazy import lazy_attributes
 
 if TYPE_CHECKING:
     from nonlinear.accuracy.advice import Advice, Goal, advice_table, seek_accuracy
-    from nonlinear.accuracy.frequencies import FrequencyTradeoff, frequencies_table, measure_frequencies
     from nonlinear.accuracy.references import Candidate, list_candidates
     from nonlinear.accuracy.work_precision import (
+        FrequencyTradeoff,
         WorkPrecision,
         WorkPrecisionRow,
+        frequencies_table,
+        measure_frequencies,
         measure_work_precision,
         tradeoff_table,
     )

@@ -166,13 +166,8 @@ class Goal(Displayed):
 
 def in_closed_form(goal: Goal) -> Iterator[TriedRun]:
     """Linear and corrected modes, where their error can be estimated."""
-    if (
-        not goal.free
-        or CLOSED_FORM_ERROR * goal.request.size**3 > goal.accuracy
-        or goal.request.system.n_links > LARGEST
-    ):
-        return
-    if refusals(goal.request.scene, "motion in closed form"):
+    is_large = CLOSED_FORM_ERROR * goal.request.size**3 > goal.accuracy or goal.request.system.n_links > LARGEST
+    if not goal.free or is_large or refusals(goal.request.scene, "motion in closed form"):
         return
     start = perf_counter()
     try:

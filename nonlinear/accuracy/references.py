@@ -261,14 +261,12 @@ def reference_of(question: Question) -> Reference:
 def enclose_reference(question: Question) -> Reference:
     """Return the midpoints of a tube that provably contains the motion, independent of the errors of candidates."""
     duration = float(question.times[-1])
-    tube = enclose_motion(
-        question.scene,
-        duration,
-        radius=TIGHTEST,
-        output=question.times,
-        start=question.start,
-        report=lambda time: question.report(time / duration),
-    )
+    scene, times, start = question.scene, question.times, question.start
+
+    def report(time: float) -> None:
+        question.report(time / duration)
+
+    tube = enclose_motion(scene, duration, radius=TIGHTEST, output=times, start=start, report=report)
     proof = Candidate("minimal", PROVED, TIGHTEST)
     return Reference(proof, proof, tube.trajectory, tube.radii, np.ones(len(tube.rows)), duration)
 

@@ -16,10 +16,11 @@ from modal.structure import CarrierEnd, CarrierNumbers, Moving
 from modal.types import Ints
 from nonlinear.dynamics.forces import Base, External
 from nonlinear.dynamics.inputs import QUIET, Instant
-from nonlinear.dynamics.springs import Strained, Tension
 from nonlinear.dynamics.structure import (
     Bundle,
     Carriers,
+    Strained,
+    Tension,
     Vector,
     carriers_of,
     elastic_forces,
@@ -56,7 +57,10 @@ class Bearing:
         size = self.structure.size
         self.instant, self.bare, self.massless, self.system = instant, bare, massless, system
         self.eta, self.rates = list(q[:size]), list(v[:size])
-        self.moves = carriers._pivot_motions(self.eta, self.rates)
+        self.moves = [
+            [carriers.moving(part.carrier, carriers.where(part, self.eta), self.eta, self.rates) for part in bundles]
+            for bundles in carriers.bundles
+        ]
         self.right: list[Any] = [0.0] * size
         self.working: list[Any] = [0.0] * size
         self.blocks: list[list[list[Any]]] = []

@@ -28,8 +28,7 @@ from nonlinear.dynamics.recursion import (
     link_response,
     tip_response,
 )
-from nonlinear.dynamics.springs import slack, stretch_law, versine
-from nonlinear.dynamics.structure import Carriers, eliminate
+from nonlinear.dynamics.structure import Carriers, eliminate, slack, stretch_law, versine
 from nonlinear.dynamics.text import sincos
 from nonlinear.system import System
 
@@ -124,27 +123,10 @@ def flat_of(system: System) -> FlatStructure:
         entry.carrier == previous.carrier and (entry.where == previous.where or angle[entry.carrier] < 0)
         for entry, previous in zip(pivots[1:], pivots[:-1], strict=True)
     ]
-    pivot_arrays = (
-        np.array([pivot.carrier for pivot in pivots]),
-        np.array([pivot.where for pivot in pivots], dtype=float),
-    )
-    first = np.array(structure.offsets)
-    return FlatStructure(
-        kind,
-        length,
-        law,
-        first,
-        angle,
-        body,
-        *pivot_arrays,
-        np.array([False, *alike]),
-        kinds,
-        numbers,
-        ends,
-        points,
-        pulls,
-        *room,
-    )
+    supports = kind, length, law, np.array(structure.offsets), angle, body
+    carriers_of_pivots, where = zip(*((pivot.carrier, pivot.where) for pivot in pivots), strict=True)
+    hanging = np.array(carriers_of_pivots), np.array(where, dtype=float), np.array([False, *alike])
+    return FlatStructure(*supports, *hanging, kinds, numbers, ends, points, pulls, *room)
 
 
 def _end(carriers: Carriers, end: End, torsion: bool) -> tuple[tuple[int, int], tuple[Any, Any]]:

@@ -301,11 +301,8 @@ class Sticking:
         response, others = self._under(slides / self.mass, np.zeros_like(self.a), free_joints)
         rail, normal = self.gripping.on_rail(accelerations, response, reaction)
         others[0] = 1.0
-        return Rubbed(
-            accelerations + response * rail,
-            [t + o * rail for t, o in zip(tau, others, strict=True)],
-            normal,
-        )
+        friction = [t + o * rail for t, o in zip(tau, others, strict=True)]
+        return Rubbed(accelerations + response * rail, friction, normal)
 
     def _under(self, push: Any, a: Any, chains: Sequence[tuple[Any, list[Joint]]]) -> tuple[Any, list[Any]]:
         """The accelerations under friction as the cart has `push` added to that in a, and τ (J,)."""

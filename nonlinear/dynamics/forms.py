@@ -3,12 +3,24 @@
 The lines of `nonlinear.dynamics.minimal`, in space of `nonlinear.dynamics.spatial`, are run once with symbols in place
 of numbers, state and inputs, and what they leave on the tape is written (`nonlinear.dynamics.text`).  A number that is
 0, and a centre at the end of its link, belong to the form: terms that vanish with them are not in the text.
+
+Functions of the equations of motion for event handling, generated for a form (`nonlinear.dynamics.text`).
+
+Escapements kick joints `kicks`, dry friction acts at the `contacts` of a form. Every switch has a value that passes
+from below to above 0 if it switches, and the rate of it along y' and the rates of the inputs:
+
+    a kick on the right, then on the left   ±(γ − bent) − angle,  −FAR_BELOW on a side where none is possible
+    a contact that slides to the side s     −s γ'
+    a contact that sticks                   |τ| − M (1 + firm),   on a rail with a coefficient μ |N| in place of M
+    N of such a rail, while it slides       −e N,  e = sign N
+
+An impulse P at a kicked joint acts on the link below and −P on the one above: M(q) (v₊ − v₋) = J.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache, partial
 from typing import Any
 
@@ -16,6 +28,7 @@ import numpy as np
 
 from modal.structure import End, GroundEnd, LinkEnd
 from modal.types import Ints
+from nonlinear.dynamics.contacts import Gripping, contacts_of
 from nonlinear.dynamics.elimination import Elimination, loses_digits
 from nonlinear.dynamics.inputs import Inputs
 from nonlinear.dynamics.minimal import GroupBody, Minimal, Recursion
@@ -113,38 +126,28 @@ def form_of(
     at = {name: BEFORE + links * FIELDS.index(name) for name in ("length", "centre")}
     length, centre = (numbers[place : place + links] for place in at.values())
     chains = tuple(
-        (_table(group.index), _table(group.block.sigma), _can_eliminate(group, is_frail) and _pays(group, system))
+        (_table(group.index), _table(group.block.sigma), not is_frail and _pays(group, system))
         for group, is_frail in zip(system.groups, weak, strict=True)
     )
     D = motion_constants[: 0 if system.modal_damping is None else np.size(system.modal_damping)]
-    return Form(
-        chains,
-        _present(numbers),
-        tuple(l is c or bool(np.array_equal(l, c)) for l, c in zip(length, centre, strict=True)),
-        _present(D),
-        tuple(tuple(places.tolist()) for places, _ in hoisting.laws) if hoisting else (),
-        support.directions if support else (),
-        tuple((force.places, force.direction, _carrier(force.carrier)) for force in system.forces),
-        len(motion_constants) - len(D) if system.is_analytic or system.loops else None,
-        has_load,
-        system.works or has_load if works is None else works,
-        (),
-        False,
-        system.spatial,
-        shape_of(system),
-        tuple(tuple(map(_shape_of_term, (*group.laws, *group.point_forces))) for group in system.groups),
-        (system.is_analytic, *(loop.shape for loop in system.loops)),
-        system,
-    )
+    ends = tuple(l is c or bool(np.array_equal(l, c)) for l, c in zip(length, centre, strict=True))
+    laws = tuple(tuple(places.tolist()) for places, _ in hoisting.laws) if hoisting else ()
+    forces = tuple((force.places, force.direction, force.carrier and tuple(force.carrier)) for force in system.forces)
+    constant_count = len(motion_constants) - len(D) if system.is_analytic or system.loops else None
+    counts_work = system.works or has_load if works is None else works
+    joint_laws = tuple(tuple(map(_shape_of_term, (*group.laws, *group.point_forces))) for group in system.groups)
+    loops = (system.is_analytic, *(loop.shape for loop in system.loops))
+    numbers_of_links = chains, _present(numbers), ends, _present(D)
+    inputs = laws, support.directions if support else (), forces, constant_count, has_load, counts_work
+    laws_of_parts = shape_of(system), joint_laws, loops
+    parts: Any = (*numbers_of_links, *inputs, (), False, system.spatial, *laws_of_parts, system)
+    return Form(*parts)
 
 
 def _shape_of_term(term: JointTerm) -> tuple[Any, ...]:
     """The non-numeric part of the joint laws."""
-    return (
-        type(term.law),
-        term.order,
-        *(tuple(np.ravel(part).tolist()) for part in (term.rows, term.columns, term.scale)),
-    )
+    places = (tuple(np.ravel(part).tolist()) for part in (term.rows, term.columns, term.scale))
+    return type(term.law), term.order, *places
 
 
 def _present(entries: Sequence[Any]) -> tuple[bool, ...]:
@@ -167,10 +170,6 @@ def _point_number(where: Any) -> int | None:
     return where if isinstance(where, int) else None
 
 
-def _carrier(end: Any) -> Any:
-    return None if end is None else (end.carrier, end.where)
-
-
 def _end(end: End) -> tuple[Any, ...]:
     if isinstance(end, LinkEnd):
         return "link", end.link, end.below is None
@@ -188,10 +187,6 @@ def _pays(group: Group, system: System) -> bool:
     structure = system.suspension
     size = max(structure.carriers[structure.pivots[pendulum].carrier].size for pendulum in group.pendula.tolist())
     return group.n <= (MATRIX_LINKS_MAX if size <= 1 else 2)
-
-
-def _can_eliminate(group: Group, frail: bool) -> bool:
-    return group.n <= MATRIX_LINKS_MAX and not frail
 
 
 class Symbolic:
@@ -265,15 +260,8 @@ def module_of(form: Form, *, tangent: bool = False) -> Module:
     if not tangent:
         return Module(equations.tape, {"rates": equations.rates})
     v = equations.tape.inputs("y", len(equations.y))
-    return Module(
-        equations.tape,
-        {
-            "rates": [
-                *equations.sticking_rates,
-                *directional_derivatives(equations.tape, equations.sticking_rates, equations.y, v),
-            ]
-        },
-    )
+    rates = equations.sticking_rates
+    return Module(equations.tape, {"rates": [*rates, *directional_derivatives(equations.tape, rates, equations.y, v)]})
 
 
 @lru_cache(maxsize=64)
@@ -299,3 +287,112 @@ def responding(equations: TapedEquations, form: Form) -> list[Any]:
         return outputs
     normal = partial(minimal.reaction, equations.y, equations.instant)
     return [*outputs, normal(free[half : 2 * half]), *(normal(column, False) for column in columns.T)]
+
+
+FAR_BELOW = 1000.0
+"""Format: how far below 0 (rad, N or N m) a value is that cannot pass."""
+Pairs = tuple[tuple[int, int], ...]
+
+
+def with_contacts(form: Form) -> Form:
+    """The same form with the contacts of its system."""
+    contacts = contacts_of(form.system)
+    return replace(form, contacts=contacts.pairs, presses=contacts.coefficient > 0)
+
+
+def state_count(form: Form, kicks: Pairs) -> int:
+    """How many numbers of a segment's state the texts take: sides K, signs J, e of such a rail, firmness J."""
+    return len(kicks) + 2 * len(form.contacts) + form.presses
+
+
+def member_numbers(form: Form, kicks: Pairs) -> int:
+    """How many numbers of a member they take: bent, angle and impulse (3 K), then M or μ of every contact (J)."""
+    return 3 * len(kicks) + len(form.contacts)
+
+
+@lru_cache(maxsize=64)
+def switching_of(form: Form, kicks: Pairs = ()) -> Module:
+    """The functions (y, u, v) of a form whose joints `kicks`, pairs of coordinates of v, have escapements.
+
+    v is a direction (size,) of y, then numbers of the state (`state_count`) and of the member, then the rates of the
+    inputs before those of contacts.  y' where all contacts slide ("rates"), and where some stick ("sticking"); τ (J,),
+    with N after it where the rail has a coefficient ("friction"); y' without friction and M⁻¹Jᵀ (half, J) row by row,
+    with N and ∂N/∂τ ("responses"); values and their rates (2 count,), all contacts sliding ("clear") or not ("values"),
+    the direction being y'; y after impulses, which stand in place of the sides ("kick"), and the change of it along the
+    direction ("kicked", 2 size).
+    """
+    equations = TapedEquations(form)
+    tape, minimal, y, u = equations.tape, equations.minimal, equations.y, equations.u
+    size, half, contacts = len(y), minimal.layout.half, len(form.contacts)
+    input_count = len(u) - 2 * contacts
+    v = tape.inputs("v", size + state_count(form, kicks) + member_numbers(form, kicks) + input_count)
+    direction, told_at = v[:size], size + state_count(form, kicks)
+    change = [*y, *u[:input_count]], [*direction, *v[len(v) - input_count :]]
+    sides, impulses = v[size : size + len(kicks)], v[size : size + len(kicks)]
+    texts: dict[str, list[Any]] = {"rates": equations.rates[:size]}
+    V, R = _of_kicks(kicks, (y, direction), sides, v[told_at : told_at + 2 * len(kicks)])
+    if contacts:
+        signs = v[size + len(kicks) : size + len(kicks) + contacts]
+        firm = v[told_at - contacts : told_at]
+        limits = v[told_at + 3 * len(kicks) : told_at + 3 * len(kicks) + contacts]
+        sliding = [-s * joint_value(y[half : 2 * half], pair) for s, pair in zip(signs, form.contacts, strict=True)]
+        slowing = [
+            -s * joint_value(direction[half : 2 * half], pair) for s, pair in zip(signs, form.contacts, strict=True)
+        ]
+        rates, friction = minimal.rates_and_friction(y, equations.instant)
+        force = [*friction.tau, *([] if friction.normal is None else [friction.normal])]
+        texts |= {"sticking": rates.tolist(), "friction": force, "responses": responding(equations, form)}
+        slope = directional_derivatives(tape, force, *change)
+        texts["clear"] = [*V, *sliding, *R, *slowing]
+        for j, s in enumerate(signs):
+            firmly, M, dM = 1.0 + firm[j], limits[j], 0.0
+            if form.presses and j == 0:
+                M, dM = limits[0] * _size(force[-1]), limits[0] * force[-1].where(slope[-1], -slope[-1])
+            V.append((s * s).where(sliding[j], _size(force[j]) - M * firmly))
+            R.append((s * s).where(slowing[j], force[j].where(slope[j], -slope[j]) - dM * firmly))
+        if form.presses:
+            s, e = signs[0], v[size + len(kicks) + contacts]
+            V.append((s * s).where(-(e * force[-1]), -FAR_BELOW))
+            R.append((s * s).where(-(e * slope[-1]), 0.0))
+    texts["values"] = [*V, *R]
+    texts.setdefault("clear", texts["values"])
+    if kicks:
+        texts["kick"] = _state_after(equations, kicks, impulses)
+        texts["kicked"] = [*texts["kick"], *directional_derivatives(tape, texts["kick"], y, direction)]
+    return Module(tape, texts)
+
+
+def _size(x: Any) -> Any:
+    return x.where(x, -x)
+
+
+def joint_value(values: Any, pair: tuple[int, int]) -> Any:
+    """The value below a joint less that above it, of the coordinates of a pair; above −1 stands for what rests."""
+    below, above = pair
+    return values[below] - values[above] if above >= 0 else values[below]
+
+
+def _of_kicks(kicks: Pairs, rows: tuple[Any, Any], sides: Any, numbers: Any) -> tuple[list[Any], list[Any]]:
+    """The values of kicks to the right, then to the left, and their rates."""
+    rests, angle = numbers[: len(kicks)], numbers[len(kicks) :]
+    gamma = [joint_value(rows[0], pair) - rest for pair, rest in zip(kicks, rests, strict=True)]
+    speed = [joint_value(rows[1], pair) for pair in kicks]
+    right = [(-s).where(-FAR_BELOW, g - a) for s, g, a in zip(sides, gamma, angle, strict=True)]
+    left = [s.where(-FAR_BELOW, -g - a) for s, g, a in zip(sides, gamma, angle, strict=True)]
+    rates = [(-s).where(0.0, r) for s, r in zip(sides, speed, strict=True)]
+    return right + left, rates + [s.where(0.0, -r) for s, r in zip(sides, speed, strict=True)]
+
+
+def _state_after(equations: TapedEquations, kicks: Pairs, impulses: Sequence[Any]) -> list[Any]:
+    """The y after impulses, the work of which is Σ P (γ'₋ + γ'₊)/2."""
+    layout, y = equations.minimal.layout, equations.y
+    half, v = layout.half, y[layout.half : 2 * layout.half]
+    at = equations.instant._replace(gripping=Gripping(kicks, [0.0] * len(kicks)))
+    columns = equations.minimal.responses(y[:half], at)
+    after = v.copy()
+    for column, impulse in zip(columns.T, impulses, strict=True):
+        after = after + column * impulse
+    work = y[2 * half :].copy()
+    for pair, impulse in zip(kicks, impulses, strict=True):
+        work = work + impulse * (0.5 * (joint_value(v, pair) + joint_value(after, pair)))
+    return [*y[:half], *after, *work]

@@ -19,7 +19,7 @@ from nonlinear.dynamics.forms import Form, form_of, module_of
 from nonlinear.dynamics.inputs import Inputs
 from nonlinear.dynamics.minimal import Arranged, Minimal, Recursion
 from nonlinear.dynamics.text import Module
-from nonlinear.system import Group, Layout, Load, Numbers, System
+from nonlinear.system import Layout, Load, Numbers, System
 
 UNDEFINED = (ZeroDivisionError, OverflowError, ValueError)
 """Raised by Python's floats where NumPy's give inf or nan."""
@@ -197,7 +197,8 @@ class Lanes:
                 return lambda y, times=0.0, inputs=(): rates(y)
             return lambda y, times=0.0, inputs=None: rates(y, self.inputs.beside(times) if inputs is None else inputs)
         system = numbers.arrays
-        bodies = (None if self._winds(group) else Recursion(group) for group in system.groups)
+        moving = np.zeros(system.n_links) if system.hoisting is None else system.hoisting.moving
+        bodies = (None if moving[group.index].any() else Recursion(group) for group in system.groups)
         equations = Minimal(system, tuple(bodies), counts_work=self.layout.works)
         courses = replace(equations.inputs, drags=self.inputs.drags)
 
@@ -206,7 +207,3 @@ class Lanes:
             return equations.rates(y, courses.instant(u))
 
         return by_recursion
-
-    def _winds(self, group: Group) -> bool:
-        hoisting = self.system.hoisting
-        return hoisting is not None and bool(hoisting.moving[group.index].any())

@@ -80,11 +80,8 @@ class Hamiltonian(Generated):
         return self._rate("arrays")
 
     def _rate(self, target: str) -> Callable[..., Any]:
-        velocities, slopes, half = (
-            self.function("velocities", target),
-            self.function("slopes", target),
-            self.layout.half,
-        )
+        velocities, slopes = (self.function(name, target) for name in ("velocities", "slopes"))
+        half = self.layout.half
 
         def rate(y: Any, u: Any = ()) -> list[Any]:
             v = velocities(y)
@@ -164,15 +161,9 @@ def hamilton_of(form: Form) -> Module:
     if form.spatial:
         momenta, slopes = _across_links(minimal, q, v, momenta, slopes)
     solvers = list(zip(system.groups, equations.bodies, strict=True))
-    return Module(
-        tape,
-        {
-            "velocities": apply_inverse_mass(system, solvers, q, v, minimal.places).tolist(),
-            "momenta": momenta,
-            "slopes": [*slopes, power] if form.works else slopes,
-            "energy": [parts.total],
-        },
-    )
+    functions = {"velocities": apply_inverse_mass(system, solvers, q, v, minimal.places).tolist()}
+    functions |= {"momenta": momenta, "slopes": [*slopes, power] if form.works else slopes, "energy": [parts.total]}
+    return Module(tape, functions)
 
 
 def without_springs(system: System) -> System:
@@ -181,15 +172,10 @@ def without_springs(system: System) -> System:
     for group in system.groups:
         laws = tuple(replace(term, pulls=False) for term in group.laws)
         groups.append(replace(group, block=replace(group.block, stiffness=0.0 * group.block.stiffness), laws=laws))
-    carriers = [
-        replace(
-            carrier,
-            stiffness=(0.0,) * len(carrier.stiffness),
-            K=None if carrier.K is None else 0.0 * carrier.K,
-            stores=False,
-        )
-        for carrier in structure.carriers
-    ]
+    carriers = []
+    for carrier in structure.carriers:
+        K = None if carrier.K is None else 0.0 * carrier.K
+        carriers.append(replace(carrier, stiffness=(0.0,) * len(carrier.stiffness), K=K, stores=False))
     springs = [spring._replace(stiffness=0.0) for spring in structure.springs]
     suspension = replace(structure, carriers=tuple(carriers), springs=tuple(springs))
     return replace(system, groups=tuple(groups), suspension=suspension)

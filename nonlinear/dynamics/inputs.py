@@ -33,7 +33,7 @@ from modal.scene.length_laws import LengthLaw
 from modal.types import NOISE_OF_SUM, Floats
 from modal.vibration.courses import Course, Polynomials, in_floats
 from nonlinear.dynamics.contacts import Gripping
-from nonlinear.dynamics.springs import array_of
+from nonlinear.dynamics.structure import array_of
 from nonlinear.dynamics.tape import Symbol, where
 from nonlinear.system import AppliedForces, Group, Layout, Load, System
 from nonlinear.system.system import spread

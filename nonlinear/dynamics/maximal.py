@@ -139,13 +139,9 @@ class Maximal:
     def read(self, rows: Floats) -> Motion:
         """The motion in vectors (T, size)."""
         first, size, none = self.pivots.first, self.pivots.size, np.zeros(len(rows))
-        return Motion(
-            links=rows[:, first + 2 : size : 3],
-            link_rates=rows[:, size + first + 2 : 2 * size : 3],
-            cart=rows[:, 0] if first else none,
-            cart_rate=rows[:, size] if first else none,
-            work=rows[:, -1] if self.works else none,
-        )
+        links, rates = rows[:, first + 2 : size : 3], rows[:, size + first + 2 : 2 * size : 3]
+        cart, cart_rate = (rows[:, 0], rows[:, size]) if first else (none, none)
+        return Motion(links, rates, cart, cart_rate, rows[:, -1] if self.works else none)
 
     @property
     def scale(self) -> Floats:

@@ -219,10 +219,8 @@ class Mechanics(Displayed):
             return np.asarray(self._parts.moving + none), np.asarray(self._parts.potential_energy + none)
         clauses = [slice(at, at + rows) for at in range(0, times, rows)]
         whens = [None if self.times is None else self.times[clause] for clause in clauses]
-        parts = [
-            Mechanics(self.system, self.motion.at(clause), when).energies
-            for clause, when in zip(clauses, whens, strict=True)
-        ]
+        pairs = zip(clauses, whens, strict=True)
+        parts = [Mechanics(self.system, self.motion.at(clause), when).energies for clause, when in pairs]
         kinetic, potential = map(np.concatenate, zip(*parts, strict=True))
         return kinetic, potential
 

@@ -86,16 +86,9 @@ def _answer_step(link: Any, y: Any, u: Any, v: Any) -> list[Any]:
     fx, fz = drag_law(velocity + wind, link.drag, link.quadratic)
     drag_torque = c * (link.length * tx + link.centre * fx) - s * (link.length * tz + link.centre * fz)
     rest = link.length - link.centre
-    static, tip_term = link.mass * link.centre, link.mass * rest * rest
-    constants = RecursiveLink(
-        link.mass,
-        link.length,
-        static,
-        link.inertia + static * link.centre,
-        link.inertia,
-        link.inertia + tip_term,
-        link.inertia - static * rest,
-    )
+    I, static, tip_term = link.inertia, link.mass * link.centre, link.mass * rest * rest
+    about_ends = I + static * link.centre, I, I + tip_term, I - static * rest
+    constants = RecursiveLink(link.mass, link.length, static, *about_ends)
     answer, turn = link_response(constants, Answer(*u[:5]), s, c, rate, moment + torque - u[5] + drag_torque)
     outside = moment + inertial_law(link.static, s, c, support)
     power = u[8] + working * speed + outside * rate + fx * velocity[0] + fz * velocity[1]

@@ -29,11 +29,8 @@ KINDS = ("y", "u", "v")
 """The arguments of a function that is written, in this order; those of no use are empty."""
 FUNCTIONS: dict[str, Mapping[str, Any]] = {
     "floats": {
-        "sin": math.sin,
-        "cos": math.cos,
-        "sqrt": math.sqrt,
+        **{name: getattr(math, name) for name in ("sin", "cos", "sqrt", "exp", "log", "tanh")},
         "arctan": math.atan,
-        **{name: getattr(math, name) for name in ("exp", "log", "tanh")},
         "where": lambda x, a, b: a if x > 0 else b,
     },
     "arrays": {
@@ -125,11 +122,8 @@ class Module:
         constants = {id(symbol): f"c{k}" for k, symbol in enumerate(entry for entry in symbols if id(entry) in ends)}
         self._lines = {name: _Lines("x", constants) for name in functions}
         for name, lines in self._lines.items():
-            lines.add(
-                [entry for entry in symbols if id(entry) in used[name] and id(entry) not in fixed_symbols],
-                used[name],
-                set(),
-            )
+            varying = [symbol for symbol in symbols if id(symbol) in used[name] and id(symbol) not in fixed_symbols]
+            lines.add(varying, used[name], set())
 
     def constants(self, p: Sequence[Any], target: str = "") -> list[Any]:
         """The constants of all functions, from the numbers of one scene, or of many in arrays, or of a `target`."""
@@ -159,23 +153,13 @@ class Module:
         header: list[str] = []
         if columns:
             pairs, inverses = dict[str, tuple[str, str]](), set[str]()
-            lines = [
-                part
-                for line in lines
-                for piece in _pair_sines(line, pairs)
-                for part in _invert_divisors(piece, inverses)
-            ]
+            pieces = [piece for line in lines for piece in _pair_sines(line, pairs)]
+            lines = [line for piece in pieces for line in _invert_divisors(piece, inverses)]
             header = [line for line in lines if re.match(r"ic\d+ =", line)]
             lines = [line for line in lines if line not in header]
-        return "\n".join(
-            (
-                f"def made({', '.join(self.names)}):",
-                *(f" {line}" for line in header),
-                " def made(y, u=(), v=()):",
-                *(f"  {line}" for line in (*rows, *lines)),
-                " return made",
-            )
-        )
+        head, body = [f" {line}" for line in header], [f"  {line}" for line in (*rows, *lines)]
+        names = ", ".join(self.names)
+        return "\n".join((f"def made({names}):", *head, " def made(y, u=(), v=()):", *body, " return made"))
 
     def function(self, name: str, constants: Sequence[Any], target: str = "floats") -> Function:
         """A function with these constants, for floats, arrays, complex numbers, columns (FUNCTIONS)."""

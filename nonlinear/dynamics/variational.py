@@ -19,10 +19,9 @@ from modal.errors import ComputationError
 from modal.types import IMAGINARY_STEP, Floats
 from nonlinear.dynamics.elimination import SINGULAR
 from nonlinear.dynamics.forces import cart_force, modal_drag, plane_drag
-from nonlinear.dynamics.forms import Form, Symbolic, form_of, jacobian_of, module_of
+from nonlinear.dynamics.forms import Form, Symbolic, form_of, jacobian_of, module_of, switching_of, with_contacts
 from nonlinear.dynamics.generated import UNDEFINED, Generated, InputFunction
 from nonlinear.dynamics.mechanics import energies
-from nonlinear.dynamics.switching import switching_of, with_contacts
 from nonlinear.dynamics.tape import gradient, partials
 from nonlinear.dynamics.text import Module
 
@@ -122,10 +121,8 @@ class Variational(Generated):
         """
         name = "sticking" if self.form.contacts else "rates"
         module = switching_of(self.form) if self.form.contacts else module_of(self.form)
-        p = [
-            np.array([value + 1j * IMAGINARY_STEP * step])
-            for value, step in zip(self.numbers, change.tolist(), strict=True)
-        ]
+        pairs = zip(self.numbers, change.tolist(), strict=True)
+        p = [np.array([value + 1j * IMAGINARY_STEP * step]) for value, step in pairs]
         inputs = np.asarray(u) + 1j * IMAGINARY_STEP * np.asarray(input_change) if len(input_change) else u
         with np.errstate(all="ignore"):
             values = module.function(name, module.constants(p), "arrays")([*y.astype(complex)], inputs)

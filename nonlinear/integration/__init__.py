@@ -11,8 +11,11 @@ from nonlinear.integration.arguments import (
     COARSEST,
     LOOSEST,
     TIGHTEST,
+    estimate_timescales,
     extent,
+    modes_of,
     pace_of,
+    sample_count,
     sample_times,
     validate,
     validate_accuracy,
@@ -29,7 +32,6 @@ from nonlinear.integration.methods import ASKED, FORMS, Choice, choose, equation
 from nonlinear.integration.run import Request, SimulationError, aside, departure, perturb_last_digits, prepare, slightly
 from nonlinear.integration.steppers import EXPLICIT, SCIPY, SMALLEST
 from nonlinear.integration.switches import switches_of
-from nonlinear.integration.timescales import estimate_timescales, modes_of, sample_count
 from nonlinear.integration.trajectory import CLOSED, TRUNCATED, SolverInfo, Trajectory
 from nonlinear.integration.tubes import PROVED, Tube, enclose_motion
 

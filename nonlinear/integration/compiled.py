@@ -210,11 +210,8 @@ class CompiledStepper(DOP853Stepper[Compiled]):
         self.before, self.y_before, self._within = solver.t_old, solver.y_old, None
         solver.status = "finished" if solver.t >= solver.t_bound else "running"
         if self.keeps_steps:
-            self._last_steps = (
-                np.append(start[0], ends[:good]),
-                np.vstack((start[1], states[:good])),
-                kept_stages[:good],
-            )
+            times_of_steps, y_of_steps = np.append(start[0], ends[:good]), np.vstack((start[1], states[:good]))
+            self._last_steps = times_of_steps, y_of_steps, kept_stages[:good]
         row_count = int(np.searchsorted(times[: len(rows)], ends[good - 1], side="right"))
         selection = slice(0 if all_ends else good - 1, good)
         return rows[:row_count], list(zip(ends[selection].tolist(), states[selection], strict=True)), good

@@ -18,10 +18,9 @@ from typing import Any
 import numpy as np
 
 from modal.types import Floats
-from nonlinear.dynamics.forms import module_of
+from nonlinear.dynamics.forms import module_of, switching_of, with_contacts
 from nonlinear.dynamics.generated import Lanes, Rates
 from nonlinear.dynamics.inputs import Inputs
-from nonlinear.dynamics.switching import switching_of, with_contacts
 from nonlinear.dynamics.text import Module
 from nonlinear.integration.lanes import LaneTask
 from nonlinear.integration.switches import NODES as GAUSS
@@ -156,12 +155,8 @@ class Some:
         def values_of_members(values: Any) -> list[Any]:
             return [value[members] if np.ndim(value) else value for value in values]
 
-        return Switches(
-            all_switches.form,
-            all_switches.kicks,
-            values_of_members(all_switches.constants),
-            values_of_members(all_switches.numbers),
-        )
+        values = map(values_of_members, (all_switches.constants, all_switches.numbers))
+        return Switches(all_switches.form, all_switches.kicks, *values)
 
     def inputs(self, state: Floats) -> list[Any]:
         """The inputs of contacts, arrays (S,)."""

@@ -350,10 +350,12 @@ class Drive:
             record.stopped, record.interrupted = f"interrupted at {record.last_time:.9g} s", True
         except ComputationError as error:
             record.stopped, record.failed = str(error), True
-        record.friction = self._friction(record)
-        record.close()
         if isinstance(self.equations, Switched):
-            record.kicks = self.equations.switches.kicks_so_far()
+            time, y = record.last or (float(self.times[0]), self.stepper.y)
+            switches, state = self.equations.switches, self.equations.state
+            record.friction = switches.friction_record(time, np.asarray(y).tolist(), state)
+            record.kicks = switches.kicks_so_far()
+        record.close()
         return record
 
     def _refuse_singular(self, record: RunRecord) -> None:
@@ -372,13 +374,6 @@ class Drive:
     def _has_watches(self) -> bool:
         return bool(self.events or self.watches)
 
-    def _friction(self, record: RunRecord) -> Friction:
-        """The phases of friction as far as the run came."""
-        time, row = record.last or (float(self.times[0]), self.stepper.y)
-        if isinstance(self.equations, Switched):
-            return self.equations.record(time, np.asarray(row).tolist())
-        return NO_FRICTION
-
     def _sweep(self, record: RunRecord) -> None:
         """Many steps, with events within them, up to an event that ends the run."""
         guard = self.equations.undo_on_interrupt() if isinstance(self.equations, Switched) else nullcontext()
@@ -386,11 +381,9 @@ class Drive:
         with np.errstate(all="ignore"), guard:
             rows, ends, steps = stepper.sweep(self.times[record.row_count :], all_ends, self._most)
             record.drift = stepper.drift
-            stop = (
-                self._find_stop(record, cast("DOP853Stepper[Any]", stepper).steps_of_sweep())
-                if steps and self._has_watches
-                else None
-            )
+            stop = None
+            if steps and self._has_watches:
+                stop = self._find_stop(record, cast("DOP853Stepper[Any]", stepper).steps_of_sweep())
         if stop is not None:
             if isinstance(stepper, FloatStepper):
                 stepper.take_back(stop.time, stop.y)

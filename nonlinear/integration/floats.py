@@ -339,9 +339,12 @@ class FloatStepper(DOP853Stepper[Written]):
 
     def _work(self, steps: Sequence[FloatStep], spans: Sequence[tuple[float, float]]) -> None:
         """Count the work of friction in these steps between these times (s)."""
-        if steps and isinstance(self.equations, Switched) and self.equations.presses:
-            inside = partial(samples, self._abreast(steps))
-            self.equations.add_rail_work(inside, np.array(spans), [step.contact_inputs for step in steps])
+        switched = self.equations
+        if not steps or not isinstance(switched, Switched) or not switched.switches.places.presses:
+            return
+        inside, inputs = partial(samples, self._abreast(steps)), [step.contact_inputs for step in steps]
+        beside = switched.free.inputs_beside
+        switched.switches.add_rail_work(inside, np.array(spans), inputs, switched.state, beside)
 
     def sweep(
         self, times: Floats, all_ends: bool = True, limit: int = STEPS_AT_ONCE
@@ -355,11 +358,8 @@ class FloatStepper(DOP853Stepper[Written]):
         portion = 1 if mends else limit
         while True:
             steps, new_due_steps, new_rows = solver.advance(due[row_count:], portion)
-            due_steps, row_count, self._sweep_steps = (
-                due_steps + new_due_steps,
-                row_count + new_rows,
-                [*self._sweep_steps, *steps],
-            )
+            due_steps, row_count = due_steps + new_due_steps, row_count + new_rows
+            self._sweep_steps = [*self._sweep_steps, *steps]
             self._work(steps, [(step.start, step.end) for step in steps])
             ends += [(step.end, self._project() if mends else step.after) for step in steps]
             if not (mends and steps and row_count < len(due) and len(ends) < limit and solver.t < solver.t_bound):

@@ -70,25 +70,16 @@ def source(lanes: Lanes, crowd: Crowd | None = None) -> str:
     texts = [_vectorize(_source_of(sincos))]
     if switches:
         at = switches.places
-        sizes |= {
-            "N": switches.count,
-            "M": at.length,
-            "TOLD": at.state_count,
-            "HELD": 2 * at.J,
-            "KICKS": at.K,
-            "PRESSES": int(at.presses),
-        }
+        sizes |= {"N": switches.count, "M": at.length, "TOLD": at.state_count, "HELD": 2 * at.J}
+        sizes |= {"KICKS": at.K, "PRESSES": int(at.presses)}
         functions = filter(inspect.isfunction, vars(meeting).values())
         texts += [*(f"@part\n{_source_of(function)}" for function in functions), switches.source()]
         texts += [_vectorize(switches.module.loop_source("values"))]
     elif "where(" in module.loop_source(name):
         texts += [_vectorize(WHERE)]
     texts += [_vectorize(module.loop_source(name, "rates")), _attempt(sizes["DRIVEN"] > 0, switches is not None)]
-    texts += [
-        ERRORS.format(
-            **{name: weighted_sum(shares, "K[{}, i, k]") for name, shares in (("fifth", FIFTH), ("third", THIRD))}
-        )
-    ]
+    fifth, third = (weighted_sum(shares, "K[{}, i, k]") for shares in (FIFTH, THIRD))
+    texts += [ERRORS.format(fifth=fifth, third=third)]
     constants = {name: value for name, value in (vars(meeting) | vars(loops) | sizes).items() if name.isupper()}
     numbers = [f"{name} = {value!r}" for name, value in constants.items() if isinstance(value, int | float | tuple)]
     return "\n".join((HEAD, IMPORTED, *numbers, *texts, _loop())) + "\n"

@@ -136,11 +136,6 @@ class Outcome:
     calls: int = 0
 
 
-def width_of(size: int) -> int:
-    """How many lanes of so long a y a processor works at best at once."""
-    return int(max(NUMBERS_AT_ONCE // size, LANES_MIN))
-
-
 class Front:
     """The lanes in work: who is in each, where it stands, its next step."""
 
@@ -425,7 +420,7 @@ def integrate(task: LaneTask, watches: Sequence[Watch] = (), width: int | None =
     state = np.zeros((0, size)) if task.state is None else task.state.copy()
     outcome = Outcome(task.initial.copy(), steps, events, state)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore", under="ignore"):
-        front = Front(task, width or width_of(task.initial[:, 0].size))
+        front = Front(task, width or max(NUMBERS_AT_ONCE // task.initial[:, 0].size, LANES_MIN))
         while len(front.member):
             step = front.attempt()
             moving = step.length > 0

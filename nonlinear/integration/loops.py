@@ -166,11 +166,8 @@ def looping(
             if DRIVEN == CLOCK:
                 s[len(s) - 1, k] = 1.0
             aim[k], following[k], low[k], high[k], usual[k] = -1, -1, 0.0, inf, front[STEP, k]
-        parameters, constants, time_inputs = (
-            [a[i, k] for i in range(len(a))],
-            [d[i, k] for i in range(len(d))],
-            [u[i, k] for i in range(TIMED)],
-        )
+        parameters, constants = [a[i, k] for i in range(len(a))], [d[i, k] for i in range(len(d))]
+        time_inputs = [u[i, k] for i in range(TIMED)]
         now, slope = [y[i, k] for i in range(SIZE)], [f[i, k] for i in range(SIZE)]
         state_values, events = [0.0 if begins else state[i, k] for i in range(M)], [(0.0, 0.0, 0.0, 0.0)]
         if begins:

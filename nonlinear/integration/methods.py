@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from math import pi
 
 import numpy as np
@@ -14,7 +15,6 @@ import numpy as np
 from modal.errors import SceneError, refuse_any, spelling_hint
 from modal.scene import CAPABILITIES, Scene, refusals, validate_scene
 from nonlinear.dynamics import (
-    Arranged,
     Banded,
     Generated,
     GroupBody,
@@ -32,12 +32,11 @@ from nonlinear.dynamics import (
 )
 from nonlinear.dynamics.inputs import Inputs
 from nonlinear.integration import taylor
-from nonlinear.integration.arguments import TIGHTEST
+from nonlinear.integration.arguments import TIGHTEST, estimate_timescales
 from nonlinear.integration.kernels import integrator
 from nonlinear.integration.readiness import Forgone, Offer, best_of, forgone_by
 from nonlinear.integration.steppers import EXPLICIT, SCIPY, SMALLEST
 from nonlinear.integration.switches import Switched
-from nonlinear.integration.timescales import estimate_timescales
 from nonlinear.system import Equations, Group, Load, System, ends_may_meet, system_of
 
 ASKED = "as requested"
@@ -87,11 +86,9 @@ def validate_method(
     """
     validate_scene(scene)
     system = system or system_of(scene)
-    problems = (
-        []
-        if method in METHODS
-        else [f"method {method}: must be one of {', '.join(METHODS)}{spelling_hint(method, METHODS)}"]
-    )
+    problems = []
+    if method not in METHODS:
+        problems.append(f"method {method}: must be one of {', '.join(METHODS)}{spelling_hint(method, METHODS)}")
     if form not in FORMS:
         problems.append(f"form {form}: must be one of {', '.join(FORMS)}{spelling_hint(form, FORMS)}")
         form = "auto"
@@ -268,15 +265,9 @@ def equations_of(
             from nonlinear.dynamics.compiled import Compiled
 
             return Compiled(system)
-    return _free(system, load)
-
-
-def _free(system: System, load: Load | None) -> Arranged:
-    """The equations in minimal coordinates in the plane, without dry friction."""
     if system.n_links <= FLOATS:
         return Generated(system, load=load)
     if system.hoisting is not None:
         return Minimal(system, (None,) * len(system.groups), load)
-    if system.structure is not None:
-        return Minimal(system, tuple(Recursion(group) for group in system.groups), load)
-    return Minimal(system, tuple(body_of(group, system) for group in system.groups), load)
+    body = Recursion if system.structure is not None else partial(body_of, system=system)
+    return Minimal(system, tuple(body(group) for group in system.groups), load)

@@ -38,7 +38,7 @@ from nonlinear.dynamics import (
     synchronous,
 )
 from nonlinear.dynamics.inputs import Inputs
-from nonlinear.integration.arguments import extent
+from nonlinear.integration.arguments import estimate_timescales, extent
 from nonlinear.integration.driver import Drive, RunRecord
 from nonlinear.integration.floats import FloatStepper
 from nonlinear.integration.kernels import integrator
@@ -46,7 +46,6 @@ from nonlinear.integration.methods import Choice, choose, equations_of, validate
 from nonlinear.integration.readiness import make_ready, rent
 from nonlinear.integration.steppers import AT_EASE, Pace, SciPyStepper, Stepper, first_step_of, tolerance_factor
 from nonlinear.integration.switches import Switched
-from nonlinear.integration.timescales import estimate_timescales
 from nonlinear.integration.trajectory import SolverInfo, Trajectory
 from nonlinear.integration.within import Watch
 from nonlinear.system import NO_KICKS, Equations, Event, Kicks, Layout, Load, State, System, apart
@@ -117,32 +116,12 @@ class Prepared:
 
     def _trajectory(self, record: RunRecord) -> Trajectory:
         equations, choice = self.equations, self.choice
-        run = SolverInfo(
-            form=choice.form,
-            method=choice.method,
-            reason=choice.reason,
-            tolerance=choice.tolerance,
-            steps=record.steps,
-            calls=self.stepper.calls,
-            drift=record.drift,
-            stopped=record.stopped,
-            interrupted=record.interrupted,
-            reduced=equations.words if isinstance(equations, Reduced) else "",
-        )
-        motion, events = equations.read(record.rows), tuple(record.happenings)
-        driven = equations.load is not None
-        return Trajectory(
-            self.scene,
-            equations.system,
-            record.times,
-            motion,
-            run,
-            events,
-            record.kicks,
-            record.friction,
-            driven=driven,
-            equations=equations,
-        )
+        words = equations.words if isinstance(equations, Reduced) else ""
+        outcome: Any = record.steps, self.stepper.calls, record.drift, record.stopped, record.interrupted, words
+        run = SolverInfo(choice.form, choice.method, choice.reason, choice.tolerance, *outcome)
+        motion, driven = equations.read(record.rows), equations.load is not None
+        changes = tuple(record.happenings), record.kicks, record.friction
+        return Trajectory(self.scene, equations.system, record.times, motion, run, *changes, driven, equations)
 
 
 def prepare(
@@ -208,15 +187,8 @@ class Request:
         """The symmetry reductions that apply."""
         flat = self.form not in {"spatial", "maximal", "hamiltonian"}
         system = self.system
-        acted_on = (
-            self.load
-            or system.has_escapements
-            or system.prescribed_motions
-            or system.loops
-            or system.rubs
-            or system.has_drag
-            or self.watching
-        )
+        moved = system.prescribed_motions or system.loops or system.has_drag
+        acted_on = self.load or self.watching or moved or system.has_escapements or system.rubs
         return () if acted_on else find_symmetries(self.system, self.start, planar=flat)
 
     @property
@@ -238,17 +210,9 @@ class Request:
 
     def choice(self, tolerance: float) -> Choice:
         """The method chosen at this tolerance."""
-        return choose(
-            self.scene,
-            self.duration,
-            tolerance,
-            self.method,
-            self.form,
-            driven=self.load is not None,
-            size=self.size,
-            system=self.reduced_system,
-            has_watches=bool(self.events or self.watching),
-        )
+        arguments = self.scene, self.duration, tolerance, self.method, self.form
+        driven, has_watches = self.load is not None, bool(self.events or self.watching)
+        return choose(*arguments, driven=driven, size=self.size, system=self.reduced_system, has_watches=has_watches)
 
     def prepare_run(self, choice: Choice) -> Prepared:
         """The run prepared with this choice."""

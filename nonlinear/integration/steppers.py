@@ -293,15 +293,7 @@ class SciPyStepper:
         self._solver.y, self._solver.f = y, self._solver.fun(self.time, y)
 
 
-class HasDerivative(Protocol):
-    """Equations of motion as a stepper needs them."""
-
-    @property
-    def derivative(self) -> Derivative:
-        """The derivative y' as a function of time and y."""
-
-
-E = TypeVar("E", bound=HasDerivative)
+E = TypeVar("E", bound=Any)
 
 
 class DOP853Stepper(SciPyStepper, Generic[E]):

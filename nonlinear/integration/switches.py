@@ -17,11 +17,10 @@ import numpy as np
 from modal.errors import ComputationError
 from modal.types import Floats
 from nonlinear.dynamics.contacts import JAMMED, contacts_of, escaping, jams
-from nonlinear.dynamics.forms import Form, form_of
+from nonlinear.dynamics.forms import Form, Pairs, form_of, joint_value, switching_of, with_contacts
 from nonlinear.dynamics.generated import Generated, InputFunction, Rate, Written
 from nonlinear.dynamics.inputs import Inputs
 from nonlinear.dynamics.minimal import Arranged
-from nonlinear.dynamics.switching import Pairs, joint_value, switching_of, with_contacts
 from nonlinear.dynamics.text import Function, Module, function_in
 from nonlinear.integration.changes import TEXTS, Places, changing, compiled_source
 from nonlinear.system import NO_KICKS, Friction, Kicks, Load, System
@@ -385,21 +384,6 @@ class Switched(Written, Arranged):
             ends = [inputs(at, y)[:count] for at in times]
             w = [(late - early) / (times[1] - times[0]) for early, late in zip(*ends, strict=True)]
         return self.switches.values(y, f, u, self.state, w)
-
-    def add_rail_work(
-        self, inside: Callable[[Floats], Floats], spans: Floats, contact_inputs: Sequence[Sequence[float]]
-    ) -> None:
-        """Count the work of friction on a rail with a coefficient, as `Switches.add_rail_work` does."""
-        self.switches.add_rail_work(inside, spans, contact_inputs, self.state, self.free.inputs_beside)
-
-    @property
-    def presses(self) -> bool:
-        """Whether the friction of the rail has a coefficient."""
-        return self.switches.places.presses
-
-    def record(self, time: float, y: Sequence[float]) -> Friction:
-        """Return the friction record until this time."""
-        return self.switches.friction_record(time, y, self.state)
 
     # ------------------------------------------------------------------------------------------------- the equations
 

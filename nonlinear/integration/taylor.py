@@ -121,12 +121,9 @@ class TaylorStepper:
 
         within = times[times <= until]
         grid = np.unique(np.concatenate(([start], within, [until])))
-        outcome, _, _, steps, _, rows = self.integrator.propagate_grid(
-            grid,
-            max_steps=limit,
-            max_delta_t=self.pace.longest_between(since, until),
-            callback=record_step if all_ends else None,
-        )
+        longest, callback = self.pace.longest_between(since, until), record_step if all_ends else None
+        options = {"max_steps": limit, "max_delta_t": longest, "callback": callback}
+        outcome, _, _, steps, _, rows = self.integrator.propagate_grid(grid, **options)
         now = self.time
         row_count = int(np.searchsorted(within, now, side="right"))
         try:

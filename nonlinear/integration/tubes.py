@@ -115,13 +115,9 @@ class Tube(Result):
         keys, links, first = list(self.trajectory.to_dict()), self.system.n_links, self.system.first
         links_end, first_end = 1 + 2 * links, 1 + 2 * links + 2 * first
         angles, rates = keys[1 : 1 + links], keys[1 + links : links_end]
-        return (
-            *keys[links_end : links_end + first],
-            *angles,
-            *keys[links_end + first : first_end],
-            *rates,
-            *keys[first_end : first_end + len(self.rows[0].balls) - 2 * (links + first)],
-        )
+        x, x_rates = keys[links_end : links_end + first], keys[links_end + first : first_end]
+        work = keys[first_end : first_end + len(self.rows[0].balls) - 2 * (links + first)]
+        return (*x, *angles, *x_rates, *rates, *work)
 
     def columns(self) -> tuple[ReportColumn, ...]:
         """The time, every component and its radius; in text the coordinates alone."""
@@ -142,14 +138,10 @@ class Tube(Result):
 
     def whole(self) -> dict[str, Any]:
         """The rows, with midpoint and radius of every component as decimal numbers."""
-        rows = [
-            {"time_s": row.time}
-            | {
-                name: {"mid": str(ball.mid), "radius": str(ball.radius)}
-                for name, ball in zip(self.names, row.balls, strict=True)
-            }
-            for row in self.rows
-        ]
+        rows = []
+        for row in self.rows:
+            balls = [{"mid": str(ball.mid), "radius": str(ball.radius)} for ball in row.balls]
+            rows.append({"time_s": row.time} | dict(zip(self.names, balls, strict=True)))
         return {**super().whole(), self.key: rows}
 
     def footnotes(self) -> Iterator[str]:

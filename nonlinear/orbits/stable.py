@@ -19,7 +19,7 @@ from modal.report import Displayed
 from modal.scene.parameters import Variation
 from modal.types import Crew, Floats, map_by_crew
 from nonlinear.dynamics.contacts import escaping
-from nonlinear.dynamics.switching import joint_value
+from nonlinear.dynamics.forms import joint_value
 from nonlinear.orbits.continuation import STEP_MAX, OrbitPoint, at_edge, follow, tangent_of, with_values
 from nonlinear.orbits.cycles import Beginning, is_same_orbit
 from nonlinear.orbits.orbit import Orbit, largest

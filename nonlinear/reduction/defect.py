@@ -22,7 +22,7 @@ import numpy as np
 from modal.assembly import Matrices, matrices
 from modal.eigen import is_singular
 from modal.types import Floats
-from nonlinear.integration.timescales import SAMPLES_MAX
+from nonlinear.integration.arguments import SAMPLES_MAX
 from nonlinear.reduction.residual import BLOCK, SAMPLES_PER_PERIOD, residual_forces
 from nonlinear.reduction.superposition import Flat, ModalSwing, Superposition
 from nonlinear.system import System, system_of
@@ -120,14 +120,8 @@ def _fastest(planes: Sequence[Flat]) -> float:
     """The largest |λ| (rad/s) of the significant oscillations."""
     swings = [swing for plane in planes for swing in plane.swings]
     weights = [_weight(swing) for swing in swings]
-    return max(
-        (
-            abs(s.value)
-            for s, weight in zip(swings, weights, strict=True)
-            if weight >= ACCELERATION_SHARE * max(weights)
-        ),
-        default=0.0,
-    )
+    least, pairs = ACCELERATION_SHARE * max(weights, default=0.0), zip(swings, weights, strict=True)
+    return max((abs(swing.value) for swing, weight in pairs if weight >= least), default=0.0)
 
 
 def _weight(swing: ModalSwing) -> float:

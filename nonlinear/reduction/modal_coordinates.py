@@ -112,17 +112,11 @@ def modal_motion(motion: Motion, modes: Modes, numbers: Sequence[int] | None = N
     D = None if modes.is_classical or not linear.D.any() else linear.D
     coordinates = [_project(linear.M, D, modes.eigenvalue[number], phi, q, v) for number, _, phi in mode_shapes]
     none = np.zeros((len(q), 0))
-    return ModalMotion(
-        modes,
-        linear,
-        number=np.array([number for number, copies, _ in mode_shapes for _ in copies], dtype=np.int64),
-        copy=np.array([copy for _, copies, _ in mode_shapes for copy in copies], dtype=np.int64),
-        shapes=np.hstack([np.zeros((q.shape[1], 0)), *(phi for _, _, phi in mode_shapes)]).astype(complex),
-        coordinate=np.hstack([none, *(eta for eta, _ in coordinates)]),
-        rate=np.hstack([none, *(rate for _, rate in coordinates)]),
-        displacement=q,
-        velocity=v,
-    )
+    number = np.array([number for number, copies, _ in mode_shapes for _ in copies], dtype=np.int64)
+    copy = np.array([copy for _, copies, _ in mode_shapes for copy in copies], dtype=np.int64)
+    shapes = np.hstack([np.zeros((q.shape[1], 0)), *(phi for _, _, phi in mode_shapes)]).astype(complex)
+    eta, rate = (np.hstack([none, *(pair[k] for pair in coordinates)]) for k in (0, 1))
+    return ModalMotion(modes, linear, number, copy, shapes, eta, rate, q, v)
 
 
 @checked
@@ -260,10 +254,8 @@ def split(scene: Scene, start: State) -> tuple[State, State]:
     s, r = (part[:, None] for part in factors(theta))
     p = u[:, :2] / s
     rate = (w[:, :2] + r / s * w[:, 2:] * p) / s
-    return (
-        State(rest + p[:, 0], rate[:, 0], start.cart, start.cart_rate),
-        State(rest + p[:, 1], rate[:, 1]),
-    )
+    along = State(rest + p[:, 0], rate[:, 0], start.cart, start.cart_rate)
+    return along, State(rest + p[:, 1], rate[:, 1])
 
 
 def join(scene: Scene, along: Motion, across: Motion) -> Motion:

@@ -177,18 +177,11 @@ def swings(scene: Scene, start: State, *, corrected: bool) -> list[ModalSwing]:
     except np.linalg.LinAlgError:
         raise ComputationError(INCOMPLETE) from None
     kappa = [mode.kappa if corrected and np.isfinite(mode.kappa) else 0.0 for mode in modes]
+    decays = scene.has_damping and not modes.is_classical
+    at_start = coordinates.number, coordinates.shapes.T, coordinates.coordinate[0], coordinates.rate[0]
     parts = [
-        ModalSwing(
-            phi,
-            complex(modes.eigenvalue[number]),
-            kappa[number],
-            eta,
-            rate,
-            scene.has_damping and not modes.is_classical,
-        )
-        for number, phi, eta, rate in zip(
-            coordinates.number, coordinates.shapes.T, coordinates.coordinate[0], coordinates.rate[0], strict=True
-        )
+        ModalSwing(phi, complex(modes.eigenvalue[number]), kappa[number], eta, rate, decays)
+        for number, phi, eta, rate in zip(*at_start, strict=True)
     ]
     parts += [_drift(scene, modes, number, *deflection(scene, motion)) for number in drifting]
     _validate(parts, *deflection(scene, motion))

@@ -354,11 +354,8 @@ class Survey(Displayed):
         moves = survey.angles > EXCITATION_NOISE
         is_close = self.swings[others] <= (1 + 2 * RESONANCE_WIDTH) * self.swings[:count].max()
         grows = np.flatnonzero(self.value.real > 0)
-        additions = (
-            others[moves & is_close],
-            others[dominant_shapes(np.where(moves, survey.angles, 0.0), EXCITATION_LEFT)],
-        )
-        return np.unique(np.concatenate((np.arange(count), grows, *additions)))
+        dominant = others[dominant_shapes(np.where(moves, survey.angles, 0.0), EXCITATION_LEFT)]
+        return np.unique(np.concatenate((np.arange(count), grows, others[moves & is_close], dominant)))
 
     def cheap(self, judging: Ints) -> bool:
         """Whether the whole scene costs no more than four times a run in these shapes."""

@@ -52,11 +52,6 @@ class Numbers(Displayed):
     switching: tuple[Any, ...] = ()
 
     @cached_property
-    def array_entries(self) -> tuple[int, ...]:
-        """Which entries are arrays."""
-        return tuple(k for k, entry in enumerate(self.entries) if isinstance(entry, np.ndarray))
-
-    @cached_property
     def works(self) -> bool:
         """Whether energy goes in or out of any member, or could where these entries differ."""
         system = self.system
@@ -91,23 +86,20 @@ class Numbers(Displayed):
     @cached_property
     def arrays(self) -> System:
         """The system with these in its arrays: (n, P, 1), or (n, P, S) where members differ."""
-        system = system_with(self.system, [_spread(entry) for entry in self._uniform_entries], tail=True)
+        entries = [entry if isinstance(entry, np.ndarray) else np.array([entry]) for entry in self._uniform_entries]
+        system = system_with(self.system, entries, tail=True)
         return system_with_constants(system, self.constants)
 
     @property
     def _uniform_entries(self) -> list[Any]:
         """The entries, of each field either all arrays or none."""
         links, entries = self.system.n_links, list(self.entries)
-        count = max((len(entries[k]) for k in self.array_entries), default=1)
+        count = max((len(entry) for entry in entries if isinstance(entry, np.ndarray)), default=1)
         for at in range(BEFORE, BEFORE + len(FIELDS) * links, links):
             field = entries[at : at + links]
             if any(isinstance(entry, np.ndarray) for entry in field):
                 entries[at : at + links] = [np.broadcast_to(entry, count) for entry in field]
         return entries
-
-
-def _spread(entry: Any) -> Any:
-    return entry if isinstance(entry, np.ndarray) else np.array([entry])
 
 
 def numbers_of(
@@ -116,19 +108,12 @@ def numbers_of(
     """The numbers of a scene, with arrays (S,) of `values` at some of its places and D_modal (S, n, n)."""
     validate_scene(scene)
     replacements: Values = values or {}
-    rows = [
-        row
-        for p, pendulum in enumerate(scene.pendulum)
-        for row in [
-            _row(
-                link,
-                {place[4:]: value for place, value in replacements.items() if place[:4] == ("pendulum", p, "links", i)},
-            )
-            for i, link in enumerate(pendulum.links)
-            for _ in range(link.count)
-        ]
-        * pendulum.count
-    ]
+    links, rows_of = _placed_links(scene), dict[Place, list[Any]]()
+    for place, link in links:
+        if place not in rows_of:
+            changes = {key[4:]: value for key, value in replacements.items() if key[:4] == place}
+            rows_of[place] = _row(link, changes)
+    rows = [rows_of[place] for place, _ in links]
     fields = [entry for field in zip(*rows, strict=True) for entry in field]
     base = system or system_of(scene)
     if modal is not None:
@@ -144,6 +129,16 @@ def numbers_of(
     return Numbers(base, (replacements.get(("gravity",), scene.gravity), *fields, *rest, *laws), constants)
 
 
+def _placed_links(scene: Scene) -> list[tuple[Place, AnyLink]]:
+    """Every link with all copies, and its place in the scene."""
+    links: list[tuple[Place, AnyLink]] = []
+    for p, pendulum in enumerate(scene.pendulum):
+        places = [(("pendulum", p, "links", i), link) for i, link in enumerate(pendulum.links)]
+        chain = [pair for pair in places for _ in range(pair[1].count)]
+        links += chain * pendulum.count
+    return links
+
+
 @checked
 def law_places(scene: Scene, system: System) -> list[tuple[int, Place]]:
     """Which entries are parameters of laws, the last of a system's own, and their places in the scene."""
@@ -154,13 +149,7 @@ def law_places(scene: Scene, system: System) -> list[tuple[int, Place]]:
 def _law_entries(scene: Scene, system: System) -> Iterator[tuple[Place, JointPart, Parameter]]:
     if not (scene.has_laws or scene.has_drag):
         return
-    links = [
-        (("pendulum", p, "links", i), link)
-        for p, pendulum in enumerate(scene.pendulum)
-        for _ in range(pendulum.count)
-        for i, link in enumerate(pendulum.links)
-        for _ in range(link.count)
-    ]
+    links = _placed_links(scene)
     for group in system.groups:
         for term in (*group.laws, *group.point_forces):
             for parameter in term.law.parameters:
@@ -210,19 +199,13 @@ def _motion_constants(
 
 def constants_of(system: System) -> list[float]:
     """The entries of D_modal, the constants of prescribed motions and the numbers of loops, of a system's own."""
-    return [*_modal_of(system), *_constants_of(system), *(number for loop in system.loops for number in loop.numbers)]
+    motions = system.prescribed_motions if system.is_analytic else ()
+    constants = (constant for motion in motions for constant in motion.constants)
+    return [*_modal_of(system), *constants, *(number for loop in system.loops for number in loop.numbers)]
 
 
 def _modal_of(system: System) -> list[Any]:
     return [] if system.modal_damping is None else np.ravel(system.modal_damping).tolist()
-
-
-def _constants_of(system: System) -> list[Any]:
-    return (
-        [constant for motion in system.prescribed_motions for constant in motion.constants]
-        if system.is_analytic
-        else []
-    )
 
 
 def entries_of(system: System) -> list[float]:
@@ -315,16 +298,28 @@ def system_with_constants(system: System, numbers: Sequence[Any]) -> System:
 
 def numbers_of_structure(structure: Structure) -> list[Any]:
     """The numbers of a structure, in order."""
-    numbers: list[Any] = []
+    return [number for _, number in _entries_of_structure(structure)]
+
+
+def dampers_of(structure: Structure) -> list[int]:
+    """Which of its numbers are those of dampers."""
+    return [k for k, (name, _) in enumerate(_entries_of_structure(structure)) if name in {"damping", "D"}]
+
+
+def _entries_of_structure(structure: Structure) -> list[tuple[str, Any]]:
+    """The numbers of a structure, in order, each with a name."""
+    entries: list[tuple[str, Any]] = []
     for carrier in structure.carriers:
-        numbers += [*carrier.position, carrier.mass, carrier.inertia, *carrier.centre]
-        numbers += [*carrier.parameters, *carrier.stiffness, *carrier.damping]
-        numbers += [entry for part in _modal(carrier) for entry in np.ravel(part).tolist()]
+        body = [*carrier.position, carrier.mass, carrier.inertia, *carrier.centre, *carrier.parameters]
+        parts: dict[str, Any] = {"body": body, "stiffness": carrier.stiffness, "damping": carrier.damping}
+        parts |= {name: np.ravel(part).tolist() for name, part in _modal(carrier).items()}
+        entries += [(name, number) for name, part in parts.items() for number in part]
     for pivot in _pivots(structure):
-        numbers += [] if isinstance(pivot.where, int) else pivot.where
+        entries += [] if isinstance(pivot.where, int) else [("pivot", number) for number in pivot.where]
     for spring in structure.springs:
-        numbers += [spring.stiffness, spring.damping, *(entry for end in spring.ends for entry in _of_end(end))]
-    return numbers
+        entries += [("stiffness", spring.stiffness), ("damping", spring.damping)]
+        entries += [("end", number) for end in spring.ends for number in _of_end(end)]
+    return entries
 
 
 def structure_with(structure: Structure, numbers: Sequence[Any]) -> Structure:
@@ -339,8 +334,10 @@ def structure_with(structure: Structure, numbers: Sequence[Any]) -> Structure:
         position, (mass, inertia), centre = take(2), take(2), take(2)
         parameters = take(len(carrier.parameters))
         stiffness, damping = take(len(carrier.stiffness)), take(len(carrier.damping))
-        arrays = [_stack([_single(entry) for entry in take(part.size)]).reshape(part.shape) for part in _modal(carrier)]
-        modal = dict(zip(("M", "K", "D", "points"), arrays, strict=False))
+        modal = {
+            name: _stack([_single(entry) for entry in take(part.size)]).reshape(part.shape)
+            for name, part in _modal(carrier).items()
+        }
         law = {"stiffness": stiffness, "damping": damping, "centre": centre, "position": position, **modal}
         carriers.append(replace(carrier, mass=mass, inertia=inertia, parameters=parameters, **law))
     pivots = {
@@ -360,8 +357,9 @@ def _single(entry: Any) -> Any:
     return float(entry[0]) if isinstance(entry, np.ndarray) else entry
 
 
-def _modal(carrier: CarrierNumbers) -> list[Floats]:
-    return [part for part in (carrier.M, carrier.K, carrier.D, carrier.points) if part is not None]
+def _modal(carrier: CarrierNumbers) -> dict[str, Floats]:
+    parts = {"M": carrier.M, "K": carrier.K, "D": carrier.D, "points": carrier.points}
+    return {name: part for name, part in parts.items() if part is not None}
 
 
 def _pivots(structure: Structure) -> list[CarrierEnd]:
@@ -382,26 +380,6 @@ def _end_with(end: End, numbers: tuple[Any, ...]) -> End:
     if isinstance(end, LinkEnd):
         return end._replace(below=numbers[0])
     return end._replace(where=numbers) if isinstance(end, CarrierEnd) else GroundEnd(numbers)
-
-
-def dampers_of(structure: Structure) -> list[int]:
-    """Which of its numbers are those of dampers."""
-    dampers: list[int] = []
-    at = 0
-    for carrier in structure.carriers:
-        at += 6 + len(carrier.parameters) + len(carrier.stiffness)
-        dampers += range(at, at + len(carrier.damping))
-        at += len(carrier.damping)
-        for name in ("M", "K", "D", "points"):
-            part = getattr(carrier, name)
-            if part is not None:
-                dampers += range(at, at + part.size) if name == "D" else ()
-                at += part.size
-    at += sum(2 for pivot in _pivots(structure) if not isinstance(pivot.where, int))
-    for spring in structure.springs:
-        dampers.append(at + 1)
-        at += 2 + sum(len(_of_end(end)) for end in spring.ends)
-    return dampers
 
 
 def structure_places(scene: Scene) -> list[tuple[int, Place]]:
@@ -427,7 +405,7 @@ def _places_of_structure(scene: Scene, structure: Structure) -> list[list[Place]
         ways = [coordinate.way for coordinate in carrier.path.coordinates] if carrier.path else []
         names += [(law, way) if way else (law,) for law in ("stiffness", "damping") for way in ways]
         places += [[(*head, *name) for head in heads if name] for name in names]
-        places += [[] for part in _modal(carrier) for _ in range(part.size)]
+        places += [[] for part in _modal(carrier).values() for _ in range(part.size)]
     first = 0
     for p, pendulum in enumerate(scene.pendulum):
         if scene.is_structured and not isinstance(structure.pivots[first].where, int):

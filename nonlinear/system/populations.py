@@ -113,17 +113,11 @@ def populations_of(scene: Scene) -> tuple[Population, ...]:
     pendulum_kinds = [kind for kind, pendulum in zip(kinds, scene.pendulum, strict=True) for _ in range(pendulum.count)]
     for number, (kind, burden) in enumerate(zip(pendulum_kinds, burdens(scene), strict=True)):
         members.setdefault((structure.pivots[number].carrier, kind, burden), []).append(number)
-    names = scene.support_names
-    return tuple(
-        Population(
-            carrier,
-            names[carrier],
-            kind,
-            np.array(numbers),
-            _move_alike(structure, [structure.pivots[p] for p in numbers]),
-        )
-        for (carrier, kind, _), numbers in members.items()
-    )
+    populations = []
+    for (carrier, kind, _), numbers in members.items():
+        are_alike = _move_alike(structure, [structure.pivots[p] for p in numbers])
+        populations.append(Population(carrier, scene.support_names[carrier], kind, np.array(numbers), are_alike))
+    return tuple(populations)
 
 
 def _move_alike(structure: Structure, pivots: Sequence[CarrierEnd]) -> bool:

@@ -64,17 +64,11 @@ class ActingForce:
 
 def acting_forces(scene: Scene) -> tuple[ActingForce, ...]:
     """The forces on a scene as functions of time."""
-    if not scene.force:
-        return ()
-    return tuple(
-        ActingForce(
-            tuple(places_of(scene, force.on)),
-            DIRECTIONS.get(force.direction),
-            prescribed_motion(force),
-            carrier_end(scene, force.on),
-        )
-        for force in scene.force
-    )
+    forces = []
+    for force in scene.force:
+        places, direction = tuple(places_of(scene, force.on)), DIRECTIONS.get(force.direction)
+        forces.append(ActingForce(places, direction, prescribed_motion(force), carrier_end(scene, force.on)))
+    return tuple(forces)
 
 
 @dataclass(frozen=True)

@@ -528,23 +528,14 @@ def system_of(scene: Scene, hoists: Hoists | None = None) -> System:
         groups.append(Group(block.take(columns[pendula, 1]), index, pendula, excitation, friction, drag, laws, forces))
     modal = _modal_dampers(scene) if scene.has_modal_damping and not rig.spatial else None
     labels, hoisting = coordinate_labels(rig), hoisting_of(scene, hoists)
-    sources = modal, hoisting, _support(scene), _rail(scene), acting_forces(scene)
+    support, cart = moving_support(scene.motions) if scene.is_moved else None, scene.cart
+    rail = Rail(cart.friction, cart.friction_coefficient) if cart and cart.has_friction else None
+    sources = modal, hoisting, support, rail, acting_forces(scene)
     system = System(
         rig.gravity, rig.support, tuple(groups), rig.spatial, labels, *sources, is_structured=scene.is_structured
     )
     loops = deferred("nonlinear.system.loops:acting_loops")(scene) if scene.feedback else ()
     return replace(system, slack=tuple(map(bool, slack_of(system))), loops=loops)
-
-
-def _support(scene: Scene) -> MovingSupport | None:
-    if not scene.is_moved:
-        return None
-    return moving_support(scene.motions)
-
-
-def _rail(scene: Scene) -> Rail | None:
-    cart = scene.cart
-    return Rail(cart.friction, cart.friction_coefficient) if cart and cart.has_friction else None
 
 
 def place_of(system: System, link: int) -> tuple[Any, int, int]:

@@ -36,7 +36,7 @@ from modal.scene import Scene, require
 from modal.scene.doors import checked, checked_index
 from modal.types import Floats
 from nonlinear.integration import TIGHTEST, Trajectory
-from nonlinear.integration.timescales import SAMPLES_MAX
+from nonlinear.integration.arguments import SAMPLES_MAX
 from nonlinear.orbits import Branch, at_amplitude, nonlinear_mode
 from nonlinear.postprocessing import LEAST_PERIODS, PushingLink, SpectralLine, attention, line, lines, pushing_links
 from nonlinear.reduction import SAMPLES_PER_PERIOD, ModalMotion, along_rail, modal_motion, start_in_mode
@@ -79,14 +79,9 @@ def measure_mode(modes: Modes, number: int, amplitude: float, periods: float = 4
     kappa = modes[number].kappa
     bend = max(kappa * amplitude**2, -0.5) if isfinite(kappa) else 0.0
     times, clock = sample_times(2 * pi * periods / value.imag, count, bend, 2 * value.real)
-    trajectory = simulate(
-        scene.in_plane,
-        float(times[-1]),
-        method=method,
-        tolerance=float(np.clip(FREQUENCY_ERROR_MIN * amplitude, TIGHTEST, MODE_TOLERANCE_MAX)),
-        output=times,
-        start=start_in_mode(scene, modes, number, copy, amplitude),
-    )
+    tolerance = float(np.clip(FREQUENCY_ERROR_MIN * amplitude, TIGHTEST, MODE_TOLERANCE_MAX))
+    start, duration = start_in_mode(scene, modes, number, copy, amplitude), float(times[-1])
+    trajectory = simulate(scene.in_plane, duration, method=method, tolerance=tolerance, output=times, start=start)
     if trajectory.run.interrupted:
         raise KeyboardInterrupt
     motion = modal_motion(trajectory.motion, modes, [number])
@@ -283,12 +278,8 @@ def _check_mode(
 
     measurements = [measure_at(radians(angle)) for angle in sorted(set(amplitudes_deg))]
     furthest = max((measurement.effective for measurement in measurements), default=0.0)
-    return ModeCheck(
-        mode,
-        tuple(measurements),
-        one_percent(measure_at, mode.linear_to_1_percent_deg),
-        _backbone(modes.scene, number + 1, furthest),
-    )
+    angle = one_percent(measure_at, mode.linear_to_1_percent_deg)
+    return ModeCheck(mode, tuple(measurements), angle, _backbone(modes.scene, number + 1, furthest))
 
 
 def _backbone(scene: Scene, number: int, to: float) -> Branch | None:
@@ -314,16 +305,10 @@ def limit(
     of the extrapolation, to which come the effects of the errors of the frequencies and of companions: other modes in
     the motion shift a frequency by about their share of the energy, which is no longer proportional to a² alone.
     """
-    certain = sorted(
-        (measurement for measurement in runs if measurement.error < SHIFT_ERROR_MAX * abs(measurement.shift)),
-        key=lambda measurement: measurement.effective,
-    )
+    known = [run for run in runs if run.error < SHIFT_ERROR_MAX * abs(run.shift)]
+    certain = sorted(known, key=lambda measurement: measurement.effective)
     pieces = [certain[at : at + 3] for at in range(max(1, len(certain) - 2))]
-    limits = (
-        _extrapolate(piece, np.array([exact(measurement) for measurement in piece]), at_rest)
-        for piece in pieces
-        if piece
-    )
+    limits = [_extrapolate(piece, np.array([exact(run) for run in piece]), at_rest) for piece in pieces if piece]
     return min(limits, key=lambda value: value[1], default=(nan, inf))
 
 

@@ -37,19 +37,13 @@ HEADINGS = ("mode", "ω (rad/s)", "largest (°)", "energy", "lines")
 def check_table(check: Check, form: Form = "text") -> str:
     """A check as text, markdown, csv (one line per run) or json, as `form` says."""
     if form == "json":
+        modes_with_runs = []
+        for row, record in zip(check.rows, records_of(MODE, check.rows), strict=True):
+            pairs = zip(records_of(RUN, _runs([row])), row.measurements, strict=True)
+            modes_with_runs.append(record | {"runs": [run | {"pushing": _pushing(m.pushing)} for run, m in pairs]})
         record_of_all = {
             "scene": describe(check.scene),
-            "modes": [
-                {
-                    **record,
-                    "runs": [
-                        {**record_of_run, "pushing": _pushing(m.pushing)}
-                        for record_of_run, m in zip(runs, row.measurements, strict=True)
-                    ],
-                }
-                for record, row in zip(records_of(MODE, check.rows), check.rows, strict=True)
-                for runs in [records_of(RUN, _runs([row]))]
-            ],
+            "modes": modes_with_runs,
             "skipped": [{"mode": number, "reason": reason} for number, reason in check.skipped],
             "verdict_sentences": check_verdict(check),
         }
@@ -57,12 +51,8 @@ def check_table(check: Check, form: Form = "text") -> str:
     if form == "csv":
         return as_csv(records_of(RUN, _runs(check.rows)))
     modes, runs = ReportTable.of(MODE, check.rows), ReportTable.of(RUN, _runs(check.rows))
-    parts = [
-        _paragraph(check_verdict(check), form),
-        modes.written(form),
-        runs.written(form),
-        "\n\n".join(map(markdown, _notes(check))) if form == "markdown" else "\n".join(_notes(check)),
-    ]
+    notes = "\n\n".join(map(markdown, _notes(check))) if form == "markdown" else "\n".join(_notes(check))
+    parts = [_paragraph(check_verdict(check), form), modes.written(form), runs.written(form), notes]
     return titled(title_of(check.scene), "the table of modes against the full motion", parts, form)
 
 
@@ -97,11 +87,8 @@ def check_verdict(check: Check) -> list[str]:
             accuracy_words = f", and from ω (1 + κa²) by {most}{percent(residual)}" if isfinite(residual) else ""
             sentences.append(f"At {degrees(large):.3g}° {they} from it by {most}{percent(plain)}{accuracy_words}.")
     angles = [(row.mode.linear_to_1_percent_deg, row.one_percent_deg) for row in check.rows]
-    if misses := [
-        abs(table_angle / run_angle - 1)
-        for table_angle, run_angle in angles
-        if isfinite(table_angle) and isfinite(run_angle)
-    ]:
+    known = [pair for pair in angles if all(map(isfinite, pair))]
+    if misses := [abs(table_angle / run_angle - 1) for table_angle, run_angle in known]:
         which = "angles at which a frequency is 1 % off differ" if several else "angle at which it is 1 % off differs"
         sentences.append(f"The {which} from the table by {most}{percent(max(misses))}.")
     if odd := sorted({row.mode.number for row, measurement in runs if measurement.irregular}):
@@ -146,11 +133,9 @@ def _omega_cell(pair: tuple[ModeCheck, Measurement]) -> str:
 
 def _shift_cell(pair: tuple[ModeCheck, Measurement]) -> str:
     measurement = pair[1]
-    return (
-        NOTHING
-        if measurement.irregular
-        else digits(measurement.shift, measurement.error / max(abs(measurement.shift), measurement.error), 4)
-    )
+    if measurement.irregular:
+        return NOTHING
+    return digits(measurement.shift, measurement.error / max(abs(measurement.shift), measurement.error), 4)
 
 
 RUN = (
@@ -233,25 +218,16 @@ MODE = (
 def comparison_table(comparison: Comparison, form: Form = "text") -> str:
     """A comparison as text, markdown, csv (one line for each line of the motion) or json, as `form` says."""
     if form == "json":
-        coordinates = [_record(comparison, row) for row in comparison.rows]
-        verdict = comparison_verdict(comparison)
-        scene = describe(comparison.modes.scene)
-        return as_json(
-            {
-                "scene": scene,
-                "coordinates": coordinates,
-                "verdict_sentences": verdict,
-                "pushing": _pushing(comparison.pushing),
-            }
-        )
+        record_of_all = {
+            "scene": describe(comparison.modes.scene),
+            "coordinates": [_record(comparison, row) for row in comparison.rows],
+            "verdict_sentences": comparison_verdict(comparison),
+            "pushing": _pushing(comparison.pushing),
+        }
+        return as_json(record_of_all)
     if form == "csv":
-        return as_csv(
-            [
-                {"mode": r.mode.number, "copy": r.copy + 1, **line}
-                for r in comparison.rows
-                for line in _lines(comparison, r)
-            ]
-        )
+        heads = [({"mode": row.mode.number, "copy": row.copy + 1}, row) for row in comparison.rows]
+        return as_csv([head | line for head, row in heads for line in _lines(comparison, row)])
     note = "lines: frequency (rad/s), amplitude, and difference from the nearest frequency of the table."
     words = words_of(comparison.pushing, comparison.modes.scene)
     verdict_text = _paragraph(comparison_verdict(comparison), form)

@@ -13,7 +13,7 @@ import pytest
 from modal import Bob, Cart, Pendulum, Scene, load
 from modal.errors import SceneError
 from modal.scene.parameters import vary
-from nonlinear.accuracy import FrequencyTradeoff, frequencies, frequencies_table, measure_frequencies
+from nonlinear.accuracy import FrequencyTradeoff, frequencies_table, measure_frequencies, work_precision
 
 TWO = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0, count=2)])])
 GRADED = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=m, length=1.0) for m in (1.0, 1e-8) * 5])])
@@ -22,7 +22,7 @@ GRADED = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=m, length=1.0) f
 @pytest.fixture(scope="module", autouse=True)
 def once() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(frequencies, "process_time", count().__next__)
+        patched.setattr(work_precision, "process_time", count().__next__)
         yield
 
 
@@ -34,9 +34,9 @@ def graded() -> FrequencyTradeoff:
 def test_errors_are_those_to_the_closed_form(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two equal bobs, ω² = (2 ∓ √2) g/l: dense frequencies that are 1e-6 too high are found to be so."""
     omega = np.sqrt(9.81 * np.array([2 - sqrt(2), 2 + sqrt(2)]))
-    monkeypatch.setattr(frequencies, "_dense", lambda planes, size: omega * (1 + 1e-6))
+    monkeypatch.setattr(work_precision, "_dense", lambda planes, size: omega * (1 + 1e-6))
     assert measure_frequencies(TWO).rows[0].error == pytest.approx(1e-6, rel=1e-5)
-    monkeypatch.setattr(frequencies, "_dense", lambda planes, size: omega)
+    monkeypatch.setattr(work_precision, "_dense", lambda planes, size: omega)
     assert measure_frequencies(TWO).rows[0].error < 4e-16
 
 
@@ -45,7 +45,7 @@ def test_links_that_stand_are_in_order() -> None:
     falling = Pendulum(links=[Bob(mass=1.0, length=2.0)], equilibrium=["up"])
     held = Pendulum(links=[Bob(mass=1.0, length=1.0, stiffness=20.0)], equilibrium=["up"])
     scene = Scene(gravity=9.81, pendulum=[falling, held])
-    assert np.allclose([float(x) for x in frequencies._squares(scene)], [-9.81 / 2, 20 - 9.81], rtol=1e-15)
+    assert np.allclose([float(x) for x in work_precision._squares(scene)], [-9.81 / 2, 20 - 9.81], rtol=1e-15)
     assert all(row.error < 1e-15 for row in measure_frequencies(scene).rows)
 
 

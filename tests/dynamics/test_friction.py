@@ -11,7 +11,7 @@ import pytest
 from modal.scene import scene_from
 from nonlinear.dynamics import Contacts, contacts_of, form_of
 from nonlinear.dynamics.complementarity import consistent, on_rail
-from nonlinear.dynamics.switching import switching_of, with_contacts
+from nonlinear.dynamics.forms import switching_of, with_contacts
 from nonlinear.integration import Choice, equations_of
 from nonlinear.integration.switches import Switched, switches_of
 from nonlinear.system import System, system_of
