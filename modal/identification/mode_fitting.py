@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 import scipy
 
-from modal.errors import ComputationError, SceneError
+from modal.errors import ComputationError, SceneError, refuse_any
 from modal.identification.decays import CHANCE_MAX, NOISE_AT_FIRST, NOISE_MIN
 from modal.identification.identifiability import (
     Combination,
@@ -352,8 +352,7 @@ def _places(modes: Modes, measured: MeasuredModes) -> list[int]:
             )
         else:
             places.append(int(starts[measured_mode.number - 1]))
-    if problems:
-        raise SceneError([f"{measured.file}: {problem}" for problem in problems])
+    refuse_any([f"{measured.file}: {problem}" for problem in problems])
     return places
 
 

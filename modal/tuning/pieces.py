@@ -18,7 +18,7 @@ from math import log, tau
 
 import numpy as np
 
-from modal.errors import ComputationError, SceneError
+from modal.errors import ComputationError, SceneError, refuse_any
 from modal.identification.identifiability import ModeDerivatives, polar
 from modal.modes import Modes, natural_modes
 from modal.report import deferred
@@ -381,8 +381,7 @@ def _validate(scene: Scene, quantities: Sequence[Quantity], setting: Setting) ->
     if not problems and setting.modes:
         total = len(natural_modes(scene))
         problems += [f"mode {k}: the scene has modes 1 to {total}" for k in setting.modes if not 1 <= k <= total]
-    if problems:
-        raise SceneError(problems)
+    refuse_any(problems)
     size = scene.n_links + len(scene.supports)
     if size > COORDINATES_MAX:
         raise ComputationError(f"the scene has {size} coordinates: at most {COORDINATES_MAX} are tuned")

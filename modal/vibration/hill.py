@@ -35,7 +35,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from modal.assembly import matrices, quadratic_drags, rig_of
-from modal.errors import ComputationError, SceneError
+from modal.errors import ComputationError, SceneError, refuse_any
 from modal.report import Displayed, Summary, brief
 from modal.scene import Scene, SineMotion, require, validate_scene, validate_scenes
 from modal.statespace.geometry import geometry_of
@@ -232,8 +232,7 @@ def _on_structure(scene: Scene) -> Iterator[HillSystem]:
         for name, weight in zip(structure.names, weights(structure, hung_masses(scene), scene.gravity), strict=True)
         if abs(weight.force) > NOISE_OF_SUM * weight.size
     ]
-    if problems:
-        raise SceneError(problems)
+    refuse_any(problems)
     linear = matrices(scene)
     heavier = matrices(scene.replace(gravity=2 * scene.gravity))
     square, shapes = _modes(linear.M, linear.K)

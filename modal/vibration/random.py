@@ -38,7 +38,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from modal.assembly import Dissipator, dissipators_of, scene_squares
-from modal.errors import ComputationError, SceneError
+from modal.errors import ComputationError, SceneError, refuse_any
 from modal.modes import MOST_LISTED, Modes, mode_losses, natural_modes
 from modal.report import TextResult
 from modal.scene import Scene, require
@@ -417,8 +417,7 @@ def thermal_noise(scene: Scene, temperature: float, outputs: tuple[str, ...] = (
         problems.append(
             "outputs: thermal noise is that of positions, angles, their rates and accelerations, not of forces"
         )
-    if problems:
-        raise SceneError(problems)
+    refuse_any(problems)
     require(scene, "thermal noise")
     if not (scene.has_damping or scene.has_losses):
         raise SceneError(["thermal noise: nothing dissipates in this scene: give it dampers, drag, loss or wire_loss"])

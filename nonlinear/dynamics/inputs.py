@@ -27,7 +27,7 @@ import numpy as np
 
 from modal.scene.length_laws import LengthLaw
 from modal.types import Floats
-from modal.vibration.courses import Course, Polynomials, in_floats
+from modal.vibration.prescribed import Course, Polynomials, in_floats
 from nonlinear.dynamics.contacts import Gripping
 from nonlinear.dynamics.feedback import HeldInputs
 from nonlinear.system import AppliedForces, Group, Layout, Load, System
