@@ -378,11 +378,11 @@ def compare_modes(modes: Modes, measured: MeasuredModes) -> Assurance:
         for s, mode in enumerate(rows):
             members = (modes.matrix.row == modes.index_of(mode)) & ~modes.matrix.across
             basis = modes.matrix.shapes[:, members][places[is_measured]]
-            mac[r, s] = _nearest(measured_mode.shape[is_measured], basis)
+            mac[r, s] = mac_with(measured_mode.shape[is_measured], basis)
     return Assurance(modes, measured, rows, mac, tuple(_pairs(measured, rows, mac)))
 
 
-def _nearest(shape: Floats, basis: Any) -> float:
+def mac_with(shape: Floats, basis: Any) -> float:
     """MAC with the nearest combination of the columns of a basis (C, k); 0 if none has these components."""
     if not basis.shape[1]:
         return 0.0

@@ -156,22 +156,19 @@ def channel_model(scene: Scene, channels: Sequence[Channel]) -> ChannelModel:
     output_sources = tuple(outputs[channel.output][0] for channel in channels)
     input_sources: list[Source | None] = []
     signals: list[tuple[Signal, Signal]] = []
+    kinds: list[ChannelKind] = []
+    prescribed = SUPPORT | DRIVES
     for output, name in channels:
         source: Source | None
         if is_point(name):
             source, signal = (name, 0), Signal(name, "N m" if name.startswith("torque") else "N", "")
         else:
-            source, signal = inputs[name] if name in inputs else (None, {**SUPPORT, **DRIVES}[name])
+            source, signal = inputs[name] if name in inputs else (None, prescribed[name])
         input_sources.append(source)
         signals.append((outputs[output][1], signal))
-    kinds = tuple(
-        ChannelKind(
-            "" if channel.input not in PRESCRIBED else "ground" if channel.input in SUPPORT else "cart",
-            PRESCRIBED.get(channel.input, ("", 0))[1],
-        )
-        for channel in channels
-    )
-    return ChannelModel(tuple(channels), kinds, tuple(signals), output_sources, tuple(input_sources))
+        moves = "ground" if name in SUPPORT else "cart" if name in DRIVES else ""
+        kinds.append(ChannelKind(moves, PRESCRIBED[name][1] if moves else 0))
+    return ChannelModel(tuple(channels), tuple(kinds), tuple(signals), output_sources, tuple(input_sources))
 
 
 def _among(names: Sequence[str], wrong: str) -> str:

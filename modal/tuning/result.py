@@ -450,8 +450,7 @@ def _aim_record(tuned: Tuned, k: int) -> dict[str, Any]:
         "maximized": aim.maximized,
         "weight": quantity.weight,
         "unit": tuned.unit(quantity),
-        "before": finite(extreme(quantity, tuned.pieces_before[k])),
-        "after": finite(extreme(quantity, pieces)),
+        **_change(tuned, k),
     }
     if quantity.kind == "peak":
         order = np.argsort(pieces.at, kind="stable")
@@ -465,13 +464,14 @@ def _aim_record(tuned: Tuned, k: int) -> dict[str, Any]:
 
 def _limit_record(tuned: Tuned, k: int) -> dict[str, Any]:
     limit = tuned.objective.limits[k]
-    at = len(tuned.objective.aims) + k
-    return {
-        "quantity": limit.quantity.name,
-        "most": limit.most,
-        "before": finite(extreme(limit.quantity, tuned.pieces_before[at])),
-        "after": finite(extreme(limit.quantity, tuned.pieces_after[at])),
-    }
+    return {"quantity": limit.quantity.name, "most": limit.most, **_change(tuned, len(tuned.objective.aims) + k)}
+
+
+def _change(tuned: Tuned, k: int) -> dict[str, float | None]:
+    """The value of quantity k before and after."""
+    quantity = tuned.objective.quantities.quantities[k]
+    sides = {"before": tuned.pieces_before, "after": tuned.pieces_after}
+    return {name: finite(extreme(quantity, pieces[k])) for name, pieces in sides.items()}
 
 
 def _change_words(change: float) -> str:
@@ -550,29 +550,20 @@ def tuned_text(tuned: Tuned, further_text: str = "") -> str:
 
 def _objective_table(tuned: Tuned) -> str:
     headings = ["", "quantity", "unit", "before", "after", "peaks (Hz)"]
-    rows = []
-    for k, aim in enumerate(tuned.objective.aims):
-        piece, quantity = tuned.pieces_after[k], aim.quantity
-        peaks = ""
-        if quantity.kind == "peak":
+    rows, objective = [], tuned.objective
+    ways = [
+        f"{'maximize' if aim.maximized else 'minimize'}{f' ×{aim.quantity.weight:g}' * (aim.quantity.weight != 1)}"
+        for aim in objective.aims
+    ]
+    ways += [f"at most {limit.most:g}" for limit in objective.limits]
+    for k, (way, quantity) in enumerate(zip(ways, objective.quantities.quantities, strict=True)):
+        piece, peaks = tuned.pieces_after[k], ""
+        if quantity.kind == "peak" and k < len(objective.aims):
             largest = piece.values.max()
             equal = sorted(piece.at[piece.inside & (piece.values >= largest * (1 - EQUAL_PEAKS))].tolist())
             peaks = ", ".join(f"{at / tau:.5g}" for at in equal)
         values = [f"{extreme(quantity, pieces[k]):.8g}" for pieces in (tuned.pieces_before, tuned.pieces_after)]
-        way = "maximize" if aim.maximized else "minimize"
-        rows.append(
-            [
-                f"{way}{f' ×{quantity.weight:g}' * (quantity.weight != 1)}",
-                quantity.words,
-                tuned.unit(quantity),
-                *values,
-                peaks,
-            ]
-        )
-    for k, limit in enumerate(tuned.objective.limits):
-        at = len(tuned.objective.aims) + k
-        values = [f"{extreme(limit.quantity, pieces[at]):.8g}" for pieces in (tuned.pieces_before, tuned.pieces_after)]
-        rows.append([f"at most {limit.most:g}", limit.quantity.words, tuned.unit(limit.quantity), *values, ""])
+        rows.append([way, quantity.words, tuned.unit(quantity), *values, peaks])
     if not any(row[-1] for row in rows):
         rows, headings = [row[:-1] for row in rows], headings[:-1]
     return grid(rows, headings)

@@ -238,10 +238,7 @@ def _on_structure(scene: Scene) -> Iterator[HillSystem]:
     square, shapes = _modes(linear.M, linear.K)
     P = shapes.T @ ((heavier.K - linear.K) / scene.gravity) @ shapes
     none = np.zeros_like(P)
-    parts = (P, shapes.T @ linear.D @ shapes, none, none, none)
-    for alike in _coupled_sets(parts):
-        block = np.ix_(alike, alike)
-        yield HillSystem(1, square[alike], *(part[block] for part in parts))
+    return _apart(1, square, (P, shapes.T @ linear.D @ shapes, none, none, none))
 
 
 def _systems(scene: Scene) -> Iterator[HillSystem]:
@@ -271,9 +268,14 @@ def _systems(scene: Scene) -> Iterator[HillSystem]:
             in_modes(quadratic[span]),
             E,
         )
-        for alike in _coupled_sets(parts):
-            cut = np.ix_(alike, alike)
-            yield HillSystem(counts[kind], square[alike], *(part[cut] for part in parts))
+        yield from _apart(counts[kind], square, parts)
+
+
+def _apart(count: int, square: Floats, parts: tuple[Floats, ...]) -> Iterator[HillSystem]:
+    """The systems of modes that these matrices P, D, S, Q and E couple."""
+    for alike in _coupled_sets(parts):
+        cut = np.ix_(alike, alike)
+        yield HillSystem(count, square[alike], *(part[cut] for part in parts))
 
 
 def _modes(M: Floats, K: Floats) -> tuple[Floats, Floats]:

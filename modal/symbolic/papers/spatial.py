@@ -288,21 +288,6 @@ def conservation(i: int, n: int) -> Equation:
     )
 
 
-def total_momentum(n: int) -> Any:
-    """Σ_i ∂L/∂φ_i' = Σ A_ij (u_i × u_j')·e_z, which is conserved on a fixed support."""
-    return sp.Add(*(momentum(i, n).corrected.rhs for i in upto(n)))
-
-
-def vector_equation(i: int, n: int) -> Any:
-    """u_i × (Σ_j A_ij u_j'' − g b_i e_z) (3, 1), which vanishes in motion and is regular at every angle."""
-    moving, pull = coordinates(n), sp.Matrix([0, 0, -g * inertia(i, i, n) / length(i)])
-    for j in upto(n):
-        pull += inertia(i, j, n) * direction(j).applyfunc(
-            lambda part: time_derivative(time_derivative(part, moving), moving)
-        )
-    return direction(i).cross(pull)
-
-
 def azimuth_acceleration(i: int, n: int, *, has_dots: bool = False) -> Equation:
     """(12)-(15) φ_i'': the first, an inner and the last link.
 
