@@ -391,16 +391,9 @@ def _mark_scene(axis: Axes, cart_mass: float, spot: float, now: Floats) -> None:
     if now.size:
         spots = np.full(len(now), spot)
         axis.plot(spots, now, "o", color=zero(), mec=paper(), mew=0.8, zorder=4)
-    axis.annotate(
-        f"this scene: {where}",
-        (spot, 0.0),
-        (-5 if late else 5, 6),
-        axis.get_xaxis_transform(),
-        textcoords="offset points",
-        ha="right" if late else "left",
-        fontsize=SMALL,
-        bbox=plain(),
-    )
+    look: dict[str, Any] = {"ha": "right" if late else "left", "fontsize": SMALL, "bbox": plain()}
+    offset, coordinates = (-5 if late else 5, 6), axis.get_xaxis_transform()
+    axis.annotate(f"this scene: {where}", (spot, 0.0), offset, coordinates, "offset points", **look)
 
 
 def draw_levels(axis: Axes, coupling: Coupling, is_logarithmic: bool) -> None:

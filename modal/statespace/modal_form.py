@@ -421,13 +421,8 @@ class Gains(TextResult):
     def _grid(self, side: Side) -> str:
         several = any(len(part) > 1 for part in side.parts)
         mode = "fixed-base mode" if self.held else "mode"
-        headings = [
-            mode,
-            "ω (rad/s)",
-            *["multiplicity"] * several,
-            side.verb,
-            *(signal_words(signal.name) for signal in side.signals),
-        ]
+        headings = [mode, "ω (rad/s)", *["multiplicity"] * several, side.verb]
+        headings += [signal_words(signal.name) for signal in side.signals]
         rows = []
         for number, (words, shares) in enumerate(zip(side.words, side.relative.tolist(), strict=True)):
             cells = (f"{share:.2g}" if w == side.verb else w for w, share in zip(words, shares, strict=True))

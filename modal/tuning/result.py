@@ -616,37 +616,19 @@ def _rules_table(tuned: Tuned) -> str:
         return ""
     headings = ("pendulum", "μ", "mode", "rule", "f", "ζ", "objective")
     rows, notes = [], []
+
+    def add(names: Sequence[str], rule: str, f: float, zeta: float, value: str) -> None:
+        rows.append([*names, rule, f"{f:.8f}", f"{zeta:.8f}", value])
+
     for rule in tuned.rules:
-        absorber = rule.absorber
+        absorber, again = rule.absorber, ("", "", "")
         words = f"{absorber.omega / tau:.5g} Hz, ζ {absorber.damping_ratio:.4g}"
         name = number_words(tuned.given, f"pendulum[{absorber.pendulum}].count").rpartition(" of ")[2]
-        rows.append(
-            [
-                name,
-                f"{absorber.mu:.6g}",
-                words,
-                "this optimum",
-                f"{absorber.f:.8f}",
-                f"{absorber.zeta:.8f}",
-                f"{tuned.after:.8g}",
-            ]
-        )
-        f, zeta = absorber.den_hartog
-        value = f"{rule.value:.8g}" if np.isfinite(rule.value) else ""
-        rows.append(["", "", "", "Den Hartog", f"{f:.8f}", f"{zeta:.8f}", value])
+        names = (name, f"{absorber.mu:.6g}", words)
+        add(names, "this optimum", absorber.f, absorber.zeta, f"{tuned.after:.8g}")
+        add(again, "Den Hartog", *absorber.den_hartog, f"{rule.value:.8g}" if np.isfinite(rule.value) else "")
         if absorber.alone:
-            f, zeta = absorber.exact
-            rows.append(
-                [
-                    "",
-                    "",
-                    "",
-                    "exact if ζ were 0" if absorber.damping_ratio > EQUAL_PEAKS else "exact",
-                    f"{f:.8f}",
-                    f"{zeta:.8f}",
-                    "",
-                ]
-            )
+            add(again, "exact if ζ were 0" if absorber.damping_ratio > EQUAL_PEAKS else "exact", *absorber.exact, "")
         else:
             notes = ["Den Hartog's rule with several carriers is for the mode nearest to the pendulum alone."]
     return "\n\n".join([grid(rows, headings, spare=["unit"]), *notes])
