@@ -488,7 +488,7 @@ def _solve(problem: _ModeFitProblem, z: Floats, loss: str, evaluations: int | No
     def jacobian(x: Floats) -> Floats:
         return problem.jacobian(z_of(x))[:, columns]
 
-    last_digits = 64 * np.finfo(float).eps
+    tolerances = dict.fromkeys(("ftol", "xtol", "gtol"), 64 * np.finfo(float).eps)
     solution = scipy.optimize.least_squares(
         residuals,
         np.maximum(z[columns], low + 1e-12),
@@ -497,9 +497,7 @@ def _solve(problem: _ModeFitProblem, z: Floats, loss: str, evaluations: int | No
         x_scale=np.array([parameter.step for parameter in problem.parameters])[columns],
         loss=loss,
         max_nfev=evaluations,
-        ftol=last_digits,
-        xtol=last_digits,
-        gtol=last_digits,
+        **tolerances,
     )
     return z_of(solution.x)
 

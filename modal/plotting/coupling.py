@@ -329,14 +329,8 @@ def draw_limits(axis: Axes, coupling: Coupling) -> None:
     spot, crowd = float(np.clip(cart_mass, low, high)), is_crowded(coupling)
     bottom, top, is_logarithmic = _reach(poles, now, omega, light)
     right = 1.5 * high  # the dots of a fixed support are within
-    axis.set(
-        xscale="log",
-        xlim=(low, right),
-        yscale="log" if is_logarithmic else "linear",
-        xlabel=CART_MASS,
-        ylabel="angular frequency ω (rad/s)",
-    )
-    axis.set_ylim(bottom, top)
+    axis.set(xscale="log", xlim=(low, right), yscale="log" if is_logarithmic else "linear", ylim=(bottom, top))
+    axis.set(xlabel=CART_MASS, ylabel="angular frequency ω (rad/s)")
     if is_logarithmic:
         log_ticks(axis.yaxis, top / bottom)
     chosen = np.arange(omega.shape[1])

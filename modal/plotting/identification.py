@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -44,7 +44,7 @@ def poles_figure(identification: Identified, title: str = "") -> Figure:
     frequency, ratio, ratio_std, std = np.array(
         [[getattr(mode, name) for name in names] for mode in identification.modes]
     ).T
-    look = {"fmt": "o", "color": colour(1), "capsize": 3, "label": "mode ± 2 standard deviations"}
+    look: dict[str, Any] = {"fmt": "o", "color": colour(1), "capsize": 3, "label": "mode ± 2 standard deviations"}
     bottom.errorbar(frequency, ratio, 2 * ratio_std, 2 * std, **look)
     top.set(ylabel="order of the model (–)", xlim=(0, 1.25 * max(frequency)))
     top.yaxis.set_major_locator(MaxNLocator(8, integer=True))

@@ -276,16 +276,10 @@ def conservation(i: int, n: int) -> Equation:
         torque += inertia(i, j, n) * (cross_rate - sp.sin(delta) * (a * b * ci * cj + spin_a * spin_b * si * sj))
     name = sp.Derivative(sp.Symbol("L"), phi(i).q)
     words = "for one link; for links in one vertical plane while it does not turn, or sin θ_i/sin θ_j is constant"
-    return Equation(
-        PAPER,
-        "11",
-        "conservation of each azimuth momentum",
-        equal(name, sp.Integer(0)),
-        equal(name, torque),
-        words,
-        sp.Eq(torque, 0),
-        "the sum over i vanishes; with a cart not even that, for the rail breaks the symmetry",
-    )
+    forms = equal(name, sp.Integer(0)), equal(name, torque)
+    note = "the sum over i vanishes; with a cart not even that, for the rail breaks the symmetry"
+    title = "conservation of each azimuth momentum"
+    return Equation(PAPER, "11", title, *forms, words, sp.Eq(torque, 0), note)
 
 
 def azimuth_acceleration(i: int, n: int, *, has_dots: bool = False) -> Equation:
