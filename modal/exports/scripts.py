@@ -55,14 +55,9 @@ def to_control(model: StateSpace) -> control.StateSpace:
     """The `control.StateSpace` with labels, sample time and name."""
     from control import StateSpace as Labelled
 
-    states, inputs, outputs = ([s.name for s in kind] for kind in (model.states, model.inputs, model.outputs))
-    return Labelled(
-        *(model.A, model.B, model.C, model.D, model.dt),
-        name=identifier(heading(model)),
-        states=states,
-        inputs=inputs,
-        outputs=outputs,
-    )
+    names = {side: [signal.name for signal in getattr(model, side)] for side in ("states", "inputs", "outputs")}
+    matrices_and_step = model.A, model.B, model.C, model.D, model.dt
+    return Labelled(*matrices_and_step, name=identifier(heading(model)), **names)
 
 
 def to_scipy(model: StateSpace) -> Any:

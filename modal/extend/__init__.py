@@ -29,8 +29,7 @@ if TYPE_CHECKING:
     from modal.extend.formats import Format
     from modal.extend.laws import JointLaw, PointForce
     from modal.extend.measures import Measure
-    from modal.extend.parameters import Parameter
-    from modal.extend.registry import Extension, find_extension, register, registered, registration
+    from modal.extend.registry import Extension, Parameter, find_extension, register, registered, registration
     from modal.extend.scalars import cos, exp, log, sin, sqrt, tanh
     from modal.extend.supports import Support, SupportCoordinate
 

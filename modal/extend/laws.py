@@ -17,8 +17,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from modal.extend.parameters import Parameter
-from modal.extend.registry import Extension, call, mistake_of, register
+from modal.extend.registry import Extension, Parameter, call, mistake_of, register
 from modal.extend.scalars import sqrt
 from modal.types import IMAGINARY_STEP
 

@@ -2,7 +2,8 @@
 
 A class is known by its `kind` and `name`.  Those of installed packages are entry points of the group
 `multipendula.extensions`, each a class or a module with such classes; they are loaded once, when an unknown name or all
-names are requested. One that cannot be loaded does not affect the others.
+names are requested. One that cannot be loaded does not affect the others.  A `Parameter` is a number of an
+extension that a scene sets.
 """
 
 from __future__ import annotations
@@ -11,10 +12,14 @@ import re
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 from importlib import import_module
+from math import inf, isfinite
+from numbers import Real
 from typing import Any, ClassVar, TypeVar
 
 from modal.errors import ExtensionError, MultipendulaError
+from modal.report import Displayed, Summary
 
 KINDS = ("joint law", "point force", "support", "measure", "format")
 """The kinds of extensions."""
@@ -201,3 +206,38 @@ def call(extension: Any, function: str, *arguments: Any, shape: tuple[int, ...] 
         if np.shape(value) != shape:
             raise mistake_of(extension, f"{function} returned shape {np.shape(value)}: must be {shape}")
     return value
+
+
+@dataclass(frozen=True, repr=False)
+class Parameter(Displayed):
+    """A number from `low` to `high`, both included, given in scenes by `name`, with an optional `default`.
+
+    Without a default a scene must give it. `unit` is its SI unit, "" for a ratio, `meaning` its description.
+
+    >>> from modal.extend import Parameter
+    >>> Parameter("strength", "N m", low=0.0).mistake(-1.0)
+    'must be at least 0'
+    """
+
+    name: str
+    unit: str = ""
+    low: float = -inf
+    high: float = inf
+    default: float | None = None
+    meaning: str = ""
+
+    def _summary(self) -> Summary:
+        facts = [("range", f"{self.low:g} to {self.high:g}")]
+        facts += [] if self.default is None else [("default", f"{self.default:g}")]
+        return Summary(f"Parameter {self.name} ({self.unit or '1'})", facts)
+
+    def mistake(self, value: Any) -> str:
+        """Return what is wrong with a value, "" if nothing is."""
+        if isinstance(value, bool) or not isinstance(value, Real):
+            return "must be a number"
+        number = float(value)
+        if not isfinite(number):
+            return "must be finite"
+        if number < self.low:
+            return f"must be at least {self.low:g}"
+        return f"must be at most {self.high:g}" if number > self.high else ""

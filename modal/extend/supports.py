@@ -14,9 +14,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, ClassVar, NamedTuple
 
-from modal.extend.jets import Jet, along, plus
-from modal.extend.parameters import Parameter
-from modal.extend.registry import Extension
+from modal.extend.registry import Extension, Parameter
+from modal.extend.scalars import Jet, along, plus
 
 Slope = tuple[Any, Any]
 

@@ -7,7 +7,7 @@ measured modes, `poles` needs no scene, `assurance` compares both, `propagation`
 """
 
 from modal.identification.decays import autocorrelation, covariance, influence, resampled
-from modal.identification.estimate import Estimate, estimate_of, read_estimate
+from modal.identification.estimate import Estimate, estimate_of, magnitude_std, mode_stds, read_estimate, shaped_modes
 from modal.identification.identifiability import (
     Combination,
     Determined,
@@ -36,7 +36,6 @@ from modal.identification.parameters import (
     starts_of,
 )
 from modal.identification.poles import EXCITATIONS, METHODS, Identified, IdentifiedMode, identify, poles_table
-from modal.identification.propagation import magnitude_std, mode_stds, shaped_modes
 
 __all__ = [
     "EXCITATIONS",

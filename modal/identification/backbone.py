@@ -248,17 +248,9 @@ def _straight_lines(windows: Sequence[Windows]) -> Backbone:
     smallest = min(float(np.exp(logs[-1])) for logs, _ in smooth)
     shift = -omega * ratio * float(softening(np.array([largest]))[0])
     doubt_of_loss = FOURTH_POWERS * float(losses[0]) * shift / omega
-    return Backbone(
-        complex(losses[0], omega),
-        np.diag([cov_of_losses[0, 0] + doubt_of_loss**2, cov[0, 0] + (CURVE_ERROR * shift) ** 2]),
-        ratio,
-        float(np.sqrt(slope @ cov @ slope)),
-        swing_angle(largest),
-        swing_angle(smallest),
-        shift,
-        (),
-        0.0,
-    )
+    pole, swings = complex(losses[0], omega), (swing_angle(largest), swing_angle(smallest))
+    variances = np.diag([cov_of_losses[0, 0] + doubt_of_loss**2, cov[0, 0] + (CURVE_ERROR * shift) ** 2])
+    return Backbone(pole, variances, ratio, float(np.sqrt(slope @ cov @ slope)), *swings, shift, (), 0.0)
 
 
 def _first_amplitude(windows: Windows, logs: Floats) -> float:

@@ -543,16 +543,10 @@ def _fit_model(series: Sequence[Series], model: DecayModel, weights: Floats, *, 
     start = np.concatenate((poles.real, poles.imag, model.shifts.real, model.shifts.imag)) / scale
     low, high = start - 0.5, start + 0.5
     high[:R] = np.minimum(high[:R], np.maximum(start[:R] + 1e-9, 3 / longest / scale[:R]))
-    tolerance = (64 * np.finfo(float).eps) ** digits
+    tolerances = dict.fromkeys(("ftol", "xtol", "gtol"), (64 * np.finfo(float).eps) ** digits)
+    misses, slopes = (lambda x: project(x)[0]), (lambda x: project(x)[1])
     solution: Any = scipy.optimize.least_squares(
-        lambda x: project(x)[0],
-        start,
-        lambda x: project(x)[1],
-        bounds=(low, high),
-        ftol=tolerance,
-        xtol=tolerance,
-        gtol=tolerance,
-        max_nfev=EVALUATIONS_MAX,
+        misses, start, slopes, bounds=(low, high), max_nfev=EVALUATIONS_MAX, **tolerances
     )
     return _with_covariance(series, model_of(solution.x), weights)
 

@@ -33,7 +33,7 @@ from typing import Any
 import numpy as np
 import scipy
 
-from modal.errors import ComputationError, SceneError, spelling_hint
+from modal.errors import ComputationError, SceneError, gathered, refuse_any, spelling_hint
 from modal.modes import Mode, Modes
 from modal.report import NOTHING, Displayed, Form, ReportColumn, ReportTable, Result, counted, finite, records_of
 from modal.scene import Scene
@@ -147,20 +147,16 @@ def _parse_table(scene: Scene, name: str, text: str) -> MeasuredModes:
     ]
     if not rows[1:]:
         problems.append("has no modes")
-    if problems:
-        raise SceneError(problems)
+    refuse_any(problems)
     coordinates = coordinates_of(scene)
     components = [column for column in header if column in coordinates or COMPONENT.fullmatch(column)]
     modes = []
     for line, row in rows[1:]:
-        try:
+        with gathered(problems):
             modes.append(_mode(line, dict(zip(header, row, strict=True)), components))
-        except SceneError as error:
-            problems += error.problems
     numbers = [mode.number for mode in modes]
     problems += [f"mode {number}: appears twice" for number in dict.fromkeys(numbers) if numbers.count(number) > 1]
-    if problems:
-        raise SceneError(problems)
+    refuse_any(problems)
     unused = tuple(column for column in header if column not in (*NEEDED, *OPTIONAL, *components))
     places = tuple(_component(column, coordinates) for column in components)
     return MeasuredModes(name, tuple(modes), places, unused, coordinates)
@@ -238,8 +234,7 @@ def _mode(line: int, row: dict[str, str], components: Sequence[str]) -> Measured
     is_present = np.isfinite(shape)
     if is_present.any() and not np.any(shape[is_present]):
         problems.append(f"line {line}: its shape is zero")
-    if problems:
-        raise SceneError(problems)
+    refuse_any(problems)
     assert frequency is not None
     assert std is not None
     shape_read = shape if np.count_nonzero(is_present) > 1 else None
@@ -383,11 +378,11 @@ def compare_modes(modes: Modes, measured: MeasuredModes) -> Assurance:
         for s, mode in enumerate(rows):
             members = (modes.matrix.row == modes.index_of(mode)) & ~modes.matrix.across
             basis = modes.matrix.shapes[:, members][places[is_measured]]
-            mac[r, s] = _nearest(measured_mode.shape[is_measured], basis)
+            mac[r, s] = mac_with(measured_mode.shape[is_measured], basis)
     return Assurance(modes, measured, rows, mac, tuple(_pairs(measured, rows, mac)))
 
 
-def _nearest(shape: Floats, basis: Any) -> float:
+def mac_with(shape: Floats, basis: Any) -> float:
     """MAC with the nearest combination of the columns of a basis (C, k); 0 if none has these components."""
     if not basis.shape[1]:
         return 0.0

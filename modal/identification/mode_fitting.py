@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 import scipy
 
-from modal.errors import ComputationError, SceneError
+from modal.errors import ComputationError, SceneError, refuse_any
 from modal.identification.decays import CHANCE_MAX, NOISE_AT_FIRST, NOISE_MIN
 from modal.identification.identifiability import (
     Combination,
@@ -35,7 +35,7 @@ from modal.identification.identifiability import (
     matrix_derivatives,
     polar,
 )
-from modal.identification.measured import MeasuredMode, MeasuredModes, component_rows, turned
+from modal.identification.measured import MeasuredMode, MeasuredModes, component_rows, mac_with
 from modal.identification.parameters import (
     BOUND_DISTANCE,
     FittedNumbers,
@@ -251,6 +251,15 @@ class _ModeFitProblem:
         """Whether the noise of shapes can be estimated from their residuals."""
         return any(mode.shape_std is None for mode in self.with_shapes)
 
+    def pairs(self, modes: Modes) -> Iterator[tuple[MeasuredMode, int]]:
+        """Every measured mode with the row of its computed one; ComputationError if it does not oscillate any more."""
+        ends = np.cumsum(np.where(_swings(modes), modes.multiplicity, 0))
+        for measured_mode, place in zip(self.measured.modes, self.places, strict=True):
+            row = int(np.searchsorted(ends, place, side="right"))
+            if row >= len(modes):
+                raise ComputationError("a measured mode does not oscillate with these numbers")
+            yield measured_mode, row
+
     def modes_at(self, z: Floats) -> tuple[Scene, Modes]:
         """The scene with these numbers, and its modes."""
         scene = scene_with(self.scene, numbers_at(self.parameters, z))
@@ -260,8 +269,7 @@ class _ModeFitProblem:
         """In standard deviations, priors last; raise ComputationError if a measured mode is none any more."""
         _, modes = self.modes_at(z)
         residuals: list[Any] = []
-        for measured_mode, place in zip(self.measured.modes, self.places, strict=True):
-            row = _row(modes, place)
+        for measured_mode, row in self.pairs(modes):
             value = modes.eigenvalue[row]
             residuals.append([(abs(value) / (2 * np.pi) - measured_mode.frequency) / measured_mode.std])
             if measured_mode.damping_ratio is not None:
@@ -283,8 +291,7 @@ class _ModeFitProblem:
         )
         slopes = np.array([parameter.slope(float(value)) for parameter, value in zip(self.parameters, z, strict=True)])
         rows: list[Floats] = []
-        for measured_mode, place in zip(self.measured.modes, self.places, strict=True):
-            row = _row(modes, place)
+        for measured_mode, row in self.pairs(modes):
             by_number = derivatives.eigenvalue(row)
             if np.any(np.isnan(by_number)):
                 k = int(np.flatnonzero(np.isnan(by_number))[0])
@@ -352,22 +359,12 @@ def _places(modes: Modes, measured: MeasuredModes) -> list[int]:
             )
         else:
             places.append(int(starts[measured_mode.number - 1]))
-    if problems:
-        raise SceneError([f"{measured.file}: {problem}" for problem in problems])
+    refuse_any([f"{measured.file}: {problem}" for problem in problems])
     return places
 
 
 def _swings(modes: Modes) -> Any:
     return modes.eigenvalue.imag > 0
-
-
-def _row(modes: Modes, place: int) -> int:
-    """The row of the mode at a position among the oscillating ones."""
-    ends = np.cumsum(np.where(_swings(modes), modes.multiplicity, 0))
-    row = int(np.searchsorted(ends, place, side="right"))
-    if row >= len(modes):
-        raise ComputationError("a measured mode does not oscillate with these numbers")
-    return row
 
 
 def _ratio_std(measured_mode: MeasuredMode) -> float:
@@ -460,10 +457,10 @@ def _shape_noise(problem: _ModeFitProblem, z: Floats) -> float:
     """The standard deviation of shapes' components by their residuals, one scale being fitted to each."""
     _, modes = problem.modes_at(z)
     square, count = 0.0, 0
-    for measured_mode, place in zip(problem.measured.modes, problem.places, strict=True):
+    for measured_mode, row in problem.pairs(modes):
         if measured_mode.shape is None or measured_mode.shape_std is not None:
             continue
-        phi = modes.matrix.shapes[:, modes.matrix.row == _row(modes, place)][:, 0].astype(np.complex128)
+        phi = modes.matrix.shapes[:, modes.matrix.row == row][:, 0].astype(np.complex128)
         miss = problem._shape(measured_mode, phi, None)[0] * problem.shape_std
         square, count = square + float(miss @ miss), count + len(miss) - 1
     return max(NOISE_MIN, float(np.sqrt(square / max(count, 1))))
@@ -491,7 +488,7 @@ def _solve(problem: _ModeFitProblem, z: Floats, loss: str, evaluations: int | No
     def jacobian(x: Floats) -> Floats:
         return problem.jacobian(z_of(x))[:, columns]
 
-    last_digits = 64 * np.finfo(float).eps
+    tolerances = dict.fromkeys(("ftol", "xtol", "gtol"), 64 * np.finfo(float).eps)
     solution = scipy.optimize.least_squares(
         residuals,
         np.maximum(z[columns], low + 1e-12),
@@ -500,9 +497,7 @@ def _solve(problem: _ModeFitProblem, z: Floats, loss: str, evaluations: int | No
         x_scale=np.array([parameter.step for parameter in problem.parameters])[columns],
         loss=loss,
         max_nfev=evaluations,
-        ftol=last_digits,
-        xtol=last_digits,
-        gtol=last_digits,
+        **tolerances,
     )
     return z_of(solution.x)
 
@@ -616,10 +611,7 @@ def _certify(
         directions = tuple(direction for direction in determination.directions if direction.held in paths)
         determined = Determined(fitted, held, directions, determination.condition)
     scene, modes = problem.modes_at(z)
-    fitted_modes = tuple(
-        _fitted_mode(problem, modes, measured_mode, place)
-        for measured_mode, place in zip(problem.measured.modes, problem.places, strict=True)
-    )
+    fitted_modes = tuple(_fitted_mode(problem, modes, *pair) for pair in problem.pairs(modes))
     fit = ModeFit(
         parameters=problem.parameters,
         z=z,
@@ -638,15 +630,13 @@ def _certify(
     return ModeFit(**{**vars(fit), "verdict": tuple(_verdict(problem, fit, loss))})
 
 
-def _fitted_mode(problem: _ModeFitProblem, modes: Modes, measured_mode: MeasuredMode, place: int) -> FittedMode:
-    row = _row(modes, place)
+def _fitted_mode(problem: _ModeFitProblem, modes: Modes, measured_mode: MeasuredMode, row: int) -> FittedMode:
     value = modes.eigenvalue[row]
     mac = None
     if measured_mode.shape is not None:
         is_measured = np.isfinite(measured_mode.shape)
         phi = modes.matrix.shapes[:, modes.matrix.row == row][problem.rows, 0].astype(np.complex128)
-        u, v = turned(phi[is_measured]).real, measured_mode.shape[is_measured]
-        mac = float((u @ v) ** 2 / ((u @ u) * (v @ v)))
+        mac = mac_with(measured_mode.shape[is_measured], phi[is_measured][:, None])
     std = None if measured_mode.damping_ratio is None else _ratio_std(measured_mode)
     return FittedMode(measured_mode, float(abs(value)) / (2 * np.pi), float(-value.real / abs(value)), std, mac)
 

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from modal.errors import SceneError, spelling_hint
+from modal.errors import SceneError, gathered, refuse_any, spelling_hint
 from modal.report import NOTHING, Displayed, Drawable, ReportTable, Result, Summary, capital, finite, short
 from modal.scene import Scene, title_of
 from modal.scene.doors import checked
@@ -115,29 +115,22 @@ def find_parameters(scene: Scene, paths: Iterable[str], priors: Sequence[str] = 
     unknowns: dict[str, Unknown] = {}
     places: dict[Place, str] = {}
     for path in paths:
-        try:
+        with gathered(problems):
             for entry in unknowns_of(scene, path, places) if path != NONE else ():
                 if isinstance(entry, str):
                     problems.append(entry)
                 else:
                     unknowns[entry.path] = entry
-        except SceneError as error:
-            problems += error.problems
     beliefs: dict[str, tuple[float, float]] = {}
     for text in priors:
-        try:
+        with gathered(problems):
             beliefs |= _prior(scene, text)
-        except SceneError as error:
-            problems += error.problems
     problems += [f"{path}: has a prior but is not free" for path in beliefs if path not in unknowns]
     parameters = []
     for path, unknown in unknowns.items():
-        try:
+        with gathered(problems):
             parameters.append(_parameter(scene, unknown, beliefs.get(path)))
-        except SceneError as error:
-            problems += error.problems
-    if problems:
-        raise SceneError(list(dict.fromkeys(problems)))
+    refuse_any(dict.fromkeys(problems))
     return tuple(parameters)
 
 

@@ -544,13 +544,8 @@ def _mode_of_pole(pole: complex, cov: Floats, shape: Complexes, shape_std: float
     """With the covariance (2, 2) of the real and imaginary parts of the pole."""
     omega, zeta = polar(pole, np.array([1.0, 1.0j]))
     rounding = np.finfo(float).eps * abs(pole)
-    return IdentifiedMode(
-        pole,
-        sqrt(max(rounding**2, float(omega @ cov @ omega))) / (2 * pi),
-        sqrt(max(0.0, float(zeta @ cov @ zeta))),
-        shape,
-        shape_std,
-    )
+    frequency_std = sqrt(max(rounding**2, float(omega @ cov @ omega))) / (2 * pi)
+    return IdentifiedMode(pole, frequency_std, sqrt(max(0.0, float(zeta @ cov @ zeta))), shape, shape_std)
 
 
 def _decrements(even_values: Sequence[Floats], step: float) -> list[Decrement]:

@@ -202,8 +202,8 @@ def _crossings(points: Sequence[LociPoint], gap: Floats, pair: Pair) -> Found:
     """Sign changes of ω_a − ω_b, which is 0 where error bounds cannot separate the two."""
     for i, j in pairwise(np.flatnonzero(gap).tolist()):
         if gap[i] * gap[j] < 0:
-            near = points[i + 1 : j] or (points[i], points[j])
-            closest = min(near, key=lambda point: _gap(point, pair))
+            candidates = points[i + 1 : j] or (points[i], points[j])
+            closest = min(candidates, key=lambda point: _gap(point, pair))
             yield "crossing", closest, _exchange(points[i], points[j], pair)
 
 

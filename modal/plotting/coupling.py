@@ -329,14 +329,8 @@ def draw_limits(axis: Axes, coupling: Coupling) -> None:
     spot, crowd = float(np.clip(cart_mass, low, high)), is_crowded(coupling)
     bottom, top, is_logarithmic = _reach(poles, now, omega, light)
     right = 1.5 * high  # the dots of a fixed support are within
-    axis.set(
-        xscale="log",
-        xlim=(low, right),
-        yscale="log" if is_logarithmic else "linear",
-        xlabel=CART_MASS,
-        ylabel="angular frequency ω (rad/s)",
-    )
-    axis.set_ylim(bottom, top)
+    axis.set(xscale="log", xlim=(low, right), yscale="log" if is_logarithmic else "linear", ylim=(bottom, top))
+    axis.set(xlabel=CART_MASS, ylabel="angular frequency ω (rad/s)")
     if is_logarithmic:
         log_ticks(axis.yaxis, top / bottom)
     chosen = np.arange(omega.shape[1])
@@ -391,16 +385,9 @@ def _mark_scene(axis: Axes, cart_mass: float, spot: float, now: Floats) -> None:
     if now.size:
         spots = np.full(len(now), spot)
         axis.plot(spots, now, "o", color=zero(), mec=paper(), mew=0.8, zorder=4)
-    axis.annotate(
-        f"this scene: {where}",
-        (spot, 0.0),
-        (-5 if late else 5, 6),
-        axis.get_xaxis_transform(),
-        textcoords="offset points",
-        ha="right" if late else "left",
-        fontsize=SMALL,
-        bbox=plain(),
-    )
+    look: dict[str, Any] = {"ha": "right" if late else "left", "fontsize": SMALL, "bbox": plain()}
+    offset, coordinates = (-5 if late else 5, 6), axis.get_xaxis_transform()
+    axis.annotate(f"this scene: {where}", (spot, 0.0), offset, coordinates, "offset points", **look)
 
 
 def draw_levels(axis: Axes, coupling: Coupling, is_logarithmic: bool) -> None:

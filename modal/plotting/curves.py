@@ -144,7 +144,12 @@ def draw_curves(
         if dense[k]:
             edges, low, high = envelope(x, scaled_curves[k][1], size[0])
             bounds = (np.exp(low), np.exp(high)) if "y" in log else (low, high)
-            _band(axis, edges, bounds, names[k] if names else "", style.get("color", colour(number)))
+            hue, label = (
+                style.get("color", colour(number)),
+                f"{names[k]}: {RANGE}" if names and names[k] else f"_{RANGE}",
+            )
+            face = to_rgba(hue, BAND_OPACITY)
+            axis.fill_between(edges, *bounds, facecolor=face, edgecolor=hue, lw=0.7, label=label)
             continue
         upon = _upon(places[k], cells[:k], size)
         shared_cells = _cell_numbers(places[k][:, upon], size)
@@ -209,12 +214,6 @@ def envelope(x: Floats, y: Floats, columns: int) -> tuple[Floats, Floats, Floats
         ends = np.interp(np.arange(count), filled_columns, ends[filled_columns])
         bounds.append(extremum(np.append(ends[:1], ends), np.append(ends, ends[-1:])))
     return edges, bounds[0], bounds[1]
-
-
-def _band(axis: Axes, edges: Floats, ends: tuple[Floats, Floats], name: str, hue: str) -> None:
-    """The band of a curve, with its edges in full colour."""
-    label = f"{name}: {RANGE}" if name else f"_{RANGE}"
-    axis.fill_between(edges, *ends, facecolor=to_rgba(hue, BAND_OPACITY), edgecolor=hue, lw=0.7, label=label)
 
 
 def _scaled_values(values: Floats, *, log: bool) -> Floats:

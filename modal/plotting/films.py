@@ -367,15 +367,10 @@ def motion(row: Mode, s: float) -> complex:
     """The factor of the shape at part `s` of the loop."""
     if row.oscillates:
         return complex(np.exp(-2j * np.pi * s))
-    return _decay(1 - s if row.growth_rate else s)
-
-
-def _decay(s: float) -> float:
-    """Decay from 1 by four factors of e, and the way back."""
-    low = float(np.exp(-4))
-    if s <= DECAYING:
-        return float(low ** (s / DECAYING))
-    return float(low + (1 - low) * (0.5 - 0.5 * np.cos(np.pi * (s - DECAYING) / (1 - DECAYING))))
+    part, low = 1 - s if row.growth_rate else s, float(np.exp(-4))
+    if part <= DECAYING:
+        return float(low ** (part / DECAYING))
+    return float(low + (1 - low) * (0.5 - 0.5 * np.cos(np.pi * (part - DECAYING) / (1 - DECAYING))))
 
 
 def _profile(axis: Axes, modes: Modes, amplitude: float) -> Callable[[Axes, Shape], None]:

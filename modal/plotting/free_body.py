@@ -110,7 +110,7 @@ def diagrams(bodies: FreeBodies, parts: str = "") -> tuple[list[Diagram], str]:
             continue
         chain = pendula[part.place[0]]
         if not parts and part.place[1] == 0 and 1 < len(chain) <= len(TILTS):
-            pictures.append(_pendulum(bodies, chain))
+            pictures.append(_pendulum(chain))
         pictures.append(_link(bodies, part))
     note = f" {len(numbers)} of {total} parts are drawn." if len(numbers) < total else ""
     return pictures, note
@@ -469,7 +469,7 @@ def _weights(chain: Sequence[FreeBody], centres: Sequence[Any], lean: float = TI
                 yield from _push(effort, centre, np.array([ARROW, 0.0]) if effort.along else np.array([0.0, 0.36]))
 
 
-def _pendulum(bodies: FreeBodies, chain: Sequence[FreeBody]) -> Diagram:
+def _pendulum(chain: Sequence[FreeBody]) -> Diagram:
     """A pendulum as a whole: weights, and what its first joint exerts."""
     scale = min(0.85, 1.2 / sum(cos(tilt) for tilt in TILTS[: len(chain)]))
     top = np.array([0.3, 0.62])

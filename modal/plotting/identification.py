@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -34,30 +34,18 @@ def poles_figure(identification: Identified, title: str = "") -> Figure:
     """Poles over the order of the model, the stable ones filled, above the damping ratios with error bars."""
     figure, (top, bottom) = stack(2, sharex=True, height_ratios=(3, 2))
     for stable, face, words in ((False, "none", "new at this order"), (True, colour(0), "stable")):
-        poles = [pole for pole in identification.stabilization if pole.stable == stable]
-        top.plot(
-            [pole.frequency for pole in poles],
-            [pole.order for pole in poles],
-            "o",
-            ms=4.5,
-            mfc=face,
-            mec=colour(0) if stable else secondary_colour(),
-            label=words,
-        )
+        poles = [(pole.frequency, pole.order) for pole in identification.stabilization if pole.stable == stable]
+        edge = colour(0) if stable else secondary_colour()
+        top.plot(*np.reshape(poles, (-1, 2)).T, "o", ms=4.5, mfc=face, mec=edge, label=words)
     for mode in identification.modes:
         for axis in (top, bottom):
             axis.axvline(mode.frequency, color=colour(1), lw=1.0, zorder=0)
-    frequency = [mode.frequency for mode in identification.modes]
-    bottom.errorbar(
-        frequency,
-        [mode.damping_ratio for mode in identification.modes],
-        2 * np.array([mode.damping_ratio_std for mode in identification.modes]),
-        2 * np.array([mode.frequency_std for mode in identification.modes]),
-        fmt="o",
-        color=colour(1),
-        capsize=3,
-        label="mode ± 2 standard deviations",
-    )
+    names = ("frequency", "damping_ratio", "damping_ratio_std", "frequency_std")
+    frequency, ratio, ratio_std, std = np.array(
+        [[getattr(mode, name) for name in names] for mode in identification.modes]
+    ).T
+    look: dict[str, Any] = {"fmt": "o", "color": colour(1), "capsize": 3, "label": "mode ± 2 standard deviations"}
+    bottom.errorbar(frequency, ratio, 2 * ratio_std, 2 * std, **look)
     top.set(ylabel="order of the model (–)", xlim=(0, 1.25 * max(frequency)))
     top.yaxis.set_major_locator(MaxNLocator(8, integer=True))
     low, high = bottom.get_ylim()

@@ -22,7 +22,7 @@ from modal.plotting.free_body import ARROW, MOST_PENDULA
 from modal.plotting.layout import OBLIQUE
 from modal.plotting.shapes import draw_pieces
 from modal.plotting.style import MARKED, colour, ink, paper, secondary_colour, shade, sheet
-from modal.scene import AnyLink, Bob, Rod, Scene, validate_scene
+from modal.scene import AnyLink, Bob, Scene, validate_scene
 from modal.structure import (
     CarrierEnd,
     End,
@@ -323,14 +323,8 @@ def _link(axis: Axes, sketch: _SketchedLink, lower_link: _SketchedLink | None, d
     """One link with its angle, length and centre, and the weight at its centre of mass."""
     side = 1.0 if sketch.tilt >= 0 else -1.0
     normal, hue = side * np.array([np.cos(sketch.tilt), np.sin(sketch.tilt)]), colour(0)
-    thick = isinstance(sketch.link, Rod) or not isinstance(sketch.link, Bob)
-    axis.plot(
-        *np.transpose([sketch.joint, sketch.end]),
-        color=hue,
-        lw=5.5 if thick else 1.8,
-        solid_capstyle="round",
-        zorder=3,
-    )
+    thick, ends = not isinstance(sketch.link, Bob), np.transpose([sketch.joint, sketch.end])
+    axis.plot(*ends, color=hue, lw=5.5 if thick else 1.8, solid_capstyle="round", zorder=3)
     axis.plot(*sketch.joint, "o", ms=4, color=paper(), mec=ink(), mew=1.1, zorder=7)
     _angle(axis, sketch)
     direction, middle = sketch.end - sketch.joint, sketch.link.centre / sketch.link.length

@@ -130,12 +130,8 @@ def thermal_figure(noise: ThermalNoise, beside: RandomResponse | None = None, at
             words = f"from the PSD of the {signal_words(beside.source.name)}"
             axis.plot(f, _positive_values(driven[k]), color=secondary_colour(), lw=1.6, label=words)
         axis.set_ylim(bottom=np.nanmin(_positive_values(total)) / 3)
-        set_frame(
-            axis,
-            "",
-            f"{QUANTITIES.get(signal.unit, '')} ({unit_words(signal.unit)}/√Hz)".strip(),
-            signal_words(signal.name),
-        )
+        label = f"{QUANTITIES.get(signal.unit, '')} ({unit_words(signal.unit)}/√Hz)".strip()
+        set_frame(axis, "", label, signal_words(signal.name))
         _logarithmic(axis)
         legend(axis, 2, least_count=1)
     _over_frequency(panels, f, named_modes(noise.modes), panels)

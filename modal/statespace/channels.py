@@ -20,7 +20,7 @@ import numpy as np
 import scipy
 
 from modal.assembly import differences, matrices_of, rig_of, scene_squares
-from modal.errors import SceneError, spelling_hint
+from modal.errors import SceneError, gathered, refuse_any, spelling_hint
 from modal.scene import Scene, require
 from modal.scene.parameters import Place
 from modal.statespace.geometry import Geometry, geometry_of
@@ -141,10 +141,8 @@ def channel_model(scene: Scene, channels: Sequence[Channel]) -> ChannelModel:
     names = [name for name in READINGS if name in known_outputs and (name not in OF_A_CART or geometry.on_cart)]
     outputs = _sources({name: READINGS[name](geometry) for name in names})
     problems: list[str] = []
-    try:
+    with gathered(problems):
         validate_points(scene, [channel.input for channel in channels if is_point(channel.input)])
-    except SceneError as error:
-        problems += error.problems
     for channel in channels:
         if channel.output not in outputs:
             problems.append(f"output {channel.output}: {_among([*outputs], channel.output)}")
@@ -154,27 +152,23 @@ def channel_model(scene: Scene, channels: Sequence[Channel]) -> ChannelModel:
             problems.append(f"input {channel.input}: there is no cart alone")
         if channel.input in SUPPORT:
             problems += _moved_problems(scene, geometry, channel.input)
-    if problems:
-        raise SceneError(list(dict.fromkeys(problems)))
+    refuse_any(dict.fromkeys(problems))
     output_sources = tuple(outputs[channel.output][0] for channel in channels)
     input_sources: list[Source | None] = []
     signals: list[tuple[Signal, Signal]] = []
+    kinds: list[ChannelKind] = []
+    prescribed = SUPPORT | DRIVES
     for output, name in channels:
         source: Source | None
         if is_point(name):
             source, signal = (name, 0), Signal(name, "N m" if name.startswith("torque") else "N", "")
         else:
-            source, signal = inputs[name] if name in inputs else (None, {**SUPPORT, **DRIVES}[name])
+            source, signal = inputs[name] if name in inputs else (None, prescribed[name])
         input_sources.append(source)
         signals.append((outputs[output][1], signal))
-    kinds = tuple(
-        ChannelKind(
-            "" if channel.input not in PRESCRIBED else "ground" if channel.input in SUPPORT else "cart",
-            PRESCRIBED.get(channel.input, ("", 0))[1],
-        )
-        for channel in channels
-    )
-    return ChannelModel(tuple(channels), kinds, tuple(signals), output_sources, tuple(input_sources))
+        moves = "ground" if name in SUPPORT else "cart" if name in DRIVES else ""
+        kinds.append(ChannelKind(moves, PRESCRIBED[name][1] if moves else 0))
+    return ChannelModel(tuple(channels), tuple(kinds), tuple(signals), output_sources, tuple(input_sources))
 
 
 def _among(names: Sequence[str], wrong: str) -> str:

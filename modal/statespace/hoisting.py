@@ -439,15 +439,13 @@ def shaper_residual(scene: Scene, shaper: Shaper, drive: Drive = "cart_accelerat
         refuse_no_inertia(matrices_along(scene)(begin).M)
     last = max(hoisting.breaks[-1], begin + shaper.duration)
     coordinate = None if is_prescribed else drives_of(scene).index(drive)
-    residuals = [
-        largest_swing(
-            scene.at(last),
-            _impulse_response(scene, begin + times, amplitudes, last, coordinate),
-            is_prescribed=is_prescribed,
-        )
+    shaped, unshaped = (
+        _impulse_response(scene, begin + times, amplitudes, last, coordinate)
         for times, amplitudes in (shaper.train, UNSHAPED)
-    ]
-    return residuals[0] / residuals[1]
+    )
+    final_scene = scene.at(last)
+    residual = largest_swing(final_scene, shaped, is_prescribed=is_prescribed)
+    return residual / largest_swing(final_scene, unshaped, is_prescribed=is_prescribed)
 
 
 def _impulse_response(scene: Scene, times: Floats, amplitudes: Floats, last: float, coordinate: int | None) -> Floats:

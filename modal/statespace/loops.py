@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from modal.assembly import Matrices
-from modal.errors import SceneError, spelling_hint
+from modal.errors import SceneError, gathered, refuse_any, spelling_hint
 from modal.scene import Scene
 from modal.scene.feedback import Feedback
 from modal.statespace.geometry import Geometry, geometry_of
@@ -66,17 +66,14 @@ def loops_of(scene: Scene) -> list[Loop]:
             loops += _loops_of_entry(scene, geometry, k, entry)
         except SceneError as error:
             problems += [f"feedback[{k}].{re.sub(NAMED, QUOTED, problem)}" for problem in error.problems]
-    if problems:
-        raise SceneError(problems)
+    refuse_any(problems)
     return loops
 
 
 def _loops_of_entry(scene: Scene, geometry: Geometry, number: int, entry: Feedback) -> list[Loop]:
     signals, pushes, problems = list[Signal](), np.zeros((geometry.size, 0)), list[str]()
-    try:
+    with gathered(problems):
         signals, pushes = inputs_named(scene, geometry, entry.inputs)
-    except SceneError as error:
-        problems += error.problems
     named = _rows(geometry, MEASURED if entry.gains is None else STATES)
     names = entry.gains.states if entry.gains else (str(entry.output),)
     where = "gains" if entry.gains else "output"
@@ -88,8 +85,7 @@ def _loops_of_entry(scene: Scene, geometry: Geometry, number: int, entry: Feedba
     if count and len(gains) != count:
         words = f"gains: has {len(gains)} rows for {count} inputs" if entry.gains else f"input: has {count} signals"
         problems.append(words if entry.gains else f"{words}: one output acts on one")
-    if problems:
-        raise SceneError(problems)
+    refuse_any(problems)
     rows = np.array([named[name] for name in names])
     rest = np.concatenate((np.full(geometry.leading, geometry.place), geometry.rest, np.zeros(geometry.size)))
     parts = zip(signals, pushes.T, gains, strict=True)

@@ -272,7 +272,8 @@ def _swing(name: str, meaning: str, value: complex, phi: Floats, Mphi: Floats) -
         Signal(f"eta_dot_{name}", "kg^(1/2) m/s", f"rate of the {meaning}"),
     )
     A, unit = np.array([[0.0, 1.0], [(value**2).real, 0.0]]), np.eye(2)
-    right, left = np.kron(unit, phi[:, None]), np.kron(unit, Mphi / (phi @ Mphi))
+    dual = Mphi / (phi @ Mphi)
+    right, left = (np.asarray(np.kron(unit, part), dtype=np.float64) for part in (phi[:, None], dual))
     seen, pushed = np.array([[1.0, value], [value, 1.0]], dtype=np.complex128)
     return ModalBlock(None, 0, value, states, A, right, left, seen, pushed)
 
@@ -292,7 +293,7 @@ def _pair(name: str, meaning: str, value: complex, phi: Complexes, Mphi: Complex
 def _conjugate_block(value: complex, states: tuple[Signal, ...], right: Floats, left: Floats) -> ModalBlock:
     """The block of λ and its conjugate, whose states are the real and the imaginary part."""
     A = np.array([[value.real, value.imag], [-value.imag, value.real]])
-    seen, pushed = np.array([1.0, 1j]), np.array([1j, 1.0]) * value.imag
+    seen, pushed = np.array([[1.0, 1j], [1j * value.imag, value.imag]])
     return ModalBlock(None, 0, value, states, A, right, left, seen, pushed)
 
 
@@ -420,13 +421,8 @@ class Gains(TextResult):
     def _grid(self, side: Side) -> str:
         several = any(len(part) > 1 for part in side.parts)
         mode = "fixed-base mode" if self.held else "mode"
-        headings = [
-            mode,
-            "ω (rad/s)",
-            *["multiplicity"] * several,
-            side.verb,
-            *(signal_words(signal.name) for signal in side.signals),
-        ]
+        headings = [mode, "ω (rad/s)", *["multiplicity"] * several, side.verb]
+        headings += [signal_words(signal.name) for signal in side.signals]
         rows = []
         for number, (words, shares) in enumerate(zip(side.words, side.relative.tolist(), strict=True)):
             cells = (f"{share:.2g}" if w == side.verb else w for w, share in zip(words, shares, strict=True))

@@ -183,9 +183,9 @@ def _rotate_equal_modes(blocks: Sequence[ModalBlock], rows: list[Floats], matrix
     ends = np.cumsum([len(row) for row in rows])
     gains = np.split(without_noise(np.vstack(rows), matrix), ends[:-1]) if rows else []
     fresh = [  # modes of different pendula may have one frequency within rounding
-        block.A.shape != after.A.shape
-        or abs(block.eigenvalue - after.eigenvalue) > NOISE_OF_TERMS * abs(block.eigenvalue)
-        for block, after in pairwise(blocks)
+        block.A.shape != next_block.A.shape
+        or abs(block.eigenvalue - next_block.eigenvalue) > NOISE_OF_TERMS * abs(block.eigenvalue)
+        for block, next_block in pairwise(blocks)
     ]
     cuts = [0, *(k for k, new in enumerate(fresh, 1) if new), len(blocks)]
     new_blocks: list[ModalBlock] = []

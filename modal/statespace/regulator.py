@@ -16,7 +16,7 @@ import numpy as np
 import scipy
 
 from modal.assembly import rig_of
-from modal.errors import ComputationError, SceneError
+from modal.errors import ComputationError, SceneError, refuse_any
 from modal.report import Displayed, brief, csv_rows
 from modal.scene import Scene
 from modal.scene.doors import checked
@@ -149,5 +149,4 @@ def _refuse_indefinite(paths: Sequence[str], Q: Floats, R: Floats) -> None:
             problems.append(f"{path}: must be symmetric")
         elif np.linalg.eigvalsh(weights)[0] < least * scale:
             problems.append(f"{path}: must be positive {words}definite")
-    if problems:
-        raise SceneError(problems)
+    refuse_any(problems)

@@ -26,7 +26,7 @@ import scipy
 from numpy.typing import ArrayLike
 
 from modal.assembly import hoisting_of, instants, no_hoist
-from modal.errors import ComputationError, SceneError
+from modal.errors import ComputationError, SceneError, refuse_any
 from modal.report import Displayed
 from modal.scene import Scene, validate_scene
 from modal.scene.doors import checked_number
@@ -167,8 +167,7 @@ def varying_model(
         for name in inputs
         if name in JUMPING
     ]
-    if problems:
-        raise SceneError(problems)
+    refuse_any(problems)
     instant_at = instants(scene)
 
     def model(time: float) -> StateSpace:

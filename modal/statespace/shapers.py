@@ -43,7 +43,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from modal.eigen import smallest_where
-from modal.errors import ComputationError, SceneError, spelling_hint
+from modal.errors import ComputationError, refuse_any, spelling_hint
 from modal.modes import MOST_COMPARED, Mode, Modes, counterparts, natural_modes
 from modal.report import Displayed, Summary, counted, tabulated
 from modal.scene import Scene, refusals, validate_scene
@@ -176,8 +176,7 @@ def swing_rows(scene: Scene, drive: Drive) -> tuple[Modes, list[int]]:
     problems += refusals(scene, "a shaper")
     if not (drives or problems):
         problems = ["support: a shaper needs a coordinate that a force moves, and all supports are fixed"]
-    if problems:
-        raise SceneError(problems)
+    refuse_any(problems)
     is_force = drive not in HELD
     modes = natural_modes(scene if is_force else without_carrier(scene))
     all_modes = list(modes)

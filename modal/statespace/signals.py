@@ -27,7 +27,7 @@ from typing import NamedTuple, TypeVar, get_args
 
 import numpy as np
 
-from modal.errors import SceneError, spelling_hint
+from modal.errors import SceneError, gathered, refuse_any, spelling_hint
 from modal.scene import Scene, places_of
 from modal.scene.motion import Acting
 from modal.scene.points import CarrierPoint, GroundPoint, Place, parse_point, point_problems
@@ -349,8 +349,7 @@ def validate_signals(
     problems = [f"{what} {word}: must be one of {choices}{spelling_hint(word, known_names)}" for word in unknown]
     problems += [f"{what} {word}: named twice" for word in dict.fromkeys(words) if words.count(word) > 1]
     problems += [f"{what} {word}: {why}" for word in words if (why := _lacks(word, geometry))]
-    if problems:
-        raise SceneError(problems)
+    refuse_any(problems)
     return words
 
 
@@ -420,8 +419,7 @@ def point_input(scene: Scene, name: str) -> PointInput:
         problems.append("the ground cannot be moved by a force: name a support or a link")
     if isinstance(point, CarrierPoint) and not problems and not scene.is_structured:
         problems.append('all points of the support move alike: write "cart"' if scene.cart else "the support is fixed")
-    if problems:
-        raise SceneError([f"input {name}: {words}" for words in problems])
+    refuse_any([f"input {name}: {words}" for words in problems])
     return _input_on(scene, name, on, WAYS[kind])
 
 
@@ -435,12 +433,9 @@ def validate_points(scene: Scene, names: Sequence[str]) -> None:
     """Raise SceneError with everything that is wrong with the names of points among these."""
     problems: list[str] = []
     for name in filter(is_point, names):
-        try:
+        with gathered(problems):
             point_input(scene, name)
-        except SceneError as error:
-            problems += error.problems
-    if problems:
-        raise SceneError(list(dict.fromkeys(problems)))
+    refuse_any(dict.fromkeys(problems))
 
 
 def push_of(scene: Scene, geometry: Geometry, name: str) -> InputGroup:

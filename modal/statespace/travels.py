@@ -183,21 +183,8 @@ def shaped_travel(
     angles = np.array([states[:, lead : states.shape[1] // 2] for states in histories])
     displacement = np.array([states[:, coordinate] for states in histories])
     unit = "m" if is_prescribed else "N m" if coordinate in structure_of(scene).turning else "N"
-    return ShapedTravel(
-        scene,
-        drive,
-        travel.distance,
-        times,
-        np.array(commands),
-        displacement,
-        angles,
-        np.array(residual),
-        over,
-        unit,
-        ways,
-        parts,
-        coordinate,
-    )
+    histories_and_ends = np.array(commands), displacement, angles, np.array(residual), over
+    return ShapedTravel(scene, drive, travel.distance, times, *histories_and_ends, unit, ways, parts, coordinate)
 
 
 def _sampled(way: LengthLaw, step: float, ramp: float = 5e-7) -> tuple[Floats, ...]:

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from modal.extend import Support, cos, sin
-from modal.extend.jets import plus
+from modal.extend.scalars import plus
 from modal.scene import ModalSupport
 from modal.scene.carriers import CartMotion, HeaveMotion, PlatformMotion, SwingMotion, TiltMotion
 from modal.scene.supports import law_values

@@ -189,10 +189,10 @@ class SymbolicCarrier:
 def _without_halves(part: Any) -> Any:
     """A place with cosines of whole angles instead of squares of sines of half ones; exactly 0 where it is 0."""
     angle = sp.Wild("angle")
-    whole = sp.sympify(part).replace(sp.sin(angle) ** 2, (1 - sp.cos(2 * angle)) / 2)
-    if whole == part:
-        return whole or sp.S.Zero
-    number, form = sp.factor(sp.expand(whole)).as_coeff_Mul()
+    replaced_part = sp.sympify(part).replace(sp.sin(angle) ** 2, (1 - sp.cos(2 * angle)) / 2)
+    if replaced_part == part:
+        return replaced_part or sp.S.Zero
+    number, form = sp.factor(sp.expand(replaced_part)).as_coeff_Mul()
     return number * form
 
 

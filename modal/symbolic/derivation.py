@@ -38,9 +38,9 @@ from modal.symbolic.hamiltonian import (
     in_plane,
     in_vectors,
     momentum,
+    momentum_lines,
     vanishes,
     vector_equations,
-    whole_energy,
 )
 from modal.symbolic.papers import equal
 from modal.symbolic.structures import JoinedSpring, SymbolicStructure, force_of, force_symbol
@@ -489,10 +489,7 @@ def _hamiltonian(system: SymbolicStructure) -> Section:
     T, v = sp.Add(*(part.T for part in system.parts)), [c.v for c in system.coordinates]
     M, p = sp.hessian(T, v).applyfunc(sp.factor), [momentum(c) for c in system.coordinates]
     lines = [
-        Line("coordinates", sp.Matrix([c.q for c in system.coordinates])),
-        Line("momenta p = M q'", sp.Matrix([c.q for c in p])),
-        Line("H, the energy in q and p, V of all parts as in the Lagrangian", whole_energy()),
-        Line("with the mass matrix", equal(sp.Symbol("M"), M)),
+        *momentum_lines(system, p, M, ", V of all parts as in the Lagrangian"),
         Line("rates of the coordinates, the derivatives of H by the momenta, solve M q' = p"),
         Line("rates of the momenta, minus the derivatives of H by the coordinates, less any dampers, in q'"),
     ]

@@ -286,11 +286,8 @@ def _determinant(system: SymbolicStructure) -> list[EigenPolynomial] | str:
         of = "with springs or dampers" if system.is_of_pair else "of a structure"
         return f"{size} coordinates {of}: too long to write out"
     if not system.spatial:
-        return (
-            _eigen_factors(_factored_determinant(system))
-            if not system.is_of_pair
-            else [EigenPolynomial("", 1, _factored_determinant(system))]
-        )
+        polynomial = _factored_determinant(system)
+        return [EigenPolynomial("", 1, polynomial)] if system.is_of_pair else _eigen_factors(polynomial)
     polynomials = [EigenPolynomial("along the rail", 1, _factored_determinant(system))]
     for chain in dict.fromkeys(system.chains):
         single_chain = SymbolicStructure("", system.gravity, (STILL,), (chain,), (CarrierEnd(0, ORIGIN),))

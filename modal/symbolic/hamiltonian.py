@@ -293,10 +293,7 @@ def _by_neighbours(system: SymbolicStructure) -> Any | None:
 def _in_plane(system: SymbolicStructure) -> Iterator[Line]:
     p = [momentum(c) for c in system.coordinates]
     M, V = mass_matrix(system), derive_lagrangian(system).V
-    yield Line("coordinates", sp.Matrix([c.q for c in system.coordinates]))
-    yield Line("momenta p = M q'", sp.Matrix([c.q for c in p]))
-    yield Line("H, the energy in q and p", whole_energy())
-    yield Line("with the mass matrix", equal(sp.Symbol("M"), M))
+    yield from momentum_lines(system, p, M)
     yield Line("and the potential energy", equal(sp.Symbol("V"), gather_cosines(V)))
     if len(p) <= 2:
         yield from _written_out(M, p)
@@ -318,10 +315,14 @@ def _in_plane(system: SymbolicStructure) -> Iterator[Line]:
         )
 
 
-def whole_energy() -> Any:
-    """H = ½ pᵀ M⁻¹ p + V, of symbols that keep their order."""
+def momentum_lines(system: SymbolicStructure, p: list[Coordinate], M: Any, words: str = "") -> Iterator[Line]:
+    """Coordinates, momenta, and H = ½ pᵀ M⁻¹ p + V of symbols that keep their order, with `words` on V."""
     row, inverse, column = (sp.Symbol(name, commutative=False) for name in ("p^T", "M^-1", "p"))
-    return equal(sp.Symbol("H"), row * inverse * column / 2 + sp.Symbol("V"))
+    energy = equal(sp.Symbol("H"), row * inverse * column / 2 + sp.Symbol("V"))
+    yield Line("coordinates", sp.Matrix([c.q for c in system.coordinates]))
+    yield Line("momenta p = M q'", sp.Matrix([c.q for c in p]))
+    yield Line(f"H, the energy in q and p{words}", energy)
+    yield Line("with the mass matrix", equal(sp.Symbol("M"), M))
 
 
 def mass_matrix(system: SymbolicStructure) -> Any:

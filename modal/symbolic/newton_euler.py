@@ -23,7 +23,7 @@ import sympy as sp
 from modal import pair
 from modal.errors import SceneError
 from modal.extend.registry import call
-from modal.report import Displayed, Summary
+from modal.report import Displayed, Summary, capital
 from modal.scene import title_of
 from modal.scene.free_body import Effort, FreeBodies, FreeBody, force_names, joint_law, normal
 from modal.symbolic.carriers import Coordinate, coordinate
@@ -217,7 +217,7 @@ def part_sections(bodies: FreeBodies) -> list[Section]:
         raise SceneError([message])
     system = NewtonEuler(bodies)
     sections = [
-        Section(_title(part), [Line(words, form) for words, form in system.balances(part)])
+        Section(capital(part.words), [Line(words, form) for words, form in system.balances(part)])
         for part in bodies.parts
         if part.kind not in STILL
     ]
@@ -225,10 +225,6 @@ def part_sections(bodies: FreeBodies) -> list[Section]:
     if laws := [Line(words, form) for words, form in system.laws()]:
         sections.append(Section("Forces that the motion makes", laws))
     return [*sections, Section("Count", [Line(_count_words(system))])]
-
-
-def _title(part: FreeBody) -> str:
-    return part.words[:1].upper() + part.words[1:]
 
 
 def _count_words(system: NewtonEuler) -> str:

@@ -9,10 +9,21 @@ Start with `search`; `quantities` names what is tuned, `model` has responses wit
 `minimax` the descent and Newton's method on equal peaks, `objective` the objective and the sensitivities.
 """
 
-from modal.tuning.closed_forms import Absorber, absorbers, den_hartog, exact_optimum
 from modal.tuning.objective import Aim, Load, MassCase, Worth
 from modal.tuning.quantities import FreeNumber, Limit, Quantity, parse_limit, parse_quantity
-from modal.tuning.result import Curves, Rule, Tuned, Valley, tuned_json, tuned_record, tuned_text
+from modal.tuning.result import (
+    Absorber,
+    Curves,
+    Rule,
+    Tuned,
+    Valley,
+    absorbers,
+    den_hartog,
+    exact_optimum,
+    tuned_json,
+    tuned_record,
+    tuned_text,
+)
 from modal.tuning.search import tune
 
 __all__ = [

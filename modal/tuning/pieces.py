@@ -18,7 +18,7 @@ from math import log, tau
 
 import numpy as np
 
-from modal.errors import ComputationError, SceneError
+from modal.errors import ComputationError, SceneError, refuse_any
 from modal.identification.identifiability import ModeDerivatives, polar
 from modal.modes import Modes, natural_modes
 from modal.report import deferred
@@ -38,8 +38,7 @@ from modal.tuning.model import (
 )
 from modal.tuning.quantities import FreeNumber, Quantity
 from modal.types import Booleans, Floats
-from modal.vibration.prescribed import acceleration_psd, psd_at
-from modal.vibration.random import nodes
+from modal.vibration.random import input_psd, nodes, stretches
 
 FIFTY = log(50.0)
 QUOTIENT_STEP_OF_PIECES = (2**6 * np.finfo(float).eps) ** 0.2
@@ -110,8 +109,6 @@ class Quantities:
         self.given = {place: number_at(scene, place) for place in self.places}
         self._paths = [with_numbers(place) for place in self.places]
         self._variable = Variable(scene, self._paths)
-        self.cases: tuple[Mapping[Place, float], ...] = ({},)
-        """Factors of masses for which the arrays are interpolated even without derivatives."""
 
     def scene_at(self, values: Floats, factors: Mapping[Place, float] | None = None) -> Scene:
         """The scene with these free numbers (n,), and with others, or these, times factors."""
@@ -169,11 +166,7 @@ class At:
         self.setting = problem.setting
         column_of = {number.places: k for k, number in enumerate(problem.free)}
         self._columns = [column_of[places] for places in by if places in column_of]
-        is_own = (
-            len(self._columns) == len(by)
-            and bool(column_of)
-            and bool(by or factors is None or factors in problem.cases)
-        )
+        is_own = len(self._columns) == len(by) and bool(column_of) and bool(by or not factors)
         self._polynomial = problem.polynomial(values, factors) if is_own else None
 
     @cached_property
@@ -255,13 +248,10 @@ class At:
         channel, n = self._channel(quantity), len(self.by)
         spectrum = self.setting.spectrum
         assert spectrum is not None
-        f, psd = np.array(spectrum.frequency_hz), np.array(spectrum.psd)
-        acts = quantity.input != "support_acceleration"
         poles = self.model.poles_for(channel)
         poles = poles[poles.imag >= 0]
         total, slope = 0.0, np.zeros(n)
-        for k in np.flatnonzero((psd[1:] > 0) | (psd[:-1] > 0)).tolist():
-            low, high = tau * f[k], tau * f[k + 1]
+        for low, high in stretches(spectrum):
             has_no_damping = (np.abs(poles.real) <= DAMPING_MIN * np.abs(poles)) & (poles.imag > 0)
             for pole in poles[has_no_damping & (poles.imag >= low) & (poles.imag <= high)].tolist():
                 at_pole, beside = np.abs(self.model.response(channel, pole.imag * np.array([1 + 1e-9, 1.01])))
@@ -269,8 +259,7 @@ class At:
                     words = f"it grows without bound: nothing damps a mode at {pole.imag / tau:.6g} Hz"
                     return Pieces.none(words, n)
             for omega, _, weight in nodes(low, high, poles[~has_no_damping].tolist()):
-                at = omega / tau
-                S = weight * (psd_at(f, psd, at) if acts else acceleration_psd(spectrum, at)) / tau
+                S = weight * input_psd(spectrum, quantity.input, omega / tau) / tau
                 if n:
                     H, by = self.model.gradient(channel, omega, self.slopes)
                     slope += S @ (np.conj(H)[:, None] * by).real
@@ -381,8 +370,7 @@ def _validate(scene: Scene, quantities: Sequence[Quantity], setting: Setting) ->
     if not problems and setting.modes:
         total = len(natural_modes(scene))
         problems += [f"mode {k}: the scene has modes 1 to {total}" for k in setting.modes if not 1 <= k <= total]
-    if problems:
-        raise SceneError(problems)
+    refuse_any(problems)
     size = scene.n_links + len(scene.supports)
     if size > COORDINATES_MAX:
         raise ComputationError(f"the scene has {size} coordinates: at most {COORDINATES_MAX} are tuned")

@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from math import inf, isfinite
 
-from modal.errors import SceneError, spelling_hint
+from modal.errors import SceneError, gathered, refuse_any, spelling_hint
 from modal.extend import find_extension
 from modal.extend.measures import MODES, SCENE_ITSELF, Measure, parse_request
 from modal.report import Displayed
@@ -245,19 +245,16 @@ def find_free(scene: Scene, texts: Iterable[str], begin: Callable[[Place], float
     places: dict[Place, str] = {}
     for text in texts:
         path, sign, words = text.partition("=")
-        try:
+        with gathered(problems):
             bounds = _bounds(text, words, is_shift=path.strip().startswith("shift:")) if sign else None
             for entry in unknowns_of(scene, path.strip(), places):
                 if isinstance(entry, str):
                     problems.append(entry)
                 else:
                     numbers[entry.path] = _free_number(scene, entry, bounds, begin)
-        except SceneError as error:
-            problems += error.problems
     if not (numbers or problems):
         problems = ["free: name a number that may change, such as pendulum[0].links[0].length"]
-    if problems:
-        raise SceneError(list(dict.fromkeys(problems)))
+    refuse_any(dict.fromkeys(problems))
     return tuple(numbers.values())
 
 

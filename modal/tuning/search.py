@@ -10,13 +10,12 @@ from os import PathLike
 import numpy as np
 
 from modal.assembly import differences, matrices
-from modal.errors import ComputationError, SceneError
+from modal.errors import ComputationError, SceneError, gathered, refuse_any
 from modal.report import silent
 from modal.scene import Scene, validate_scene
 from modal.scene.parameters import Place, texts_of
 from modal.scene.records import Spectrum, read_spectrum
 from modal.statespace.shapers import Kind
-from modal.tuning.closed_forms import den_hartog, rest_of_scene, single_links, values_for
 from modal.tuning.minimax import COARSE, EDGE, ROUNDS, VALLEY_WIDTH, Evaluate, Evaluation, Minimum, descend
 from modal.tuning.model import DAMPING_MIN
 from modal.tuning.objective import Aim, Objective, worst_cases
@@ -31,7 +30,7 @@ from modal.tuning.quantities import (
     parse_limit,
     parse_quantity,
 )
-from modal.tuning.result import Tuned, Valley
+from modal.tuning.result import Tuned, Valley, den_hartog, rest_of_scene, single_links, values_for
 from modal.types import Crew, Floats, map_by_crew
 
 STARTS = 12
@@ -84,21 +83,16 @@ def tune(
     aims, problems = _aims(texts_of(minimize), texts_of(maximize))
     found_limits = []
     for text in texts_of(limits):
-        try:
+        with gathered(problems):
             found_limits.append(parse_limit(text, [item.quantity for item in aims]))
-        except SceneError as error:
-            problems += error.problems
     numbers: tuple[FreeNumber, ...] = ()
-    try:
+    with gathered(problems):
         numbers = find_free(scene, texts_of(free, splits_commas=True), lambda place: _begin(scene, place))
-    except SceneError as error:
-        problems += error.problems
     quantities = [*(item.quantity for item in aims), *(item.quantity for item in found_limits)]
     source = next((item.input for item in quantities if item.kind == "rms"), SOURCE)
     spectrum = psd if psd is None or isinstance(psd, Spectrum) else read_spectrum(psd, source != SOURCE)
     setting = Setting(over_hz, spectrum, tuple(modes), travel, over, kind)
-    if problems:
-        raise SceneError(list(dict.fromkeys(problems)))
+    refuse_any(dict.fromkeys(problems))
     objective = Objective(scene, numbers, aims, found_limits, setting)
     initial_pieces = Quantities(scene, (), quantities, setting).at(np.zeros(0))
     starts = list(_starts(objective, crew))
@@ -149,10 +143,8 @@ def _aims(minimize: Sequence[str], maximize: Sequence[str]) -> tuple[list[Aim], 
     problems: list[str] = []
     for texts, is_maximum in ((minimize, False), (maximize, True)):
         for text in texts:
-            try:
+            with gathered(problems):
                 aims.append(Aim(parse_quantity(text), is_maximum))
-            except SceneError as error:
-                problems += error.problems
     if not aims and not problems:
         problems.append("give `minimize=…` or `maximize=…`: name a quantity, such as peak:x/cart_force")
     names = [aim.quantity.name for aim in aims]

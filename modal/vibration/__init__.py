@@ -15,9 +15,16 @@ from modal.lazy import lazy_attributes
 
 if TYPE_CHECKING:
     from modal.vibration.boundaries import Boundary, Tongues, tongues
-    from modal.vibration.courses import Course, Polynomials, PrescribedMotion, SweptSine
     from modal.vibration.hill import KINDS, ParametricStability, parametric_stability, stabilities, vertical_sine
-    from modal.vibration.prescribed import RandomProcess, Record, prescribed_motion
+    from modal.vibration.prescribed import (
+        Course,
+        Polynomials,
+        PrescribedMotion,
+        RandomProcess,
+        Record,
+        SweptSine,
+        prescribed_motion,
+    )
     from modal.vibration.random import BOLTZMANN, RandomResponse, ThermalNoise, random_response, thermal_noise
     from modal.vibration.report import random_report, shock_report, thermal_frequencies, thermal_report
     from modal.vibration.shock import ShockResponse, correlation, cqc, response_spectrum, shock_response, srss

@@ -33,7 +33,7 @@ import scipy
 from numpy.polynomial import Polynomial
 from numpy.typing import ArrayLike
 
-from modal.errors import ComputationError, SceneError
+from modal.errors import ComputationError, SceneError, refuse_any
 from modal.report import Displayed, Summary, brief, counted
 from modal.scene import Scene
 from modal.scene.doors import checked
@@ -352,8 +352,7 @@ def tongues(scene: Scene, amplitude: ArrayLike, frequency_hz: ArrayLike) -> Tong
     ]
     if not problems and len(grid[0]) == len(grid[1]) == 1:
         problems = ["a grid of tongues needs two or more amplitudes or frequencies"]
-    if problems:
-        raise SceneError(problems)
+    refuse_any(problems)
     systems = hill_systems(scene)
     pairs = [pair for system in systems for curve in curves_of(system) for pair in _trace_boundaries(curve, *grid)]
     pairs.sort(key=lambda pair: (pair[0].number, pair[0].least[1]))

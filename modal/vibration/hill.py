@@ -35,7 +35,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from modal.assembly import matrices, quadratic_drags, rig_of
-from modal.errors import ComputationError, SceneError
+from modal.errors import ComputationError, SceneError, refuse_any
 from modal.report import Displayed, Summary, brief
 from modal.scene import Scene, SineMotion, require, validate_scene, validate_scenes
 from modal.statespace.geometry import geometry_of
@@ -232,17 +232,13 @@ def _on_structure(scene: Scene) -> Iterator[HillSystem]:
         for name, weight in zip(structure.names, weights(structure, hung_masses(scene), scene.gravity), strict=True)
         if abs(weight.force) > NOISE_OF_SUM * weight.size
     ]
-    if problems:
-        raise SceneError(problems)
+    refuse_any(problems)
     linear = matrices(scene)
     heavier = matrices(scene.replace(gravity=2 * scene.gravity))
     square, shapes = _modes(linear.M, linear.K)
     P = shapes.T @ ((heavier.K - linear.K) / scene.gravity) @ shapes
     none = np.zeros_like(P)
-    parts = (P, shapes.T @ linear.D @ shapes, none, none, none)
-    for alike in _coupled_sets(parts):
-        block = np.ix_(alike, alike)
-        yield HillSystem(1, square[alike], *(part[block] for part in parts))
+    return _apart(1, square, (P, shapes.T @ linear.D @ shapes, none, none, none))
 
 
 def _systems(scene: Scene) -> Iterator[HillSystem]:
@@ -272,9 +268,14 @@ def _systems(scene: Scene) -> Iterator[HillSystem]:
             in_modes(quadratic[span]),
             E,
         )
-        for alike in _coupled_sets(parts):
-            cut = np.ix_(alike, alike)
-            yield HillSystem(counts[kind], square[alike], *(part[cut] for part in parts))
+        yield from _apart(counts[kind], square, parts)
+
+
+def _apart(count: int, square: Floats, parts: tuple[Floats, ...]) -> Iterator[HillSystem]:
+    """The systems of modes that these matrices P, D, S, Q and E couple."""
+    for alike in _coupled_sets(parts):
+        cut = np.ix_(alike, alike)
+        yield HillSystem(count, square[alike], *(part[cut] for part in parts))
 
 
 def _modes(M: Floats, K: Floats) -> tuple[Floats, Floats]:

@@ -38,7 +38,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from modal.assembly import Dissipator, dissipators_of, scene_squares
-from modal.errors import ComputationError, SceneError
+from modal.errors import ComputationError, SceneError, refuse_any
 from modal.modes import MOST_LISTED, Modes, mode_losses, natural_modes
 from modal.report import TextResult
 from modal.scene import Scene, require
@@ -111,10 +111,7 @@ class RandomResponse(ModalResponse):
 
     def input_psd(self, f: Floats) -> Floats:
         """The PSD of the input, (m/s²)²/Hz of the support's acceleration, at the frequencies f (W,) in Hz."""
-        at = np.asarray(f, dtype=float)
-        if self.source.name == INPUT:
-            return acceleration_psd(self.spectrum, at)
-        return psd_at(np.array(self.spectrum.frequency_hz), np.array(self.spectrum.psd), at)
+        return input_psd(self.spectrum, self.source.name, np.asarray(f, dtype=float))
 
     def psd(self, f: Floats) -> Floats:
         """The PSD of every output, (p, W) in its unit squared per hertz."""
@@ -173,7 +170,7 @@ class RandomResponse(ModalResponse):
         p, R = len(self.outputs), len(self.modes)
         total, mode_squares = np.zeros(p), np.zeros((R, p))
         endless = np.zeros((R, p), dtype=bool)
-        for low, high in self._stretches():
+        for low, high in stretches(self.spectrum):
             excitable = [(term, pole) for term, pole in self._terms if term.N0.any() or term.N1.any()]
             for term, pole in excitable:
                 if term.mode is not None and pole.imag > 0 and pole.real == 0 and low <= pole.imag <= high:
@@ -190,12 +187,6 @@ class RandomResponse(ModalResponse):
         parts[endless] = np.inf
         output_rms[endless.any(0) | self._drifting()] = np.inf
         return output_rms, parts
-
-    def _stretches(self) -> Iterator[tuple[float, float]]:
-        """The intervals (rad/s) between points of the PSD in which it is not zero."""
-        f, psd = np.array(self.spectrum.frequency_hz), np.array(self.spectrum.psd)
-        for k in np.flatnonzero((psd[1:] > 0) | (psd[:-1] > 0)).tolist():
-            yield tau * f[k], tau * f[k + 1]
 
     def _drifting(self) -> Booleans:
         """Which outputs have an infinite integral down to 0 Hz, (p,)."""
@@ -221,6 +212,20 @@ class RandomResponse(ModalResponse):
                 denominator = denominator * (s - second_pole) if twice else denominator
                 response += (term.N1[:, :1] * s + term.N0[:, :1]) / denominator
             yield mode, response
+
+
+def input_psd(spectrum: Spectrum, source: str, f: Floats) -> Floats:
+    """The PSD of an input at the frequencies f (W,) in Hz, of the support's motion that of its acceleration."""
+    if source == INPUT:
+        return acceleration_psd(spectrum, f)
+    return psd_at(np.array(spectrum.frequency_hz), np.array(spectrum.psd), f)
+
+
+def stretches(spectrum: Spectrum) -> Iterator[tuple[float, float]]:
+    """The intervals (rad/s) between points of a PSD in which it is not zero."""
+    f, psd = np.array(spectrum.frequency_hz), np.array(spectrum.psd)
+    for k in np.flatnonzero((psd[1:] > 0) | (psd[:-1] > 0)).tolist():
+        yield tau * f[k], tau * f[k + 1]
 
 
 def exact_terms(form: ModalForm) -> Iterator[Term]:
@@ -417,8 +422,7 @@ def thermal_noise(scene: Scene, temperature: float, outputs: tuple[str, ...] = (
         problems.append(
             "outputs: thermal noise is that of positions, angles, their rates and accelerations, not of forces"
         )
-    if problems:
-        raise SceneError(problems)
+    refuse_any(problems)
     require(scene, "thermal noise")
     if not (scene.has_damping or scene.has_losses):
         raise SceneError(["thermal noise: nothing dissipates in this scene: give it dampers, drag, loss or wire_loss"])

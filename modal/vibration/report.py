@@ -207,13 +207,7 @@ def _shock_text(response: ShockResponse) -> str:
     ]
     modes = ["mode", "f (Hz)", "mass share", "cumulative", *(signal_words(signal.name) for signal in response.outputs)]
     rows = [
-        [
-            f"{number}",
-            _number(omega / tau),
-            _number(share),
-            _number(total),
-            *map(_number, response.mode_peaks[number - 1]),
-        ]
+        [f"{number}", *map(_number, (omega / tau, share, total, *response.mode_peaks[number - 1]))]
         for number, omega, share, total in _masses(response)
     ]
     parts = [

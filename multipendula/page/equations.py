@@ -6,8 +6,9 @@ coordinates of the supports.  `structure` says null of a scene that is no struct
 with their `places` in the scene, then what is `prescribed`, with the places and units of its `constants`.
 
 `whole` has the equations of scenes with dry friction, or with forces, on a cart or a support, as one text, and is null
-for other scenes: the functions of `switching_of` in `nonlinear.dynamics.forms`, the changes at a switch and where a step ends at
-one, all the same text as Python runs (`multipendula.page.scalars`), and where the numbers are that they take.
+for other scenes: the functions of `switching_of` in `nonlinear.dynamics.forms`, the changes at a switch and where a
+step ends at one, all the same text as Python runs (`multipendula.page.scalars`), and where the numbers are that they
+take.
 
 `prescribed` has the motions of a support and loads in time other than sines, null where these are all: the functions of
 a sweep, as Python runs them, the polynomials of a record, the lines of a random process, and which of them, in which

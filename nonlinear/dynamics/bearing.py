@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from modal.extend.jets import plus
+from modal.extend.scalars import plus
 from modal.structure import CarrierEnd, CarrierNumbers, Moving
 from modal.types import Ints
 from nonlinear.dynamics.forces import Base, External

@@ -31,7 +31,7 @@ import numpy as np
 from modal.errors import ComputationError, SceneError
 from modal.scene.length_laws import LengthLaw
 from modal.types import NOISE_OF_SUM, Floats
-from modal.vibration.courses import Course, Polynomials, in_floats
+from modal.vibration.prescribed import Course, Polynomials, in_floats
 from nonlinear.dynamics.contacts import Gripping
 from nonlinear.dynamics.structure import array_of
 from nonlinear.dynamics.tape import Symbol, where

@@ -33,7 +33,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from modal.extend.jets import plus
+from modal.extend.scalars import plus
 from modal.structure import CarrierEnd, CarrierNumbers, End, LinkEnd, Moving, Structure, carried_weights
 from modal.structure.carriers import inner
 from modal.types import Booleans, Ints

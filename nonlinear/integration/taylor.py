@@ -23,7 +23,7 @@ import numpy as np
 
 from modal.errors import ComputationError, MissingExtraError
 from modal.types import Floats
-from modal.vibration.courses import Polynomials
+from modal.vibration.prescribed import Polynomials
 from nonlinear.dynamics import Arranged, Generated, Module, module_of, without_interrupts
 from nonlinear.dynamics.forms import Form
 from nonlinear.dynamics.inputs import at_time

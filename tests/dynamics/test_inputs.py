@@ -16,7 +16,7 @@ from support.loops import interpreted
 from modal import Bob, InitialCondition, Pendulum, Scene
 from modal.scene import Fixed, Hoist, Moved, RandomMotion, RecordMotion, SineMotion, SweepMotion
 from modal.vibration import prescribed_motion
-from modal.vibration.courses import FloatRows, Polynomials
+from modal.vibration.prescribed import FloatRows, Polynomials
 from nonlinear import ensemble, simulate
 from nonlinear.dynamics import inputs
 from nonlinear.dynamics.inputs import Inputs

@@ -16,7 +16,7 @@ import sympy as sp
 from modal import Scene, natural_frequencies, natural_modes
 from modal.errors import ExtensionError, SceneError
 from modal.extend import Parameter, Support, SupportCoordinate, cos, exp, log, registration, sin, sqrt, tanh
-from modal.extend.jets import Jet, along
+from modal.extend.scalars import Jet, along
 from modal.scene import dump, load, scene_from
 from modal.scene.carriers import CartMotion, HeaveMotion, PlatformMotion, SwingMotion, TiltMotion
 from modal.scene.parameters import vary

@@ -15,7 +15,7 @@ from amounts import usually
 from modal import Cart, load
 from modal.errors import SceneError
 from modal.identification import Estimate, estimate_of, magnitude_std, mode_stds, read_estimate, shaped_modes
-from modal.identification.propagation import response_slopes
+from modal.identification.estimate import response_slopes
 from modal.modes import natural_modes
 from modal.scene import Scene
 from modal.scene.parameters import find_places, number_at, vary

@@ -14,8 +14,8 @@ from modal import Scene, SceneError, load, natural_modes
 from modal.assembly import matrices
 from modal.errors import ComputationError
 from modal.identification import compare_modes, estimate_of, fit_modes
+from modal.identification.estimate import response_slopes
 from modal.identification.measured import read_modes
-from modal.identification.propagation import response_slopes
 from modal.loci import follow_loci
 from modal.modes import sensitivities
 from modal.modes.sensitivity import of_mode

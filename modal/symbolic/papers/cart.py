@@ -144,16 +144,9 @@ def potential_energy(n: int) -> Equation:
 
 def lagrangian(n: int) -> Equation:
     """L = E_k − E_p with the speeds written out."""
-    return Equation(
-        PAPER,
-        "III.D",
-        "Lagrangian",
-        _lagrangian(n, "printed"),
-        _lagrangian(n, "corrected"),
-        "never as a whole",
-        sp.false,
-        "every fault of E_k and E_p together",
-    )
+    forms = _lagrangian(n, "printed"), _lagrangian(n, "corrected")
+    note = "every fault of E_k and E_p together"
+    return Equation(PAPER, "III.D", "Lagrangian", *forms, "never as a whole", sp.false, note)
 
 
 def _lagrangian(n: int, form: str) -> Any:

@@ -276,31 +276,10 @@ def conservation(i: int, n: int) -> Equation:
         torque += inertia(i, j, n) * (cross_rate - sp.sin(delta) * (a * b * ci * cj + spin_a * spin_b * si * sj))
     name = sp.Derivative(sp.Symbol("L"), phi(i).q)
     words = "for one link; for links in one vertical plane while it does not turn, or sin θ_i/sin θ_j is constant"
-    return Equation(
-        PAPER,
-        "11",
-        "conservation of each azimuth momentum",
-        equal(name, sp.Integer(0)),
-        equal(name, torque),
-        words,
-        sp.Eq(torque, 0),
-        "the sum over i vanishes; with a cart not even that, for the rail breaks the symmetry",
-    )
-
-
-def total_momentum(n: int) -> Any:
-    """Σ_i ∂L/∂φ_i' = Σ A_ij (u_i × u_j')·e_z, which is conserved on a fixed support."""
-    return sp.Add(*(momentum(i, n).corrected.rhs for i in upto(n)))
-
-
-def vector_equation(i: int, n: int) -> Any:
-    """u_i × (Σ_j A_ij u_j'' − g b_i e_z) (3, 1), which vanishes in motion and is regular at every angle."""
-    moving, pull = coordinates(n), sp.Matrix([0, 0, -g * inertia(i, i, n) / length(i)])
-    for j in upto(n):
-        pull += inertia(i, j, n) * direction(j).applyfunc(
-            lambda part: time_derivative(time_derivative(part, moving), moving)
-        )
-    return direction(i).cross(pull)
+    forms = equal(name, sp.Integer(0)), equal(name, torque)
+    note = "the sum over i vanishes; with a cart not even that, for the rail breaks the symmetry"
+    title = "conservation of each azimuth momentum"
+    return Equation(PAPER, "11", title, *forms, words, sp.Eq(torque, 0), note)
 
 
 def azimuth_acceleration(i: int, n: int, *, has_dots: bool = False) -> Equation:
