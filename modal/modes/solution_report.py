@@ -64,10 +64,8 @@ class SolutionReport:
 
     def text(self) -> str:
         """The report for a terminal, in at most 25 lines."""
-        unknowns, coordinates = (
-            noun_count(self.unknowns, "unknown"),
-            noun_count(self.coordinates, "coordinate"),
-        )
+        unknowns = noun_count(self.unknowns, "unknown")
+        coordinates = noun_count(self.coordinates, "coordinate")
         return "\n".join(
             [
                 f"Built: {unknowns} for a scene of {coordinates}",
