@@ -108,7 +108,7 @@ def _parts(spectrum: ModalSpectrum) -> tuple[ProblemGroup, ...]:
     """One part for each source, equal ones merged."""
     mode_counts = Counter[int]()
     for part in (part for parts in spectrum.groups for part in parts):
-        mode_counts[part.source] += part.along_count + part.across_count
+        mode_counts[part.source] += part.copies
     totals: dict[tuple[str, str, int], tuple[int, int]] = {}
     for index, source in enumerate(spectrum.sources):
         size = source.problem_size
