@@ -158,7 +158,7 @@ def _eigen(M: Floats, K: Floats, free: Floats) -> tuple[Floats, Floats]:
     inertia, stiffness = (part * scale * scale[:, None] for part in (inertia, stiffness))
     try:
         L = np.asarray(np.linalg.cholesky(stiffness), dtype=np.float64)
-        square, v = np.linalg.eigh(_in_factors(L, inertia))
+        square, v = np.linalg.eigh(in_factors(L, inertia))
         square = np.where(square > 4 * EPS * square[-1], square, 0.0)
         with np.errstate(divide="ignore"):
             rate, momentum = 1 / np.sqrt(square), L @ v * np.sqrt(square) / scale[:, None]
@@ -167,13 +167,13 @@ def _eigen(M: Floats, K: Floats, free: Floats) -> tuple[Floats, Floats]:
             L = np.asarray(np.linalg.cholesky(inertia), dtype=np.float64)
         except np.linalg.LinAlgError:
             raise ComputationError(BEYOND) from None
-        square, v = np.linalg.eigh(_in_factors(L, stiffness))
+        square, v = np.linalg.eigh(in_factors(L, stiffness))
         rate, momentum = np.sign(square) * np.sqrt(np.abs(square)), L @ v / scale[:, None]
     momenta = np.zeros((len(M), len(rate)))
     momenta[remaining], momenta[loose] = momentum, -free[remaining].T @ momentum
     return rate, momenta
 
 
-def _in_factors(L: Floats, S: Floats) -> Floats:
+def in_factors(L: Floats, S: Floats) -> Floats:
     """L⁻¹ S L⁻ᵀ of a symmetric S."""
     return np.asarray(np.linalg.solve(L, np.linalg.solve(L, S).T), dtype=np.float64)

@@ -347,9 +347,9 @@ def modal_supports(structure: Structure) -> tuple[Floats, Floats, Floats]:
     """Return M, K and D (d, d) over η of modal supports."""
     M, K, D = np.zeros((3, structure.size, structure.size))
     for carrier, first in zip(structure.carriers, structure.offsets, strict=False):
-        if carrier.M is not None and carrier.K is not None and carrier.D is not None:
+        if matrices := carrier.matrices:
             at = slice(first, first + carrier.size)
-            M[at, at], K[at, at], D[at, at] = carrier.M, carrier.K, carrier.D
+            M[at, at], K[at, at], D[at, at] = matrices
     return M, K, D
 
 

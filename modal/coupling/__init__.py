@@ -14,15 +14,11 @@ from modal.coupling.damping import damped_modes, negative_damping
 from modal.coupling.families import Family, FamilyBranch, FamilyRow, family_name, passes_energy
 from modal.coupling.report import coupling_report
 
-StructureCoupling, PendulumFamily = Coupling, Family
-
 __all__ = [
     "Coupling",
     "Family",
     "FamilyBranch",
     "FamilyRow",
-    "PendulumFamily",
-    "StructureCoupling",
     "StructureMode",
     "coupling_report",
     "damped_modes",

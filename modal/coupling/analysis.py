@@ -165,9 +165,9 @@ class Coupling(TextResult):
             return None
         undamped_modes, table = self._mode_tables
         try:
-            return undamped_modes.omega, undamped_modes.number if undamped_modes is table else 1 + counterparts(
-                undamped_modes, table
-            )
+            is_same = undamped_modes is table
+            numbers = undamped_modes.number if is_same else 1 + counterparts(undamped_modes, table)
+            return undamped_modes.omega, numbers
         except ComputationError:
             return None
 
@@ -199,10 +199,8 @@ class Coupling(TextResult):
         ways = [np.hypot(phi.rail @ shape, phi.down @ shape).max()]
         for k, carrier in enumerate(structure.carriers):
             if carrier.size and carrier.M is None:
-                rows = [
-                    sum(shape[at] * value for at, value in row.items()) for row in slopes(structure, k, carrier.centre)
-                ]
-                ways.append(np.hypot(*rows))
+                rows = slopes(structure, k, carrier.centre)
+                ways.append(np.hypot(*(sum(shape[at] * value for at, value in row.items()) for row in rows)))
         return float(max(ways))
 
     @cached_property

@@ -146,9 +146,8 @@ def _modes(losses: _Losses, spectrum: ModalSpectrum) -> list[tuple[Kind | None, 
         members_and_parts = list(members)
         shapes = _shapes(losses.rig, spectrum, source, [part for _, part in members_and_parts])
         for (number, part), part_shapes in zip(members_and_parts, shapes, strict=True):
-            modes.append(
-                (number, part.kind, losses.modes(part, float(omega[number]), float(ratio[number]), part_shapes))
-            )
+            equal = losses.modes(part, float(omega[number]), float(ratio[number]), part_shapes)
+            modes.append((number, part.kind, equal))
     ascending = sorted(modes, key=lambda entry: entry[0])
     return [(kind, mode) for _, kind, equal in ascending for mode in equal]
 
@@ -166,10 +165,8 @@ def _shapes(rig: Rig, spectrum: ModalSpectrum, source: int, parts: list[Spectrum
         ends = np.cumsum([len(part_rows) for part_rows in rows]).tolist()
         eta = np.array(displacements(rig, details)).reshape(rig.leading, ends[-1]).real
         for part, (first, last) in zip(chosen, pairwise([0, *ends]), strict=True):
-            mass, angles = (
-                details.modal_mass[first:last],
-                tuple(angle[..., first:last].real for angle in details.angles),
-            )
+            mass = details.modal_mass[first:last]
+            angles = tuple(angle[..., first:last].real for angle in details.angles)
             if part.kind:
                 block, column = part.kind
                 single_angles, mass = angles[0][:, 0], mass * rig.blocks[block].count[column]

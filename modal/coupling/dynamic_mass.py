@@ -215,9 +215,8 @@ class SecularEquation:
             amplitudes = dynamic.omega[:, None] * np.sqrt(dynamic.mass[:, None] / zeros.modal_mass)
             shares = np.vstack([energy, (omega / distances * amplitudes) ** 2])[1 - spring_poles :]
         owner = np.full(count, -1)
-        for row, zero in enumerate(
-            pair_rows(np.nan_to_num(shares, posinf=1.0), np.ones(count, dtype=np.int64)).tolist()
-        ):
+        zeros_of_rows = pair_rows(np.nan_to_num(shares, posinf=1.0), np.ones(count, dtype=np.int64))
+        for row, zero in enumerate(zeros_of_rows.tolist()):
             if zero >= 0:
                 owner[zero] = row - spring_poles
         return owner

@@ -106,9 +106,7 @@ def _left_out(coupling: Coupling) -> Iterator[str]:
         extra_families = counted(len(families) - limit, "more family is", "more families are")
         yield f"{extra_families} {ELSEWHERE}, up to {rad(families[-1].omega)}."
     locking = coupling.scene.is_structured or coupling.on_cart
-    also = (
-        " Synchronization requires dampers and drives; see `sync`." if locking and coupling.scene.n_pendula > 1 else ""
-    )
+    also = " Synchronization requires dampers and drives; see `sync`." * (locking and coupling.scene.n_pendula > 1)
     yield f"Large angles are omitted: the table of modes states at which angle a frequency is 1 % off.{also}"
     if coupling.rig.spatial:
         yield "Motion across the rail is omitted: there nothing couples the pendula at small angles."

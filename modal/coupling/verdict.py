@@ -85,9 +85,8 @@ def _beats(coupling: Coupling, rows: list[FamilyRow]) -> Iterator[str]:
         share_words = f"; after half a beat the other {'pendulum has' if row.fold == 2 else 'pendula have'} {part}"
         if coupling.scene.has_damping:
             who = "the other never receives" if row.fold == 2 else "the others never receive"
-            share_words = (
-                f"; if one pendulum is set swinging alone, {who} more than {fraction(row.share)} of the energy"
-            )
+            share = fraction(row.share)
+            share_words = f"; if one pendulum is set swinging alone, {who} more than {share} of the energy"
     slowest = "The slowest beat takes" if len(beating) > 1 else "The beat takes"
     yield f"{slowest} {row.beat:.4g} s (family {row.family}){share_words}."
 
@@ -165,9 +164,8 @@ def _driven(coupling: Coupling) -> str:
     growing = [mode.omega for mode in coupling.damped_modes if mode.from_drives > mode.decay]
     if growing:
         several = len(set(map(coupling.number, growing))) > 1
-        return f"Drives make {_list_of_modes(coupling, growing)} grow from rest" + (
-            "; `sync` finds which of them wins." if several else "; `sync` finds how far."
-        )
+        finds = "which of them wins" if several else "how far"
+        return f"Drives make {_list_of_modes(coupling, growing)} grow from rest; `sync` finds {finds}."
     if any(mode.from_drives for mode in coupling.damped_modes):
         return "No mode grows from rest: the drives feed each less than its dampers take."
     return "Kicks sustain the swing, and have no rate at rest; `sync` finds which mode wins."

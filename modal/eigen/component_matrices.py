@@ -105,10 +105,8 @@ class ComponentMatrices:
     @cached_property
     def squares(self) -> tuple[tuple[Element, ...], ...]:
         """The elements of M, K and D except those of the chains, in the coordinates of the component."""
-        place_of, part_elements = (
-            self._place_of_coordinate,
-            self.parted_rig.elements_of_parts.get(self.component.group, ([], [], [])),
-        )
+        place_of = self._place_of_coordinate
+        part_elements = self.parted_rig.elements_of_parts.get(self.component.group, ([], [], []))
         squares = [
             [element._replace(at=tuple(place_of[place] for place in element.at)) for element in elements]
             for elements in part_elements
@@ -117,9 +115,8 @@ class ComponentMatrices:
             for elements, S in zip(squares, matrices, strict=True):
                 root, signs = deferred("modal.eigen.dense:square_root")(S)
                 at = tuple(range(start, start + len(S)))
-                elements += [
-                    Element(at, tuple(row), sign) for row, sign in zip(root.tolist(), signs.tolist(), strict=True)
-                ]
+                rows = zip(root.tolist(), signs.tolist(), strict=True)
+                elements += [Element(at, tuple(row), sign) for row, sign in rows]
         return tuple(map(tuple, squares))
 
     @property
@@ -127,13 +124,8 @@ class ComponentMatrices:
         """M, K and D of every modal support of the component, with the place of its coordinates."""
         structure = self.parted_rig.hanging.structure
         for carrier, start in zip(structure.carriers, structure.offsets, strict=False):
-            if (
-                carrier.M is not None
-                and carrier.K is not None
-                and carrier.D is not None
-                and start in self._place_of_coordinate
-            ):
-                yield self._place_of_coordinate[start], (carrier.M, carrier.K, carrier.D)
+            if start in self._place_of_coordinate and (matrices := carrier.matrices):
+                yield self._place_of_coordinate[start], matrices
 
     @cached_property
     def momentum(self) -> Floats:

@@ -20,6 +20,9 @@ from modal.eigen.recursion import at_infinity
 from modal.structure import slopes
 from modal.types import EPS, NOISE_OF_TERMS, Floats, Ints
 
+ElementLists = tuple[list[Element], list[Element], list[Element]]
+"""Elements of M, K and D."""
+
 
 class Share(NamedTuple):
     """The amplitudes in a combination of `copies` equal pendula of a column of its block, from its first pendulum."""
@@ -148,45 +151,44 @@ class PartedRig:
     # ------------------------------------------------------------------------------------------- what moves together
 
     @cached_property
+    def _nodes(self) -> dict[int, int]:
+        """The places after the coordinates of the pendula that springs join."""
+        return {p: self.size + k for k, p in enumerate(sorted(self.hanging.tied))}
+
+    def _node_of(self, place: int) -> int:
+        """The coordinate or the pendulum at a place of an element."""
+        return place if place < self.size else self._nodes[self.hanging.owner(place - self.size)]
+
+    @cached_property
     def groups(self) -> Ints:
         """The number of the part that each coordinate belongs to, then each pendulum that springs join, (d + T,)."""
         if self.is_plain:
             return np.zeros(self.size, dtype=np.int64)
-        tied = sorted(self.hanging.tied)
-        node = {p: self.size + k for k, p in enumerate(tied)}
-        leader = np.arange(self.size + len(tied))
+        leader = np.arange(self.size + len(self._nodes))
 
         def join(places: Sequence[int]) -> None:
             for place in places[1:]:
                 first, second = (_leader(leader, k) for k in (places[0], place))
                 leader[max(first, second)] = min(first, second)
 
-        def of(place: int) -> int:
-            return place if place < self.size else node[self.hanging.owner(place - self.size)]
-
         for element in (element for part in self.hanging.elements[:3] for element in part):
-            join([of(place) for place in element.at])
+            join([self._node_of(place) for place in element.at])
         for carrier, start in zip(self.hanging.structure.carriers, self.hanging.structure.offsets, strict=False):
             if carrier.M is not None:
                 join(range(start, start + carrier.size))
         for block, column in self.rig.names:
             pendulum = self._columns[block, column]
             moving_coordinates = np.flatnonzero(np.abs(self._rows(block, column)).sum(0)).tolist()
-            join([*([node[pendulum]] if pendulum in node else []), *moving_coordinates])
+            join([*([self._nodes[pendulum]] if pendulum in self._nodes else []), *moving_coordinates])
         return np.array([_leader(leader, k) for k in range(len(leader))], dtype=np.int64)
 
     @cached_property
-    def elements_of_parts(self) -> dict[int, tuple[list[Element], list[Element], list[Element]]]:
+    def elements_of_parts(self) -> dict[int, ElementLists]:
         """The elements of M, K and D by the number of their part."""
-        node = {p: self.size + k for k, p in enumerate(sorted(self.hanging.tied))}
-        elements: dict[int, tuple[list[Element], list[Element], list[Element]]] = {
-            int(k): ([], [], []) for k in self.groups
-        }
+        elements: dict[int, ElementLists] = {int(k): ([], [], []) for k in self.groups}
         for which, part in enumerate(self.hanging.elements[:3]):
             for element in part:
-                at = element.at[0]
-                at = at if at < self.size else node[self.hanging.owner(at - self.size)]
-                elements[int(self.groups[at])][which].append(element)
+                elements[int(self.groups[self._node_of(element.at[0])])][which].append(element)
         return elements
 
     @cached_property
@@ -194,7 +196,7 @@ class PartedRig:
         """The components, and the combinations of pendula in different columns that leave the structure at rest."""
         if self.is_plain:
             return ((self.all_pendula,) if self.size else ()), ()
-        tied = {p: self.size + k for k, p in enumerate(sorted(self.hanging.tied))}
+        tied = self._nodes
         heavies_of_part: dict[int, list[Heavy]] = {int(k): [] for k in self.groups}
         alike: dict[tuple[int, int, bytes], list[int]] = {}
         for block, column in self.rig.names:

@@ -28,6 +28,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from modal.assembly.modal_damping import in_factors
 from modal.eigen.amplitude import LIGHT
 from modal.eigen.sources import UNCERTAIN
 from modal.errors import ComputationError
@@ -63,13 +64,13 @@ def undamped_modes(M: Floats, K: Floats, total_inertia: Floats, *, singular: boo
     If M is known to be `singular` by one dimension, the mode at infinite frequency is omitted.
     """
     scale, L, sensitivity = _scaled_factor(K)
-    inverse_square, v = np.linalg.eigh(_in_factors(L, M * scale * scale[:, None]))
+    inverse_square, v = np.linalg.eigh(in_factors(L, M * scale * scale[:, None]))
     inverse_square, v = inverse_square[singular:], v[:, singular:]
     if inverse_square.size and inverse_square[0] <= 4 * len(M) * EPS * inverse_square[-1]:
         raise ComputationError("the frequencies spread too far for the dense route that this scene needs")
     inverse_square, v = inverse_square[::-1], v[:, ::-1]
     shape = scale[:, None] * np.linalg.solve(L.T, v)
-    largest = np.trace(_in_factors(L, total_inertia * scale * scale[:, None]))
+    largest = np.trace(in_factors(L, total_inertia * scale * scale[:, None]))
     error = 2 * len(M) * EPS * (sensitivity + largest / inverse_square)
     return Eigen(1j / np.sqrt(inverse_square), shape, error, len(L))
 
@@ -82,7 +83,7 @@ def indefinite_modes(M: Floats, K: Floats, *, terms: Floats, loss_factor: float 
     the same shape and is not listed.
     """
     scale, L, sensitivity = _scaled_factor(M)
-    x, v = np.linalg.eigh(_in_factors(L, K * scale * scale[:, None]))
+    x, v = np.linalg.eigh(in_factors(L, K * scale * scale[:, None]))
     shape = scale[:, None] * np.linalg.solve(L.T, v)
     x = np.where(x == 0, np.finfo(float).tiny, x)
     largest = max(np.abs(x).max(initial=0.0), (terms * scale**2).max(initial=0.0))
@@ -107,12 +108,6 @@ def _scaled_factor(S: Floats) -> tuple[Floats, Floats, float]:
     scale = 1 / np.sqrt(np.diag(S))
     L = np.asarray(np.linalg.cholesky(S * scale * scale[:, None]), dtype=np.float64)
     return scale, L, float(np.linalg.norm(np.linalg.inv(L), 2) ** 2) if len(S) else 1.0
-
-
-def _in_factors(L: Floats, S: Floats) -> Floats:
-    """L⁻¹ S L⁻ᵀ of a symmetric S."""
-    product: Floats = np.linalg.solve(L, np.linalg.solve(L, S).T)
-    return product
 
 
 def is_singular(M: Floats) -> bool:

@@ -192,6 +192,10 @@ class Rounded:
         """The floats themselves."""
         return np.asarray(values, dtype=np.float64)
 
+    def exact(self, values: Any) -> Any:
+        """The floats next to decimals."""
+        return np.asarray(values, dtype=np.float64)
+
     def imaginary(self, values: Any) -> Any:
         """Complex floats."""
         return 1j * values

@@ -20,7 +20,6 @@ def details_of(
     return Details(
         modal_mass=modal_mass,
         momentum=momentum,
-        cart=np.zeros(len(modal_mass)),
         participation=unknown,
         kappa=unknown,
         residual=residual,
@@ -77,14 +76,10 @@ class FreeMotions:
         if not parted_rig.is_plain:
             momentum = momentum + (np.nan if self.matrices.is_damped else 0.0)
             return details_of(shapes, unit, momentum, 0 * unit, shapes.energies)
-        has_drag, cart = self.has_drag[rows], eta[0]
-        return replace(
-            details_of(shapes, unit, np.where(has_drag, np.nan, momentum), 0 * unit, shapes.energies),
-            cart=cart,
-            participation=np.where(has_drag, 0.0, cart**2 / self.moving.accelerance),
-            kappa=0 * unit,
-            eta=(),
-        )
+        has_drag = self.has_drag[rows]
+        details = details_of(shapes, unit, np.where(has_drag, np.nan, momentum), 0 * unit, shapes.energies)
+        participation = np.where(has_drag, 0.0, eta[0] ** 2 / self.moving.accelerance)
+        return replace(details, participation=participation, kappa=0 * unit)
 
 
 def significant_product(row: Floats, shape: Numbers) -> Floats:

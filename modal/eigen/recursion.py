@@ -151,13 +151,8 @@ def _kinetic(link: Constants, y: Floats | float, a: Floats) -> Floats:
 
 def _empty(block: Block, x: Floats) -> SweepResult:
     shape = (block.size, x.shape[-1])
-    return SweepResult(
-        mass=np.empty((block.n + 1, *shape)),
-        energy=np.empty((block.n + 1, *shape)),
-        nearest=np.empty((block.n + 1, *shape)),
-        gain=np.empty((block.n, *shape)),
-        turn=np.empty((block.n, *shape)),
-    )
+    joints, links = (np.empty((3, block.n + 1, *shape)), np.empty((2, block.n, *shape)))
+    return SweepResult(*joints, *links)
 
 
 NUMBERS_IN_CACHE = 16_000

@@ -37,18 +37,23 @@ class Details:
 
     `momentum` is φᵀMe for the unit translation e along the rail, `participation` the mode's share in the cart's
     response to a sudden push.  `angles` and `shares` are, for every block of kinds (n, P), the angles and kinetic
-    energy shares (n, P, R) of one copy; `eta` has the displacement (R,) of every coordinate of a structure.
+    energy shares (n, P, R) of one copy; `eta` has the displacement (R,) of a cart or of every coordinate of a
+    structure, nothing of pendula alone.
     """
 
     modal_mass: Floats
     momentum: Floats
-    cart: NDArray[np.inexact]
     participation: Floats
     kappa: Floats
     residual: Floats
     angles: tuple[NDArray[np.inexact], ...]
     shares: tuple[Floats, ...]
     eta: tuple[NDArray[np.inexact], ...] = ()
+
+    @property
+    def cart(self) -> NDArray[np.inexact]:
+        """The displacement of a cart, 0 without one, (R,)."""
+        return self.eta[0] if self.eta else np.zeros(len(self.modal_mass))
 
     @property
     def effective_mass(self) -> Floats:
@@ -216,12 +221,12 @@ def chain_details(
     return Details(
         modal_mass=motion.modal_mass,
         momentum=motion.momentum,
-        cart=motion.cart,
         participation=motion.cart**2 / motion.modal_mass / accelerance,
         kappa=np.where(x > 0, coefficient(gamma, motion.modal_mass, x, largest_angle(angles)), np.nan),
         residual=motion.residual,
         angles=angles,
         shares=tuple(part / motion.modal_mass for part in energies),
+        eta=(motion.cart,) if accelerance < np.inf else (),
     )
 
 

@@ -56,6 +56,11 @@ class SpectrumPart(NamedTuple):
     kind: tuple[int, int] | None
     is_still: bool
 
+    @property
+    def copies(self) -> int:
+        """The number of independent shapes."""
+        return self.along_count + self.across_count
+
     def row_of(self, copy: int) -> int:
         """The row of the copy-th vector."""
         return self.row if self.kind else self.row + copy
@@ -197,7 +202,7 @@ class ModalSpectrum:
     @cached_property
     def multiplicity(self) -> Ints:
         """The number of independent modes of each eigenvalue, (R,)."""
-        return np.array([sum(part.along_count + part.across_count for part in parts) for parts in self.groups])
+        return np.array([sum(part.copies for part in parts) for parts in self.groups])
 
     @cached_property
     def numbers_of_kind(self) -> dict[tuple[int, int] | None, list[int]]:

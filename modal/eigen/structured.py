@@ -278,20 +278,14 @@ class OnStructure:
 
     def _of_cart(self, details: Details, value: Complexes, shape: Numbers) -> Details:
         """The properties of these modes with κ and, on a cart, its motion."""
-        is_cart = len(self.matrices.component.eta) > 0
-        cart = shape[0] if is_cart else np.zeros(len(value))
-        momentum = details.momentum
-        if is_cart and not self.is_damped:
+        momentum, participation = details.momentum, np.zeros(len(value))
+        if details.eta:
+            participation = self._participation(details.modal_mass, value, shape)
+        if details.eta and not self.is_damped:
             (spring,) = self.matrices.parted_rig.hanging.structure.carriers[0].stiffness
-            momentum = spring * cart.real / -(value**2).real
-        return replace(
-            details,
-            momentum=momentum,
-            cart=cart,
-            participation=self._participation(details.modal_mass, value, shape) if is_cart else cart.real,
-            kappa=self._kappa(details, value, shape),
-            eta=(),
-        )
+            momentum = spring * details.cart.real / -(value**2).real
+        kappa = self._kappa(details, value, shape)
+        return replace(details, momentum=momentum, participation=participation, kappa=kappa)
 
     def _participation(self, modal_mass: Floats, value: Complexes, shape: Numbers) -> Floats:
         """The share of each mode in the cart's response to a sudden push (`modal.modes.mode`).
@@ -324,10 +318,11 @@ class OnStructure:
         rig, omega = self.matrices.parted_rig.rig, np.abs(value)
         if rig.leans:
             return np.full(len(value), np.nan)
-        cart = shape.real[0] if len(self.matrices.component.eta) else np.zeros(len(value))
         angles = tuple(angle.real for angle in details.angles)
         parts = zip(rig.blocks, angles, strict=True)
-        gamma = np.sum([(quartic(b, omega**2, cart, a) * b.count[:, None]).sum(0) for b, a in parts], axis=0)
+        gamma = np.sum(
+            [(quartic(b, omega**2, details.cart.real, a) * b.count[:, None]).sum(0) for b, a in parts], axis=0
+        )
         modal_mass = details.modal_mass
         if self.is_damped:
             M = self.matrices.factors[0]

@@ -86,7 +86,8 @@ def isolate(coefficients: Sequence[int], width: Fraction, *, relative: bool = Fa
     if relative and coefficients[-1] == 0:
         raise ValueError("the root 0 has no relative width")
     narrow = _relative(width) if relative else lambda low, high: high - low <= width
-    radius, degree = Fraction(_root_bound(coefficients)), len(coefficients) - 1
+    bound = max(map(abs, coefficients)) // abs(coefficients[0]) + 2  # 1 + max |c_i/c_0| (Cauchy) is above all roots
+    radius, degree = Fraction(1 << int(bound).bit_length()), len(coefficients) - 1
     return list(_split(coefficients, narrow, (-radius, degree), (radius, 0)))
 
 
@@ -96,7 +97,8 @@ def _relative(width: Fraction) -> Narrow:
 
 def count_above(coefficients: Sequence[int], a: Fraction) -> int:
     """Number of roots > a, with multiplicity, of a real-rooted polynomial."""
-    return _sign_changes(_shift(coefficients, a))
+    signs = [c > 0 for c in _shift(coefficients, a) if c]
+    return sum(before != after for before, after in pairwise(signs))
 
 
 def _split(
@@ -146,18 +148,7 @@ def _shift(p: Sequence[int], a: Fraction) -> list[int]:
     return c
 
 
-def _sign_changes(p: Sequence[int]) -> int:
-    signs = [c > 0 for c in p if c]
-    return sum(a != b for a, b in pairwise(signs))
-
-
 def _newton(p: Sequence[int]) -> bool:
     """Newton's inequalities, necessary for real roots: c_k² ≥ c_{k−1} c_{k+1} (k + 1)(n − k + 1)/(k (n − k))."""
     n = len(p) - 1
     return all(p[k] ** 2 * k * (n - k) >= p[k - 1] * p[k + 1] * (k + 1) * (n - k + 1) for k in range(1, n))
-
-
-def _root_bound(p: Sequence[int]) -> int:
-    """A power of two above every |root| (Cauchy: 1 + max |c_i/c_0|)."""
-    largest = max(abs(c) for c in p) // abs(p[0]) + 2
-    return 1 << int(largest).bit_length()

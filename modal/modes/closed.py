@@ -137,14 +137,7 @@ class ClosedLoops:
             angles[block][:, column] = shape[first : first + rig.blocks[block].n]
             first += rig.blocks[block].n
         shapes = StructureShapes(PartedRig(rig), shape[: rig.leading], angles)
-        details = details_of(shapes, modal_mass, np.full(len(rows), np.nan), residual, shapes.energies)
-        return details if rig.structure or not rig.leading else _on_cart(details, shape[0])
-
-
-def _on_cart(details: Details, cart: Complexes) -> Details:
-    """The same with the displacements of a cart."""
-    values = {**vars(details), "cart": cart, "eta": ()}
-    return Details(**values)
+        return details_of(shapes, modal_mass, np.full(len(rows), np.nan), residual, shapes.energies)
 
 
 class ClosedModes(Modes):

@@ -191,13 +191,11 @@ class Modes(TextResult, Eigenvalues, Sequence[Mode]):
     @cached_property
     def matrix(self) -> ModalMatrix:
         """The modal matrix Φ of all modes and copies, in the order of the table."""
-        shapes_of_modes = all_shapes(self)
-        is_across = np.array([shape.across for vectors in shapes_of_modes for shape in vectors], dtype=bool)
-        return stack_columns(
-            [[self.column(shape_of_copy) for shape_of_copy in vectors] for vectors in shapes_of_modes],
-            is_across,
-            self.matrices.M,
-        )
+        shapes = [(row, copy, shape) for row, part in enumerate(all_shapes(self)) for copy, shape in enumerate(part)]
+        columns = np.array([self.column(shape) for *_, shape in shapes]).T
+        row, copy = (np.array([place[part] for place in shapes], dtype=np.int64) for part in (0, 1))
+        is_across = np.array([shape.across for *_, shape in shapes], dtype=bool)
+        return ModalMatrix(columns, row, copy, is_across, self.matrices.M)
 
     def column(self, shape: Shape) -> NDArray[Any]:
         """A shape as one vector (n,): the cart or the structure, then every link in the order of the file."""
@@ -215,11 +213,11 @@ class Modes(TextResult, Eigenvalues, Sequence[Mode]):
         """
         how, index, number = validate_normalisation(normalise), copy, self.place(number)
         for part in self.spectrum.groups[number]:
-            if 0 <= index < part.along_count + part.across_count:
+            if 0 <= index < part.copies:
                 details = self.spectrum.details(part.source, [part.row_of(index)])
                 uncertain = bool(self.error[number] >= UNCERTAIN)
                 return expand(self.rig, self.units, part, index, details, how, uncertain=uncertain)
-            index -= part.along_count + part.across_count
+            index -= part.copies
         raise IndexError(f"mode index {number} has {self.multiplicity[number]} basis vectors: there is no index {copy}")
 
     @cached_property
@@ -368,11 +366,10 @@ def equilibrium_words(rig: Rig) -> tuple[str, ...]:
         return ()
     sizes = [rig.blocks[block].n for block, _, copies in rig.members for _ in range(copies)]
     chain_angles = np.split(np.degrees(rig.rest_angles) + 0.0, np.cumsum(sizes)[:-1])
-    words = [", ".join([f"{angle:.1f}°" for angle in angles[:MOST_LISTED].tolist()]) for angles in chain_angles]
-    words = [
-        f"{phrase}, …" if len(angles) > MOST_LISTED else phrase
-        for phrase, angles in zip(words, chain_angles, strict=True)
-    ]
+    words = []
+    for angles in chain_angles:
+        listed_angles = [f"{angle:.1f}°" for angle in angles[:MOST_LISTED].tolist()]
+        words.append(", ".join(listed_angles + ["…"] * (len(angles) > MOST_LISTED)))
     runs = [(phrase, len(list(group))) for phrase, group in groupby(words)]
     phrases = [phrase if count == 1 else f"{phrase} ({count} times)" for phrase, count in runs[:MOST_LISTED]]
     phrases += ["…"] * (len(runs) > MOST_LISTED)
@@ -435,15 +432,6 @@ class ModalMatrix(Displayed):
         return ModalMatrix(self.shapes.T[columns].T, row, copy, across, self.M)
 
 
-def stack_columns(columns_of_modes: list[list[NDArray[Any]]], is_across: Booleans, M: Floats) -> ModalMatrix:
-    """The matrix of the columns of every mode, one list a mode."""
-    places = [(row, copy) for row, vectors in enumerate(columns_of_modes) for copy in range(len(vectors))]
-    row, copy = (np.array([place[part] for place in places], dtype=np.int64) for part in (0, 1))
-    return ModalMatrix(
-        np.array([column for vectors in columns_of_modes for column in vectors]).T, row, copy, is_across, M
-    )
-
-
 def all_shapes(modes: Eigenvalues) -> list[list[Shape]]:
     """`modes.shape(number, copy, "mass")` for every mode and copy."""
     groups, rows = modes.spectrum.groups, _rows(modes)
@@ -454,11 +442,7 @@ def all_shapes(modes: Eigenvalues) -> list[list[Shape]]:
         return expand(modes.rig, modes.units, part, copy, row, "mass", uncertain=uncertain)
 
     return [
-        [
-            shape(part, copy, bool(error >= UNCERTAIN))
-            for part in parts
-            for copy in range(part.along_count + part.across_count)
-        ]
+        [shape(part, copy, bool(error >= UNCERTAIN)) for part in parts for copy in range(part.copies)]
         for parts, error in zip(groups, modes.error, strict=True)
     ]
 
@@ -468,6 +452,6 @@ def _rows(modes: Eigenvalues) -> dict[int, dict[int, int]]:
     rows: dict[int, dict[int, int]] = {}
     for part in (part for parts in modes.spectrum.groups for part in parts):
         places = rows.setdefault(part.source, {})
-        for copy in range(part.along_count + part.across_count):
+        for copy in range(part.copies):
             places.setdefault(part.row_of(copy), len(places))
     return rows

@@ -147,8 +147,7 @@ def expand(
 
 def displacements(rig: Rig, details: Details) -> tuple[NDArray[np.inexact], ...]:
     """Return the motion of each support coordinate in all rows, d arrays (R,); 0 in modes of single pendula."""
-    eta = details.eta if rig.structure else (details.cart,)
-    return (eta or (np.zeros(len(details.modal_mass)),) * rig.leading)[: rig.leading]
+    return details.eta or (np.zeros(len(details.modal_mass)),) * rig.leading
 
 
 def by_kind(hanging: Hanging, values: NDArray[A]) -> tuple[NDArray[A], ...]:
@@ -189,10 +188,9 @@ def _of_copies(
             amplitudes = weights[used : used + count]
             used += count
         n = rig.blocks[block].n
-        angles.append(
-            np.outer(amplitudes, copy_shape).ravel() if amplitudes.any() else np.zeros(count * n, copy_shape.dtype)
-        )
-        shares.append(np.outer(amplitudes**2, share).ravel() if amplitudes.any() else np.zeros(count * n))
+        moves = amplitudes.any()
+        angles.append(np.outer(amplitudes, copy_shape).ravel() if moves else np.zeros(count * n, copy_shape.dtype))
+        shares.append(np.outer(amplitudes**2, share).ravel() if moves else np.zeros(count * n))
     return np.concatenate(angles), np.concatenate(shares)
 
 

@@ -64,10 +64,8 @@ class SolutionReport:
 
     def text(self) -> str:
         """The report for a terminal, in at most 25 lines."""
-        unknowns, coordinates = (
-            noun_count(self.unknowns, "unknown"),
-            noun_count(self.coordinates, "coordinate"),
-        )
+        unknowns = noun_count(self.unknowns, "unknown")
+        coordinates = noun_count(self.coordinates, "coordinate")
         return "\n".join(
             [
                 f"Built: {unknowns} for a scene of {coordinates}",
@@ -110,7 +108,7 @@ def _parts(spectrum: ModalSpectrum) -> tuple[ProblemGroup, ...]:
     """One part for each source, equal ones merged."""
     mode_counts = Counter[int]()
     for part in (part for parts in spectrum.groups for part in parts):
-        mode_counts[part.source] += part.along_count + part.across_count
+        mode_counts[part.source] += part.copies
     totals: dict[tuple[str, str, int], tuple[int, int]] = {}
     for index, source in enumerate(spectrum.sources):
         size = source.problem_size

@@ -467,11 +467,8 @@ def _further(form: str, head: str, table: ReportTable, notes: str) -> str:
     if form == "text":
         parts = folded(head), table.written(), "\n".join(map(folded, lines))
         return "\n" + "\n\n".join(filter(None, parts)) + "\n"
-    from tabulate import tabulate
-
     align = ["left" if heading in LEFT else "right" for heading in table.headings]
-    names = {"markdown": "github", "latex": "latex", "html": "html"}
-    body = tabulate(table.cells, table.headings, tablefmt=names[form], colalign=align, disable_numparse=True)
+    body = _tabulate("github" if form == "markdown" else form, align, table.cells, table.headings)
     line, between = {"markdown": ("{}", "\n\n"), "latex": ("% {}", "\n"), "html": ("<p>{}</p>", "\n")}[form]
     paragraphs = line.format(head), body if table.cells else "", *map(line.format, lines)
     return between[1:] + between.join(filter(None, paragraphs)) + "\n"
@@ -562,10 +559,10 @@ def _csv(modes: Modes, rows: Sequence[Mode], columns: Sequence[Column], *, sensi
     return csv_rows([keys, *(record.values() for record in records)])
 
 
-def _tabulate(name: str, columns: Sequence[Column], cells: list[list[str]], headings: list[str]) -> str:
+def _tabulate(name: str, align: list[str], cells: Sequence[Sequence[str]], headings: Sequence[str]) -> str:
     from tabulate import tabulate
 
-    return tabulate(cells, headings, tablefmt=name, colalign=_align(columns) if cells else None, disable_numparse=True)
+    return tabulate(cells, headings, tablefmt=name, colalign=align if cells else None, disable_numparse=True)
 
 
 def _align(columns: Sequence[Column]) -> list[str]:
@@ -593,7 +590,7 @@ def _text(
 
 
 def _markdown(modes: Modes, columns: Sequence[Column], cells: list[list[str]], notes: list[str]) -> str:
-    body = _tabulate("github", columns, cells, [column.heading for column in columns])
+    body = _tabulate("github", _align(columns), cells, [column.heading for column in columns])
     paragraphs = (f"\n{markdown(note)}" for note in notes)
     return "\n".join([f"**{markdown(title_of(modes.scene))}**", "", body, *paragraphs]) + "\n"
 
@@ -603,12 +600,12 @@ def _latex(modes: Modes, columns: Sequence[Column], cells: list[list[str]], note
         [cell.replace(NOTHING, "--").replace(">", "$>$").replace("~", r"\textasciitilde{}") for cell in row]
         for row in cells
     ]
-    body = _tabulate("latex_raw", columns, plain, [column.latex_heading for column in columns])
+    body = _tabulate("latex_raw", _align(columns), plain, [column.latex_heading for column in columns])
     return "\n".join([f"% {line}" for line in (one_line(title_of(modes.scene)), *notes)] + [body]) + "\n"
 
 
 def _html(modes: Modes, columns: Sequence[Column], cells: list[list[str]], notes: list[str]) -> str:
-    body = _tabulate("html", columns, cells, [column.heading for column in columns])
+    body = _tabulate("html", _align(columns), cells, [column.heading for column in columns])
     caption = f"<table>\n<caption>{html(title_of(modes.scene))}</caption>"
     return "\n".join([body.replace("<table>", caption, 1), *(f"<p>{html(note)}</p>" for note in notes)]) + "\n"
 

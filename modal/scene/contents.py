@@ -157,9 +157,8 @@ def _archive(content: bytes) -> FileKind | None:
         return FileKind("model", "a model")
     if any(name.endswith(".npy") for name in names):
         return FileKind("arrays", "an archive of arrays (NPZ)")
-    return (
-        FileKind("excel", "an Excel workbook") if "[Content_Types].xml" in names else FileKind("zip", "a ZIP archive")
-    )
+    is_workbook = "[Content_Types].xml" in names
+    return FileKind("excel", "an Excel workbook") if is_workbook else FileKind("zip", "a ZIP archive")
 
 
 FILE_BYTES_MAX = 256_000_000

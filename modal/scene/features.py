@@ -188,24 +188,22 @@ def _laws(value: Any) -> list[JointPart]:
 
 def _springs(value: Any) -> bool:
     """Whether a joint has a spring, or a law that acts as one."""
-    is_number = isinstance(value, float)
-    return (
-        value > 0 if is_number else any(part.law.has_potential or part.linear_coefficients[0] for part in _laws(value))
-    )
+    if isinstance(value, float):
+        return value > 0
+    return any(part.law.has_potential or part.linear_coefficients[0] for part in _laws(value))
 
 
-def _sustains(value: Any) -> bool:
-    return any(part.law.is_drive for part in _laws(value))
+def _any_law(test: Callable[[Any], bool]) -> Callable[[Any], bool]:
+    return lambda value: any(test(part.law) for part in _laws(value))
 
 
-def _is_active(value: Any) -> bool:
-    """Whether a law may supply energy, without being omitted as drives are."""
-    laws = [part.law for part in _laws(value)]
-    return any(not (law.is_conservative or law.is_dissipative or law.is_drive) for law in laws)
+def _supplies_energy(law: Any) -> bool:
+    """Whether a law may do so without being omitted as drives are."""
+    return not (law.is_conservative or law.is_dissipative or law.is_drive)
 
 
-def _is_kinked(value: Any) -> bool:
-    return any(not part.law.is_smooth for part in _laws(value))
+def _any_with(name: str) -> Callable[[Sequence[Any]], bool]:
+    return lambda parts: any(getattr(part, name) for part in parts)
 
 
 FEATURES: dict[str, Feature] = {
@@ -255,28 +253,22 @@ FEATURES: dict[str, Feature] = {
     "escapement": Feature(
         "kicks of escapements", "remove the drives", lambda drive: isinstance(drive, Escapement), link=("drive",)
     ),
-    "van_der_pol": Feature("van der Pol drives", "remove the drives", _sustains, link=("drive", "law")),
+    "van_der_pol": Feature(
+        "van der Pol drives", "remove the drives", _any_law(lambda law: law.is_drive), link=("drive", "law")
+    ),
     "law": Feature("laws of joints", "remove the law", link=("law",)),
-    "active_law": Feature("laws that supply energy", "remove the law", _is_active, link=("law",)),
-    "kinked_law": Feature("laws that are not smooth", "remove the law", _is_kinked, link=("law",)),
+    "active_law": Feature("laws that supply energy", "remove the law", _any_law(_supplies_energy), link=("law",)),
+    "kinked_law": Feature(
+        "laws that are not smooth", "remove the law", _any_law(lambda law: not law.is_smooth), link=("law",)
+    ),
     "force": Feature("a force that changes in time", "remove the force", _changes, scene="force"),
     "constant_force": Feature("a constant force", "remove the force", _is_constant, scene="force"),
     "feedback": Feature("feedback", "remove the feedback", scene="feedback"),
-    "limited_feedback": Feature(
-        "feedback with a limit", "remove the limit", lambda loops: any(loop.limit for loop in loops), scene="feedback"
-    ),
+    "limited_feedback": Feature("feedback with a limit", "remove the limit", _any_with("limit"), scene="feedback"),
     "sampled_feedback": Feature(
-        "feedback in samples",
-        "remove the sample_time",
-        lambda loops: any(loop.sample_time for loop in loops),
-        scene="feedback",
+        "feedback in samples", "remove the sample_time", _any_with("sample_time"), scene="feedback"
     ),
-    "reference": Feature(
-        "a reference of feedback",
-        "remove the reference",
-        lambda loops: any(loop.reference for loop in loops),
-        scene="feedback",
-    ),
+    "reference": Feature("a reference of feedback", "remove the reference", _any_with("reference"), scene="feedback"),
     "load": Feature("applied forces", "remove the load"),
 }
 """All features by name; a load comes with a call, not with a scene."""

@@ -249,11 +249,8 @@ def unsplined_intervals(times: Floats, values: Floats, spline: Spline, interpola
     """The intervals (T - 1,) between samples at `times`, both (T,), that are joined without a spline."""
     if interpolation != "auto":
         return np.full(len(times) - 1, interpolation == "linear")
-    previous_index, next_index = (
-        np.maximum(np.arange(-1, len(times) - 2), 0),
-        np.minimum(np.arange(2, len(times) + 1), len(times) - 1),
-    )
-    neighbours = np.array([values[previous_index], values[:-1], values[1:], values[next_index]])
+    before, after = np.append(values[0], values[:-2]), np.append(values[2:], values[-1])
+    neighbours = np.array([before, values[:-1], values[1:], after])
     low, high = neighbours.min(0), neighbours.max(0)
     room = SPLINE_EXCESS_OF_RECORD * np.ptp(values) + SPLINE_EXCESS_OF_SAMPLES * (high - low)
     straight, tried_stretches = np.zeros(len(times) - 1, dtype=bool), set[tuple[int, int]]()
@@ -264,13 +261,9 @@ def unsplined_intervals(times: Floats, values: Floats, spline: Spline, interpola
                 straight[first:last] = True
                 continue
             inner = times[first:last, None] + np.diff(times)[first:last, None] * SPLINE_PLACES
-            interpolated_values, stretch = spline(first, last)(inner), slice(first, last)
-            outside = (
-                (interpolated_values < (low - room)[stretch, None])
-                | (interpolated_values > (high + room)[stretch, None])
-                | np.isnan(interpolated_values)
-            )
-            straight[stretch] = outside.any(axis=1)
+            curve, stretch = spline(first, last)(inner), slice(first, last)
+            is_below, is_above = curve < (low - room)[stretch, None], curve > (high + room)[stretch, None]
+            straight[stretch] = (is_below | is_above | np.isnan(curve)).any(axis=1)
     return straight
 
 

@@ -112,7 +112,8 @@ def _words(finding: Mapping[str, Any]) -> str:
         return WORDS[kind] + _as_part(str(next(reversed(_in_file(finding["loc"])), "")), finding["input"])
     if kind == "union_tag_not_found":
         key = next(part for part in reversed(_in_file(finding["loc"])) if isinstance(part, str))
-        wrong_key = next((word for word in ("type", "shape", "Kind") if word in dict(_items(finding["input"]))), "")
+        keys = finding["input"] if isinstance(finding["input"], Mapping) else ()
+        wrong_key = next((word for word in ("type", "shape", "Kind") if word in keys), "")
         return f"needs a kind, one of {KINDS[key]}" + f": write kind in place of {wrong_key}" * bool(wrong_key)
     if kind in {"literal_error", "union_tag_invalid"}:
         choices = str(context.get("expected") or context["expected_tags"])
@@ -145,23 +146,16 @@ def _as_number(value: str | float, is_whole: bool) -> str:
     return f": write {number}" + " without quotation marks" * isinstance(value, str) if fits else ""
 
 
-def _items(value: object) -> Iterator[tuple[str, object]]:
-    return iter(value.items()) if isinstance(value, Mapping) else iter(())
-
-
 def _as_part(key: str, value: object) -> str:
     """How a part is written of which the kind alone was given, or the angles of a start."""
     if key == "start" and isinstance(value, int | float | list):
         angles = value if isinstance(value, list) else [value]
         return f": write start = {{ angles_deg = {_file_text(angles)} }}"
-    return _as_kind(key, value) if isinstance(value, str) else ""
-
-
-def _as_kind(key: str, word: str) -> str:
-    """How a part is written of which the kind alone was given."""
+    if not isinstance(value, str):
+        return ""
     kinds = re.findall('"([^"]*)"', KINDS.get(key, ""))
-    kind = word if word in kinds else OTHER_NAMES.get(word.lower(), "")
-    return f": write {as_table(kind, {key: KINDS[key]})}" if kind in kinds and key in KINDS else ""
+    kind = value if value in kinds else OTHER_NAMES.get(value.lower(), "")
+    return f": write {as_table(kind, {key: KINDS[key]})}" if kind in kinds else ""
 
 
 def _lower_bound(value: float, limit: float) -> str:

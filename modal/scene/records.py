@@ -281,7 +281,7 @@ class _Files(NamedTuple):
     def motion(self, part: dict[str, Any], place: str) -> dict[str, Any]:
         """A motion of a support with the numbers of its file."""
         if part.get("kind") == "random":
-            return self._read_file(part, place, "psd", ("frequency_hz", "of"), _motion_psd)
+            return self._read_file(part, place, "psd", ("frequency_hz", "of"), _psd)
         if part.get("kind") == "record":
             return self._read_file(part, place, "file", ("time_s", *RECORDED), read_record)
         return part
@@ -289,7 +289,7 @@ class _Files(NamedTuple):
     def force(self, part: dict[str, Any], place: str) -> dict[str, Any]:
         """A force with the numbers of its file."""
         if part.get("kind") == "random":
-            return self._read_file(part, place, "psd", ("frequency_hz",), _force_psd)
+            return self._read_file(part, place, "psd", ("frequency_hz",), partial(_psd, acts=True))
         if part.get("kind") == "record":
             return self._read_file(part, place, "file", ("time_s", *FORCES), partial(read_record, acts=True))
         return part
@@ -327,10 +327,6 @@ class _Files(NamedTuple):
         return numbers | {key: value for key, value in part.items() if key not in (name, "columns")}
 
 
-def _motion_psd(path: Path, *, has_quotes: bool, columns: Mapping[str, str]) -> dict[str, Any]:
-    return read_spectrum(path, has_quotes=has_quotes, columns=columns)._asdict()
-
-
-def _force_psd(path: Path, *, has_quotes: bool, columns: Mapping[str, str]) -> dict[str, Any]:
-    spectrum = read_spectrum(path, True, has_quotes=has_quotes, columns=columns)
-    return {"frequency_hz": spectrum.frequency_hz, "psd": spectrum.psd}
+def _psd(path: Path, *, has_quotes: bool, columns: Mapping[str, str], acts: bool = False) -> dict[str, Any]:
+    record = read_spectrum(path, acts, has_quotes=has_quotes, columns=columns)._asdict()
+    return {key: record[key] for key in ("frequency_hz", "psd", *["of"] * (not acts))}

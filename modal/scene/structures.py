@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Any
 
 from modal.errors import spelling_hint
@@ -115,8 +115,8 @@ def _hanging_problems(scene: Described, pendulum: Any, at: str) -> Iterator[str]
     names = scene.support_names
     if pendulum.on is None:
         if isinstance(scene.support, tuple):
-            known = [support.name for support in scene.supports if getattr(support, "name", "")]
-            yield f"{at}.on: is required among several supports" + (f": {_list_of_names(known)}" if known else "")
+            known = [f'"{support.name}"' for support in scene.supports if getattr(support, "name", "")]
+            yield f"{at}.on: is required among several supports" + ": " * bool(known) + ", ".join(known)
         elif isinstance(scene.support, ModalSupport):
             yield f'{at}.on: is required on a modal support: write on = "{names[0]}[0]"'
         return
@@ -141,13 +141,6 @@ def _hanging_problems(scene: Described, pendulum: Any, at: str) -> Iterator[str]
         yield f'{where}: omit the place here: write on = "{point.name}" and position = {place}'
     elif point.point is not None and pendulum.position != (0.0, 0.0):
         yield f"{at}.position: cannot be combined with a numbered point: leave it out"
-
-
-def _list_of_names(names: Sequence[str]) -> str:
-    return ", ".join(f'"{name}"' for name in names)
-
-
-# ------------------------------------------------------------------------------------------------------- springs
 
 
 def _spring_problems(scene: Described, spring: Any, at: str) -> Iterator[str]:

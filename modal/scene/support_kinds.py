@@ -57,18 +57,18 @@ def _made_part(path: type[Support]) -> type[Placed]:
             starts[key] = field(REAL, "at the start", unit, default=0.0)
     start = _part(f"{name}Start", (Part,), starts)
     body["start"] = field(optional(start.schema()), "of a simulation", default=None)
-    more = {"path": path(), "__doc__": path.__doc__, "__reduce__": _reduced, "problems": _problems}
+    more = {
+        "path": path(),
+        "__doc__": path.__doc__,
+        "__reduce__": lambda part: (_restored, (type(part.path), part.model_dump())),
+        "problems": _problems,
+    }
     part: type[Placed] = _part(name, (Placed,), body, more)
     return part
 
 
 def _part(name: str, bases: tuple[type, ...], fields: Mapping[str, Any], more: Mapping[str, Any] = {}) -> Any:
     return type(name, bases, {**fields, **more, "__annotations__": dict.fromkeys(fields, "float")})
-
-
-def _reduced(part: Any) -> tuple[Any, ...]:
-    """A part whose class another process creates again."""
-    return _restored, (type(part.path), part.model_dump())
 
 
 def _restored(path: type[Support], data: dict[str, Any]) -> Part:

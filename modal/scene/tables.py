@@ -434,7 +434,7 @@ def _of_text(text: str, name: str, has_quotes: bool) -> DataTable:
     except csv.Error as error:
         raise SceneError([str(error)]) from None
     sample = rows[-ROWS_OF_SAMPLE:]
-    has_comma = separator != "," and _has_decimal_comma(cell for _, row in sample for cell in row)
+    has_comma = separator != "," and any(COMMA.fullmatch(cell) for _, row in sample for cell in row)
     at, headings, units = _heading(rows, sample)
     facts = [f"cells between {SEPARATORS.get(separator, separator)}"] * (separator != ",")
     facts += ["decimal commas"] * has_comma
@@ -491,10 +491,6 @@ def _is_numeric(cell: str, decimal_comma: re.Pattern[str] | None = COMMA) -> boo
     if "," in cell and decimal_comma is None:
         return False
     return cell.lower() in MISSING or bool(NUMBER.fullmatch(cell)) or cell.lower() in ("inf", "-inf", "+inf")
-
-
-def _has_decimal_comma(cells: Iterable[str]) -> bool:
-    return any(COMMA.fullmatch(cell) for cell in cells)
 
 
 def _heading(

@@ -350,14 +350,6 @@ def _fraction(match: re.Match[str]) -> str:
     return f"{match[1]}{top / bottom:.15g}" if bottom else match[0]
 
 
-def _truth(match: re.Match[str]) -> str:
-    return match[1] + TRUTHS[match[2]]
-
-
-def _between_single(match: re.Match[str]) -> str:
-    return f"'{match[1]}'"
-
-
 Mistake = Callable[[Broken], Iterator[Guess]]
 VALUE = r"(=[ \t]*|[\[,][ \t]*)"
 """The text before a value."""
@@ -374,7 +366,12 @@ SIGNS: tuple[Mistake, ...] = (
     _replacement(r"[ \t]*(:=|==)[ \t]*", " = ", "a key has one equals sign", 1),
 )
 VALUES: tuple[Mistake, ...] = (
-    _replacement(rf"{VALUE}({'|'.join(TRUTHS)}){ENDS}", _truth, "truth values are true and false, in small letters", 2),
+    _replacement(
+        rf"{VALUE}({'|'.join(TRUTHS)}){ENDS}",
+        lambda match: match[1] + TRUTHS[match[2]],
+        "truth values are true and false, in small letters",
+        2,
+    ),
     _replacement(rf"([\w-]+[ \t]*=[ \t]*)(None|none|null|NULL|nil){ENDS}", "", "TOML has no {2}: leave the key out", 2),
     _replacement(
         rf"{VALUE}({NUMBER})[ \t]*/[ \t]*({NUMBER}){ENDS}", _fraction, "a value is a number, not a formula", 2
@@ -392,9 +389,7 @@ ENDINGS: tuple[Mistake, ...] = (
 TEXTS: tuple[Mistake, ...] = (
     _replacement(rf"{VALUE}({PATH})[\"']?{ENDS}", _bare_word, 'text is written in quotation marks: "{2}"', 2),
     _open_string,
-    _replacement(
-        r'"((?:[^"\\]|\\.)*\\[^"]*)"', _between_single, "a backslash is written between single quotation marks"
-    ),
+    _replacement(r'"((?:[^"\\]|\\.)*\\[^"]*)"', r"'\1'", "a backslash is written between single quotation marks"),
 )
 BRACKETS: tuple[Mistake, ...] = (
     _lines_in_table,

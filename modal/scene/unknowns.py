@@ -119,14 +119,12 @@ def find_unknowns(scene: Scene, text: str) -> tuple[Unknown, ...]:
     return (_unknown(scene, path, places, way),)
 
 
-def unknowns_of(
-    scene: Scene, text: str, places: dict[Place, str], words: str = "is freed twice"
-) -> Iterator[Unknown | str]:
+def unknowns_of(scene: Scene, text: str, places: dict[Place, str]) -> Iterator[Unknown | str]:
     """Return the unknowns of a text, and a mistake for each number already among the `places`, which it extends."""
     for unknown in find_unknowns(scene, text):
         for place in unknown.places:
             if place in places:
-                yield f"{with_numbers(place)}: {words}" + _sharing(unknown.path, places[place])
+                yield f"{with_numbers(place)}: is freed twice" + _sharing(unknown.path, places[place])
         places |= dict.fromkeys(unknown.places, unknown.path)
         yield unknown
 

@@ -61,7 +61,7 @@ TABLES = {
 NUMBER = re.compile(r"\s*([-+−]?\d+)(?:([.,])(\d+))?([eE][-+]?\d+)?\s*(?:[^\d.,].*)?")
 
 
-def suggestion(word: str, known_words: Iterable[str], cutoff: float = 0.6) -> str:
+def suggestion(word: str, known_words: Iterable[str]) -> str:
     """Return the meaning of a word, ` (did you mean …?)`, or "" if no known word is a synonym or similar.
 
     >>> suggestion("trolley", ["fixed", "cart"]), suggestion("Rod", ["bob", "rod"])
@@ -74,7 +74,7 @@ def suggestion(word: str, known_words: Iterable[str], cutoff: float = 0.6) -> st
     for candidate in (OTHER_NAMES.get(small, ""), small):
         if candidate in words and candidate != word:
             return f" (did you mean {candidate}?)"
-    return spelling_hint(word, words, cutoff=cutoff)
+    return spelling_hint(word, words)
 
 
 def as_table(kind: str, homes: dict[str, str]) -> str:

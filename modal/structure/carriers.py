@@ -85,6 +85,11 @@ class CarrierNumbers:
     D: Floats | None = None
     points: Floats | None = None
 
+    @property
+    def matrices(self) -> tuple[Floats, Floats, Floats] | None:
+        """M, K and D of a modal support."""
+        return None if self.M is None or self.K is None or self.D is None else (self.M, self.K, self.D)
+
     @cached_property
     def size(self) -> int:
         """Number of coordinates."""

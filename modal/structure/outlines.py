@@ -242,10 +242,6 @@ class Scaffold:
             pieces += self._spring(spring, eta, joints)
         return pieces
 
-    def of_carrier(self, k: int, eta: Floats) -> list[Piece]:
-        """Return the pieces of one support, with its own springs and foundation."""
-        return list(self._carrier(k, eta))
-
     def _at(self, k: int, points: Sequence[tuple[float, float]], eta: Floats) -> Floats:
         """Points of a support, (F, K, 2)."""
         return np.stack([self.place(k, point, eta) for point in points], axis=1)
@@ -256,7 +252,8 @@ class Scaffold:
         shift, rise = self.shifts[k].tolist()
         return np.array([[(float(x) + shift + s, rise - (float(z) + h)) for s, h in points]])
 
-    def _carrier(self, k: int, eta: Floats) -> Iterator[Piece]:
+    def of_carrier(self, k: int, eta: Floats) -> Iterator[Piece]:
+        """Return the pieces of one support, with its own springs and foundation."""
         body, u = self.structure.carriers[k], self.unit
         left_end, right_end, level = self.bodies[k]
         if not body.size:
