@@ -35,7 +35,6 @@ from modal.plotting.style import (
     sheet_of_rows,
     stack,
 )
-from modal.report import deferred
 from modal.scene import Scene, number_label, title_of
 from modal.scene.parameters import Variation
 from modal.scene.signal_names import column_name, column_words
@@ -70,7 +69,7 @@ def sweep_figure(sweep: Sweep) -> Figure:
         raise ComputationError(f"{len(names)} quantities do not fit in a figure: measure at most {limit}")
     map_names = [name for name in names if name != "largest_multiplier"]  # its map is that of the growth rate
     if sweep.study.members and len(axes) == 1:
-        figure: Figure = deferred("nonlinear.plotting.sweeps:energies_figure")(sweep)
+        figure = energies_figure(sweep)
     else:
         figure = _curves(sweep, names) if len(axes) == 1 else _maps(sweep, map_names)
     words = f"{sweep.study.members} starts at random on each energy" if sweep.study.members else "sweep"

@@ -57,7 +57,7 @@ def test_shock_in_every_format(capsys: pytest.CaptureFixture[str], tmp_path: Pat
     response = shock_response(load(SUSPENSION), RecordMotion(**read_record(QUAKE)))
     text = said(capsys, "vibration", SUSPENSION, "--record", QUAKE)
     assert f"{response.peaks[0, 0]:.5g}" in text
-    assert "hold 90 % of the mass" in text
+    assert "account for 90 % of the mass" in text
     assert 'baseline = "velocity"' in text
     whole = json.loads(
         said(capsys, "vibration", SUSPENSION, "--record", QUAKE, "--format", "json", "--baseline", "velocity")

@@ -605,13 +605,14 @@ def test_curves_and_maps_are_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_every_column_of_maps_has_its_axis_and_whole_numbers_have_ticks_of_their_own() -> None:
     asking = study("support.mass=1,2", "gravity=1,2")
-    rows = tuple(Row(k, {"first": k + 0.5, "second": 1.0 + k, "row": 2.0 + k % 2}) for k in range(4))
+    numbers = ("first", "second", "third", "fourth")
+    rows = tuple(Row(k, {name: k + 0.5 for name in numbers} | {"row": 2.0 + k % 2}) for k in range(4))
     figure = sweep_figure(Sweep(asking, rows))
     figure.canvas.draw()
-    maps, bars = figure.axes[:3], figure.axes[3:]
-    assert [bool(axis.get_xlabel()) for axis in maps] == [False, True, True]
-    assert all(any(text.get_text() for text in axis.get_xticklabels()) for axis in maps[1:])
-    assert [text.get_text() for text in bars[2].get_yticklabels()] == ["2", "3"]
+    maps, bars = figure.axes[:5], figure.axes[5:]
+    assert [bool(axis.get_xlabel()) for axis in maps] == [False, False, False, True, True]
+    assert all(any(text.get_text() for text in axis.get_xticklabels()) for axis in maps[3:])
+    assert [text.get_text() for text in bars[4].get_yticklabels()] == ["2", "3"]
 
 
 # ------------------------------------------------------------------------------------------------------ cluster
