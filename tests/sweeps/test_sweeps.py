@@ -606,7 +606,7 @@ def test_curves_and_maps_are_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_every_column_of_maps_has_its_axis_and_whole_numbers_have_ticks_of_their_own() -> None:
     asking = study("support.mass=1,2", "gravity=1,2")
     numbers = ("first", "second", "third", "fourth")
-    rows = tuple(Row(k, {name: k + 0.5 for name in numbers} | {"row": 2.0 + k % 2}) for k in range(4))
+    rows = tuple(Row(k, dict.fromkeys(numbers, k + 0.5) | {"row": 2.0 + k % 2}) for k in range(4))
     figure = sweep_figure(Sweep(asking, rows))
     figure.canvas.draw()
     maps, bars = figure.axes[:5], figure.axes[5:]
