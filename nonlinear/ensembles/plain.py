@@ -77,18 +77,18 @@ def columns(question: EnsembleRequest, scene: Scene, start: State) -> Columns:
     sampled = run
     if output is None and question.wanted.times:
         sampled = simulate(scene, question.duration, start=start, tolerance=question.tolerance, output=needed)
-    kept: Columns = {
+    columns: Columns = {
         "energy_drift": np.array(run.energy_drift()),
         "error_rad": np.array(np.nan),
         "horizon_s": np.array(np.nan),
     }
-    kept |= _measured(question, scene, run, sampled, watches)
+    columns |= _measured(question, scene, run, sampled, watches)
     rows = np.searchsorted(sampled.times, question.times)
     if question.keeps_end:
-        kept |= _states(run.system, run.motion.at(slice(-1, None)), single=True)
+        columns |= _states(run.system, run.motion.at(slice(-1, None)), single=True)
     if question.times:
-        kept |= _states(run.system, sampled.motion.at(rows), single=False)
-    return kept
+        columns |= _states(run.system, sampled.motion.at(rows), single=False)
+    return columns
 
 
 def _states(system: System, motion: Motion, single: bool) -> Columns:

@@ -55,7 +55,7 @@ def _header(sweep: Sweep) -> dict[str, Any]:
     return {"multipendula_sweep": sweep.study.header(), "columns": sweep.columns, "failed": failed, "done": done}
 
 
-class _Kept(NamedTuple):
+class _SweepFile(NamedTuple):
     """The contents of a header: the study, the column names, the points tried and why some failed."""
 
     study: Study
@@ -79,17 +79,17 @@ class _Kept(NamedTuple):
         return Sweep(self.study, tuple(rows), interrupted=not self.complete)
 
 
-def _kept(header: dict[str, Any]) -> _Kept:
+def _file_of(header: dict[str, Any]) -> _SweepFile:
     require_keys(header, "multipendula_sweep", "columns", "failed", "done")
     study, columns, done = study_from(header["multipendula_sweep"]), tuple(header["columns"]), header["done"]
     indices = tuple(range(study.size) if done is None else (index(number, study.size) for number in done))
     failed = {int(number): reason for number, reason in header["failed"].items()}
-    kept = _Kept(study, columns, indices, failed, done is None)
-    names, reasons = [*kept.axes, *columns], list(failed.values())
+    file = _SweepFile(study, columns, indices, failed, done is None)
+    names, reasons = [*file.axes, *columns], list(failed.values())
     in_order = all(earlier < later for earlier, later in pairwise(indices)) and failed.keys() <= set(indices)
     if not in_order or len(set(names)) < len(names) or any(type(text) is not str for text in (*names, *reasons)):
         raise ValueError
-    return kept
+    return file
 
 
 # ---------------------------------------------------------------------------------------------------------- NPZ
@@ -97,15 +97,15 @@ def _kept(header: dict[str, Any]) -> _Kept:
 
 def _read_npz(name: str) -> Sweep:
     header, arrays = from_npz(name)
-    kept = _kept(header)
-    require_keys(arrays, *kept.axes, *kept.columns)
-    axes = zip(kept.axes, kept.study.variations, strict=True)
+    file = _file_of(header)
+    require_keys(arrays, *file.axes, *file.columns)
+    axes = zip(file.axes, file.study.variations, strict=True)
     if not all(np.array_equal(arrays[axis], each.values) for axis, each in axes):
         raise ValueError
-    numbers = [arrays[column] for column in kept.columns]
-    if any(each.dtype != float or each.shape != kept.study.shape for each in numbers):
+    numbers = [arrays[column] for column in file.columns]
+    if any(each.dtype != float or each.shape != file.study.shape for each in numbers):
         raise ValueError
-    return kept.sweep(np.reshape(numbers, (len(numbers), kept.study.size)).T)
+    return file.sweep(np.reshape(numbers, (len(numbers), file.study.size)).T)
 
 
 # ---------------------------------------------------------------------------------------------------------- CSV
@@ -121,18 +121,22 @@ def _rows(sweep: Sweep) -> list[list[Any]]:
 
 def _read_csv(name: str) -> Sweep:
     header, text = from_csv(name)
-    kept = _kept(header)
+    file = _file_of(header)
     names, *rows = csv.reader(io.StringIO(text, newline=""))
-    axes, columns, table = len(kept.axes), len(kept.columns), np.full((kept.study.size, len(kept.columns)), np.nan)
-    if names != [*map(csv_cell, (*kept.axes, *kept.columns, REASON))]:
+    axes, columns, table = (
+        len(file.axes),
+        len(file.columns),
+        np.full((file.study.size, len(file.columns)), np.nan),
+    )
+    if names != [*map(csv_cell, (*file.axes, *file.columns, REASON))]:
         raise ValueError
-    for at, row in zip(kept.indices, rows, strict=True):
+    for at, row in zip(file.indices, rows, strict=True):
         point, numbers, (reason,) = row[:axes], row[axes : axes + columns], row[axes + columns :]
-        values, why = kept.study.point(at).values(), kept.failed.get(at, "")
+        values, why = file.study.point(at).values(), file.failed.get(at, "")
         if list(map(float, point)) != list(values) or reason != csv_cell(why):
             raise ValueError
         table[at] = list(map(float, numbers))
-    return kept.sweep(table)
+    return file.sweep(table)
 
 
 # --------------------------------------------------------------------------------------------------------- JSON
