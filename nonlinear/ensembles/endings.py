@@ -8,37 +8,40 @@ regular motion, a chimera where some of equal pendula also move as one, else und
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from math import ceil, degrees, pi
+from functools import partial
+from math import ceil, nan, pi
 from typing import Any
 
 import numpy as np
 
-from modal.report import Displayed
+from modal.report import Displayed, finite, silent
 from modal.scene import Scene
-from modal.types import Floats
+from modal.scene.parameters import Variation
+from modal.types import Floats, Ints
 from nonlinear.chaos.lyapunov import BLOCKS, TRANSIENT, Exponent
-from nonlinear.ensembles.running import ensemble
-from nonlinear.orbits.cycles import Beginning
-from nonlinear.orbits.floquet import CIRCLE_EXCESS_MAX
-from nonlinear.orbits.orbit import Orbit
-from nonlinear.postprocessing.returns import REPEAT_GAP_MAX, Returns, clustered, natural_rate, natural_units
-from nonlinear.synchronization.attractors import AT_REST, CLOSING_GAP, OPEN, PERIODIC, TORUS, Ending, ending_of
+from nonlinear.ensembles.return_maps import OrbitSearch, SectionMap, StroboscopicMap, return_map, within_a_turn
+from nonlinear.ensembles.running import Ensemble, Report, ensemble
+from nonlinear.orbits.cycles import Beginning, beginnings, is_same_orbit
+from nonlinear.orbits.flow import ORBIT_TOLERANCE
+from nonlinear.postprocessing.returns import clustered, natural_rate, natural_units
+from nonlinear.synchronization.attractors import AT_REST, OPEN, PERIODIC, TORUS, Ending
 from nonlinear.synchronization.phases import own_shapes
 from nonlinear.system import Motion, State, motion_of, system_of
 
-ROUND_PERIODS, LIMIT_PERIODS = 128, 4096
-"""Limit: of the slowest pendulum, the first round of runs, and by default the longest run of a start."""
 UNDECIDED, CHAOTIC = "undecided", "chaotic"
+EQUAL_ANGLES_GAP = 1e-2
+"""Tolerance: between largest angles (deg) that count as equal: mirror images go by their strobes."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class EndingGroup(Displayed):
-    """Starts of `size` that end in one motion, or in one of `copies` that equal pendula exchange; an `ending` of them.
+    """Starts that end in one motion, or in one of `copies` that equal pendula exchange; an `ending` of them.
 
     `members` are their numbers; a periodic one has the `beginning` of a branch of orbits, chaos an `exponent` with half
-    its 95 % interval (1/s).
+    its 95 % interval (1/s).  The largest angle is that of any link on a motion that is driven in time, NaN if links
+    turn over forever.
     """
 
     what, shows = "EndingGroup", "name: name; members: numbers of starts; copies: copies"
@@ -49,17 +52,31 @@ class EndingGroup(Displayed):
     copies: int = 1
     exponent: tuple[float, float] | None = None
     beginning: Beginning | None = None
+    largest_angle_deg: float = nan
+
+    def record(self) -> dict[str, Any]:
+        """The motion, for JSON, with a return of one of its members."""
+        ending, state = self.ending, within_a_turn(self.ending.state)
+        carried = {"supports": state.supports.tolist(), "support_rates_per_s": state.support_rates.tolist()}
+        return {
+            "name": self.name,
+            "period": ending.returns,
+            "turns": list(ending.turns),
+            "period_s": finite(ending.period),
+            "slow_period_s": ending.slow_period,
+            "copies": self.copies,
+            "largest_angle_deg": finite(self.largest_angle_deg),
+            "angles_deg": np.degrees(state.links).tolist(),
+            "rates_deg_per_s": np.degrees(state.link_rates).tolist(),
+            "cart_m": state.cart,
+            "cart_rate_m_per_s": state.cart_rate,
+            **(carried if len(state.supports) else {}),
+        }
 
 
 def drive_angle(scene: Scene) -> float:
     """The largest angle (deg) of the drives at joints."""
     return max((link.drive.angle_deg for link in scene.links() if link.drive), default=0.0)
-
-
-def slowest_period(scene: Scene) -> float:
-    """The slowest period of the pendula on a fixed support (s)."""
-    system = system_of(scene)
-    return 2 * pi / min(float(own_shapes(group, system.gravity, 1).omega.min()) for group in system.groups)
 
 
 def rhythm_starts(scene: Scene, count: int, largest_deg: float, seed: int = 7) -> Motion:
@@ -90,38 +107,77 @@ def groups_of(
     scene: Scene,
     starts: Motion,
     limit: float,
-    orbit_of: Callable[[Ending], Beginning | None],
+    orbit_of: OrbitSearch,
     *,
     may_be_chaotic: bool = True,
     **options: Any,
 ) -> tuple[EndingGroup, ...]:
-    """The outcomes of these starts, the most frequent first, within `limit` (s).
+    """The outcomes of these starts within `limit` (s), the most frequent first, as `find_endings` finds them."""
+    members = {"starts": starts, "check": 0}
+    return find_endings(scene, members, limit, orbit_of, may_be_chaotic=may_be_chaotic, **options)[1]
 
-    `orbit_of` finds the orbit of a periodic ending; without `may_be_chaotic` no exponent is computed of what has not
-    settled.  `options` are those of `ensemble`.
+
+def find_endings(
+    scene: Scene,
+    members: dict[str, Any],
+    limit: float,
+    orbit_of: OrbitSearch | None = None,
+    *,
+    may_be_chaotic: bool = True,
+    folder: str | None = None,
+    report: Report = silent,
+    **options: Any,
+) -> tuple[Ensemble, tuple[EndingGroup, ...]]:
+    """The first round of runs of `members`, and their outcomes within a `limit` (s).
+
+    `members` and `options` are those of `ensemble`, the former with starts or what varies.  `orbit_of` finds the orbit
+    of a periodic ending; without `may_be_chaotic` no exponent is computed of what has not settled.  The first round is
+    stored in the `folder`, others below it.  A share has no outcomes before all others have completed a round.
     """
-    endings: dict[int, Ending] = {}
-    groups: list[EndingGroup] = []
-    left, motion, elapsed = np.arange(len(starts.links)), starts, 0.0
-    first = ROUND_PERIODS * slowest_period(scene)
-    length = first if limit >= 2 * first else limit
-    while len(left) and elapsed < limit * (1 - 1e-9):
-        motion, judged = _round(scene, motion, length, options)
-        here = dict(zip(left.tolist(), judged, strict=True))
-        endings |= here
-        groups += _periodic_groups(scene, here, orbit_of)
+    returns, search = return_map(scene), orbit_of or partial(orbit_near, scene)
+    lengths, rounds = round_lengths(returns.first_round, limit), list[Ensemble]()
+    endings, groups, left = dict[int, Ending](), list[EndingGroup](), list[int]()
+    for length in lengths:
+        number = len(rounds)
+        place = f"{folder}/round-{number + 1}" if folder and number else folder
+        progress = _progress_of(report, number, len(lengths), rounds[0].size if rounds else 1, len(left) or 1)
+        run = returns.run(length, folder=place, report=progress, **members, **options).require()
+        rounds.append(run)
+        if options.get("share") and not run.is_complete:
+            return rounds[0], ()
+        left = left or [*range(run.size)]
+        endings |= zip(left, returns.endings(run), strict=True)
+        _add_periodic_groups(groups, {k: endings[k] for k in left}, returns, search)
         ended = {k for group in groups for k in group.members}
-        is_open = np.array([k not in ended and _runs_on(ending) for k, ending in here.items()])
-        left, motion = left[is_open], motion.at(np.flatnonzero(is_open))
-        elapsed += length
-        length = elapsed if limit - elapsed >= 2 * elapsed else limit - elapsed  # the last is no shorter than others
+        left = [k for k in left if k not in ended and _runs_on(endings[k])]
+        if not left:
+            break
+        members = {"starts": motion_of([endings[k].state for k in left]), "check": 0}
     others = {k: ending for k, ending in endings.items() if not any(k in group.members for group in groups)}
     groups += _settled_groups(others)
-    if may_be_chaotic:
+    if may_be_chaotic and not scene.is_forced:
         groups += _chaotic_groups(scene, others, limit / 2, options)
+    groups = [_with_copies(group, endings) if group.beginning else group for group in _in_order(groups, scene)]
     if rest := tuple(k for k in endings if not any(k in group.members for group in groups)):
         groups.append(EndingGroup(UNDECIDED, rest, endings[rest[0]]))
-    return tuple(sorted(groups, key=lambda group: -len(group.members)))
+    return rounds[0], tuple(groups)
+
+
+def round_lengths(first: float, limit: float) -> list[float]:
+    """How long rounds of runs are (s): each as long as all before it, the last no shorter than others."""
+    lengths = [first if limit >= 2 * first else limit]
+    while (rest := limit - sum(lengths)) > 1e-9 * limit:
+        lengths.append(sum(lengths) if rest >= 2 * sum(lengths) else rest)
+    return lengths
+
+
+def _progress_of(report: Report, number: int, rounds: int, size: int, left: int) -> Report:
+    """The report of a round, in which half of the rest of all members is done, in the last one all of it."""
+    if rounds == 1:
+        return report
+    begun = size * (1 - 0.5**number)
+    each = (size - begun) / left * (1.0 if number + 1 == rounds else 0.5)
+    return lambda done: report(begun + each * done)
 
 
 def _runs_on(ending: Ending) -> bool:
@@ -129,54 +185,70 @@ def _runs_on(ending: Ending) -> bool:
     return ending.kind in (OPEN, PERIODIC) and not ending.chimera and _is_finite(ending)
 
 
-def _round(scene: Scene, motion: Motion, length: float, options: dict[str, Any]) -> tuple[Motion, list[Ending]]:
-    """The last states of these members, and what follows from their returns in this many seconds (s)."""
-    system = system_of(scene)
-    label, rest = system.labels[system.first], degrees(float(system.rest[0]))
-    found = ensemble(
-        scene, length, starts=motion, output="end", measures=[f"section:{label}>{rest:.17g}"], check=0, **options
-    ).require()
-    links, *others = found.states()
-    final, owner = Returns(np.empty(0), (links, *others)), np.array([], dtype=int)
-    turned = np.remainder(links - system.rest + pi, 2 * pi) - pi
-    is_still = np.abs(natural_units(system, [turned, *others])).max(axis=-1) < CLOSING_GAP
-    if "crossing_member" in found.columns:
-        owner = found.column("crossing_member").astype(int)
-        times, crossed = found.column("crossing_time_s"), found.states("crossing_")
-    states, endings = [final.state(member) for member in range(found.size)], list[Ending]()
-    for member, state in enumerate(states):
-        rows = np.flatnonzero(owner == member)
-        if not len(rows):
-            endings.append(Ending(AT_REST if is_still[member] else OPEN, np.nan, np.zeros((0, 0)), state))
-            continue
-        ending = ending_of(Returns(times[rows], tuple(part[rows] for part in crossed)), scene)
-        endings.append(replace(ending, state=state) if ending.kind == OPEN else ending)
-    return motion_of(states), endings
-
-
-def _periodic_groups(
-    scene: Scene, endings: dict[int, Ending], orbit_of: Callable[[Ending], Beginning | None]
-) -> Iterator[EndingGroup]:
-    """Periodic motions by their returns, where these are near an orbit that is not unstable."""
+def _add_periodic_groups(
+    groups: list[EndingGroup], endings: dict[int, Ending], returns: SectionMap | StroboscopicMap, orbit_of: OrbitSearch
+) -> None:
+    """Add periodic motions to the groups whose returns or whose orbit they have, and to new ones."""
     left = [k for k in endings if endings[k].kind == PERIODIC]
     while left:
-        records = np.array([endings[k].record for k in left])
-        repeats = np.array([endings[k].returns for k in left])
-        labels, _ = clustered(records, repeats, np.zeros((len(left), scene.n_links), dtype=np.int64), 1e-3)
+        labels = _labels([endings[k] for k in left], returns)
         for label in range(1, labels.max() + 1):
             members = tuple(left[k] for k in np.flatnonzero(labels == label))
             first = endings[members[0]]
-            beginning = orbit_of(first)
-            if beginning and is_orbit_of(first, beginning.orbit):
-                copies = -(-distinct_states([endings[k].state for k in members]) // first.returns)
-                yield EndingGroup(PERIODIC, members, first, copies, None, beginning)
-        left = [left[k] for k in np.flatnonzero(labels == 0)]  # of more motions than one round distinguishes
+            alike = (k for k, group in enumerate(groups) if _labels([group.ending, first], returns)[1] == 1)
+            if (place := next(alike, None)) is None:
+                if (facts := returns.facts(first, orbit_of)) is None:
+                    continue
+                group = EndingGroup(members=(), ending=first, **facts)
+                place = next((k for k, other in enumerate(groups) if _have_one_orbit(group, other)), len(groups))
+                groups += [group] * (place == len(groups))
+            groups[place] = replace(groups[place], members=(*groups[place].members, *members))
+        left = [left[k] for k in np.flatnonzero(labels == 0)]  # of more motions than are distinguished at once
 
 
-def is_orbit_of(ending: Ending, orbit: Orbit) -> bool:
-    """Whether a motion may end in an orbit: they have one period, and no multiplier is beyond the unit circle."""
-    largest = np.abs(orbit.floquet.others).max(initial=0.0)
-    return bool(largest < 1 + CIRCLE_EXCESS_MAX and abs(orbit.period / ending.period - 1) < REPEAT_GAP_MAX)
+def _labels(endings: list[Ending], returns: SectionMap | StroboscopicMap) -> Ints:
+    """The number of the motion, from 1, to which each of these periodic motions belongs."""
+    still = (0,) * returns.scene.n_links
+    records, repeats = np.array([ending.record for ending in endings]), [ending.returns for ending in endings]
+    turns = np.array([ending.turns or still for ending in endings])
+    return clustered(records, np.array(repeats), turns, returns.gap)[0]
+
+
+def _have_one_orbit(group: EndingGroup, other: EndingGroup) -> bool:
+    """Whether orbits near two groups were computed, and are the same."""
+    orbits = [each.beginning.orbit for each in (group, other) if each.beginning]
+    return len(orbits) == 2 and is_same_orbit(*orbits)
+
+
+def _with_copies(group: EndingGroup, endings: dict[int, Ending]) -> EndingGroup:
+    """A group with the number of copies that equal pendula exchange."""
+    return replace(group, copies=-(-distinct_states([endings[k].state for k in group.members]) // group.ending.returns))
+
+
+def orbit_near(
+    scene: Scene, ending: Ending, variation: Variation | None = None, value: float | None = None
+) -> Beginning | None:
+    """The orbit near a periodic ending, at a value of a number where that is varied, None if there is none."""
+    start = ending.state, ending.period
+    return next(beginnings(scene, variation, value, start, ORBIT_TOLERANCE), None)
+
+
+def _in_order(groups: list[EndingGroup], scene: Scene) -> list[EndingGroup]:
+    """The most frequent first; of a scene that is driven in time by period, turns and largest angle.
+
+    Equal ones of the latter are in the order of the angles of their return.
+    """
+    if not scene.is_forced:
+        return sorted(groups, key=lambda group: -len(group.members))
+    sizes = np.nan_to_num([group.largest_angle_deg for group in groups])
+    rising = np.argsort(sizes, kind="stable")
+    of_size = np.zeros(len(groups), dtype=int)
+    of_size[rising] = np.cumsum(np.diff(sizes[rising], prepend=sizes[rising[:1]]) > EQUAL_ANGLES_GAP)
+    keys = [
+        (end.returns, any(end.turns), of_size[k], end.turns, within_a_turn(end.state).links.tolist())
+        for k, end in enumerate(group.ending for group in groups)
+    ]
+    return [groups[k] for k in sorted(range(len(groups)), key=keys.__getitem__)]
 
 
 def _settled_groups(endings: dict[int, Ending]) -> Iterator[EndingGroup]:

@@ -19,15 +19,15 @@ from modal.scene.doors import checked, checked_index, checked_number
 from modal.scene.parameters import Variation, parse_variations, vary
 from modal.types import Crew, map_by_crew
 from nonlinear.ensembles.endings import (
-    LIMIT_PERIODS,
     UNDECIDED,
     EndingGroup,
     distinct_states,
     drive_angle,
     groups_of,
+    orbit_near,
     rhythm_starts,
-    slowest_period,
 )
+from nonlinear.ensembles.return_maps import LIMIT_PERIODS, slowest_period
 from nonlinear.ensembles.rhythm_borders import continued, rhythm_without_orbit
 from nonlinear.ensembles.rhythms import Rhythm, RhythmEvent, RhythmGrid, RhythmMap, ValueRhythms
 from nonlinear.ensembles.sections import MEMBERS_MAX
@@ -62,8 +62,7 @@ class MapTask:
 
     def orbit_of(self, value: float, ending: Ending) -> Beginning | None:
         """The orbit near a periodic ending at a value, None if there is none."""
-        start = ending.state, ending.period
-        return next(beginnings(self.scene, self.variation, value, start, ORBIT_TOLERANCE), None)
+        return orbit_near(self.scene, ending, self.variation, value)
 
     def averaged_orbits(self, value: float) -> tuple[Beginning, ...]:
         """The orbits near the averaged configurations at a value, whose basins may be small; of few pendula."""

@@ -18,7 +18,8 @@ from multipendula.cli import main
 from nonlinear import simulate
 from nonlinear.chaos import lyapunov_exponent
 from nonlinear.ensembles import RhythmMap, ensemble, find_rhythm_grid, find_rhythms
-from nonlinear.ensembles.endings import EndingGroup, _periodic_groups, exponent_of, is_orbit_of, rhythm_starts
+from nonlinear.ensembles.endings import EndingGroup, _add_periodic_groups, exponent_of, rhythm_starts
+from nonlinear.ensembles.return_maps import SectionMap, is_orbit_of
 from nonlinear.ensembles.rhythm_borders import continued
 from nonlinear.ensembles.rhythm_maps import MapTask
 from nonlinear.ensembles.rhythms import Rhythm, RhythmEvent, RhythmGrid, ValueRhythms, wilson
@@ -259,12 +260,18 @@ def test_a_branch_has_one_name_and_small_basins_are_found() -> None:
 
 def test_more_motions_than_are_told_apart_at_once_stay_apart() -> None:
     """Of 45 periodic motions none is taken for another."""
-    orbit = SimpleNamespace(period=1.0, floquet=SimpleNamespace(others=np.array([0.5])))
+    floquet = SimpleNamespace(others=np.array([0.5]))
+
+    def orbit_of(ending: Ending) -> Any:
+        size = float(ending.record[0, 0])
+        return SimpleNamespace(orbit=SimpleNamespace(period=1.0, omega=2 * np.pi, amplitude=size, floquet=floquet))
+
     endings = {
         k: Ending("periodic", 1.0, np.full((50, 5), 0.01 * k), State(np.full(2, 0.01 * k), np.zeros(2)), 1)
         for k in range(45)
     }
-    groups = list(_periodic_groups(METRONOMES, endings, lambda ending: SimpleNamespace(orbit=orbit)))  # type: ignore[arg-type,return-value]
+    groups = list[EndingGroup]()
+    _add_periodic_groups(groups, endings, SectionMap(METRONOMES), orbit_of)
     assert [group.members for group in groups] == [(k,) for k in range(45)]
 
 

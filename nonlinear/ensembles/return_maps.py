@@ -1,0 +1,179 @@
+"""Return maps of many starts at once, by which the motions in which they end are recognized.
+
+A scene without periodic driving returns to a section, that of its first pendulum, which passes its angle at rest once a
+swing; a scene that is driven in time returns once in every period of its drives.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from functools import cached_property
+from math import degrees, nan, pi
+from typing import Any
+
+import numpy as np
+
+from modal.errors import SceneError
+from modal.scene import Scene, drive_period
+from nonlinear.ensembles.running import Ensemble, ensemble
+from nonlinear.ensembles.strobes import settling_time, strobe_times
+from nonlinear.orbits.cycles import Beginning
+from nonlinear.orbits.floquet import CIRCLE_EXCESS_MAX
+from nonlinear.orbits.orbit import Orbit
+from nonlinear.postprocessing import largest_angle
+from nonlinear.postprocessing.returns import (
+    ATTRACTOR_GAP_MIN,
+    JUDGED_STROBES,
+    REPEAT_GAP_MAX,
+    Returns,
+    natural_units,
+    repetition,
+)
+from nonlinear.simulation import simulate
+from nonlinear.synchronization.attractors import AT_REST, CLOSING_GAP, OPEN, PERIODIC, Ending, ending_of
+from nonlinear.synchronization.phases import own_shapes
+from nonlinear.system import State, System, system_of
+
+ROUND_PERIODS, LIMIT_PERIODS = 128, 4096
+"""Limit: of the slowest pendulum, the first round of runs, and by default the longest run of a start."""
+LIMIT_ROUNDS = 4
+"""Limit: the longest run of a start that is driven in time, by default, in those of its first round."""
+OrbitSearch = Callable[[Ending], Beginning | None]
+"""Finds the orbit of a periodic ending."""
+
+
+def slowest_period(scene: Scene) -> float:
+    """The slowest period of the pendula on a fixed support (s)."""
+    system = system_of(scene)
+    return 2 * pi / min(float(own_shapes(group, system.gravity, 1).omega.min()) for group in system.groups)
+
+
+@dataclass(frozen=True)
+class SectionMap:
+    """Passages of the first pendulum through its angle at rest, to the right; motions within a `gap` are one."""
+
+    scene: Scene
+    gap: float = 1e-3
+
+    @cached_property
+    def system(self) -> System:
+        """The scene as arrays."""
+        return system_of(self.scene)
+
+    @property
+    def first_round(self) -> float:
+        """The first round of runs (s)."""
+        return ROUND_PERIODS * slowest_period(self.scene)
+
+    @property
+    def longest(self) -> float:
+        """The longest run by default (s)."""
+        return LIMIT_PERIODS * slowest_period(self.scene)
+
+    def run(self, length: float, **options: Any) -> Ensemble:
+        """Members with their passages in this many seconds; `options` are those of `ensemble`."""
+        label, rest = self.system.labels[self.system.first], degrees(float(self.system.rest[0]))
+        section = f"section:{label}>{rest:.17g}"
+        return ensemble(self.scene, length, output="end", measures=[section], **options)
+
+    def endings(self, run: Ensemble) -> list[Ending]:
+        """What follows from the passages of every member, with the last state of those that run on."""
+        links, rates, *others = run.states()
+        turned = np.remainder(links - self.system.rest + pi, 2 * pi) - pi
+        is_still = np.abs(natural_units(self.system, [turned, rates, *others])).max(axis=-1) < CLOSING_GAP
+        final, none = run.final, np.zeros((0, 0))
+        endings = [Ending(AT_REST if still else OPEN, nan, none, final[k]) for k, still in enumerate(is_still)]
+        if "crossing_member" not in run.columns:
+            return endings
+        owner, times = run.column("crossing_member").astype(int), run.column("crossing_time_s")
+        crossed = run.states("crossing_")
+        for member in np.unique(owner).tolist():
+            rows = np.flatnonzero(owner == member)
+            ending = ending_of(Returns(times[rows], tuple(part[rows] for part in crossed)), self.scene)
+            endings[member] = replace(ending, state=final[member]) if ending.kind == OPEN else ending
+        return endings
+
+    def facts(self, ending: Ending, orbit_of: OrbitSearch) -> dict[str, Any] | None:
+        """The orbit of a periodic motion with its name; None where it is near none, or near an unstable one."""
+        beginning = orbit_of(ending)
+        is_there = beginning is not None and is_orbit_of(ending, beginning.orbit)
+        return {"name": PERIODIC, "beginning": beginning} if is_there else None
+
+
+@dataclass(frozen=True)
+class StroboscopicMap:
+    """States at t = 0 of every period of the drives, of which the last 50 are judged."""
+
+    scene: Scene
+    gap: float = ATTRACTOR_GAP_MIN
+
+    @cached_property
+    def period(self) -> float:
+        """That of the drives (s)."""
+        return drive_period(self.scene).seconds
+
+    @property
+    def first_round(self) -> float:
+        """The first round of runs (s): a transient of ten times the slowest decay, then 50 periods."""
+        return settling_time(self.scene, self.period) + JUDGED_STROBES * self.period
+
+    @property
+    def longest(self) -> float:
+        """The longest run by default (s)."""
+        return LIMIT_ROUNDS * self.first_round
+
+    def run(self, length: float, **options: Any) -> Ensemble:
+        """Members with their last strobes in this many seconds; raise SceneError for too few of these."""
+        last = int(length / self.period * (1 + 1e-12))
+        if last < JUDGED_STROBES:
+            words = f"an attractor takes {JUDGED_STROBES} periods of {self.period:.4g} s"
+            raise SceneError([f"duration {length:g} s: {words}"])
+        times = strobe_times(self.period, settle=(last - JUDGED_STROBES + 1) * self.period)
+        return ensemble(self.scene, max(length, times[-1]), output=times.tolist(), **options)
+
+    def endings(self, run: Ensemble) -> list[Ending]:
+        """What follows from the strobes of every member, with its last one."""
+        states = [part[:, -JUDGED_STROBES:] for part in run.states()]
+        strobes = natural_units(run.question.system, states)
+        repeats, turns = repetition(strobes, run.question.system.n_links)
+        endings = []
+        for member, (p, whole) in enumerate(zip(repeats.tolist(), turns.tolist(), strict=True)):
+            links, rates, cart, cart_rate, *carried = (rows[member, -1] for rows in states)
+            state = State(links, rates, float(cart), float(cart_rate), *carried)
+            kind = PERIODIC if p else OPEN
+            endings.append(Ending(kind, (p or nan) * self.period, strobes[member], state, p, turns=tuple(whole)))
+        return endings
+
+    def facts(self, ending: Ending, _: OrbitSearch) -> dict[str, Any]:
+        """The name of a periodic motion with its largest angle (deg), NaN if links turn over forever."""
+        largest = nan
+        if not any(ending.turns):
+            run = simulate(self.scene, ending.period, start=within_a_turn(ending.state))
+            largest = degrees(largest_angle(run))
+        return {"name": name_of_driven(ending, largest), "largest_angle_deg": largest}
+
+
+def return_map(scene: Scene) -> SectionMap | StroboscopicMap:
+    """The return map of a scene."""
+    return StroboscopicMap(scene) if scene.is_forced else SectionMap(scene)
+
+
+def is_orbit_of(ending: Ending, orbit: Orbit) -> bool:
+    """Whether a motion may end in an orbit: they have one period, and no multiplier is beyond the unit circle."""
+    largest = np.abs(orbit.floquet.others).max(initial=0.0)
+    return bool(largest < 1 + CIRCLE_EXCESS_MAX and abs(orbit.period / ending.period - 1) < REPEAT_GAP_MAX)
+
+
+def within_a_turn(state: State) -> State:
+    """The same state with angles from −180° to 180°."""
+    return replace(state, links=state.links - 2 * pi * np.round(state.links / (2 * pi)))
+
+
+def name_of_driven(ending: Ending, largest_deg: float) -> str:
+    """Its period in those of the drives, with its largest angle or with the turns of its links a period."""
+    if not any(ending.turns):
+        return f"period {ending.returns}, largest angle {round(largest_deg, 3):.4g}°"
+    rates = ", ".join(str(Fraction(turns, ending.returns)).replace("-", "−") for turns in ending.turns)
+    return f"period {ending.returns}, turns {rates} a period"
