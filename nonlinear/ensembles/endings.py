@@ -8,8 +8,8 @@ regular motion, a chimera where some of equal pendula also move as one, else und
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from math import ceil, degrees, pi
 from typing import Any
 
@@ -17,7 +17,7 @@ import numpy as np
 
 from modal.report import Displayed
 from modal.scene import Scene
-from modal.types import Floats
+from modal.types import Floats, Ints
 from nonlinear.chaos.lyapunov import BLOCKS, TRANSIENT, Exponent
 from nonlinear.ensembles.running import ensemble
 from nonlinear.orbits.cycles import Beginning
@@ -86,55 +86,108 @@ def rhythm_starts(scene: Scene, count: int, largest_deg: float, seed: int = 7) -
     return Motion(links, rates, np.zeros(count), np.zeros(count), np.zeros(count), still, still)
 
 
+@dataclass
+class Outcomes:
+    """What starts of a scene end in, as far as rounds have shown it: `groups` of those that have settled.
+
+    `orbit_of` finds the orbit of a periodic ending.
+    """
+
+    scene: Scene
+    orbit_of: Callable[[Ending], Beginning | None]
+    endings: dict[int, Ending] = field(default_factory=dict)
+    groups: list[EndingGroup] = field(default_factory=list)
+
+    @property
+    def others(self) -> dict[int, Ending]:
+        """The endings of starts that are in no group."""
+        ended = {k for group in self.groups for k in group.members}
+        return {k: ending for k, ending in self.endings.items() if k not in ended}
+
+    def add_round(self, judged: dict[int, Ending]) -> list[int]:
+        """Take the endings that a round showed, and return the starts that run on."""
+        self.endings |= judged
+        self.groups += _periodic_groups(self.scene, judged, self.orbit_of)
+        return [k for k, ending in self.others.items() if k in judged and _runs_on(ending)]
+
+    def whole(self) -> tuple[EndingGroup, ...]:
+        """All groups, the most frequent first."""
+        if rest := tuple(self.others):
+            self.groups.append(EndingGroup(UNDECIDED, rest, self.endings[rest[0]]))
+        return tuple(sorted(self.groups, key=lambda group: -len(group.members)))
+
+
 def groups_of(
-    scene: Scene,
+    scene: Scene, starts: Motion, limit: float, orbit_of: Callable[[Ending], Beginning | None], **options: Any
+) -> tuple[EndingGroup, ...]:
+    """The outcomes of these starts, the most frequent first, within `limit` (s); `options` are those of `settle`.
+
+    `orbit_of` finds the orbit of a periodic ending.
+    """
+    outcomes = Outcomes(scene, orbit_of)
+    settle([outcomes], np.zeros(len(starts.links), dtype=int), starts, limit, **options)
+    return outcomes.whole()
+
+
+def settle(
+    outcomes: Sequence[Outcomes],
+    place: Ints,
     starts: Motion,
     limit: float,
-    orbit_of: Callable[[Ending], Beginning | None],
     *,
     may_be_chaotic: bool = True,
+    vary: Mapping[str, Floats] | None = None,
     **options: Any,
-) -> tuple[EndingGroup, ...]:
-    """The outcomes of these starts, the most frequent first, within `limit` (s).
+) -> None:
+    """Run all starts together within `limit` (s), each of the scene of the outcomes at its `place` (S,), and sort them.
 
-    `orbit_of` finds the orbit of a periodic ending; without `may_be_chaotic` no exponent is computed of what has not
-    settled.  `options` are those of `ensemble`.
+    The scenes differ in numbers that `vary` lists, (S,) each.  Without `may_be_chaotic` no exponent is computed of what
+    has not settled.  `options` are those of `ensemble`.
     """
-    endings: dict[int, Ending] = {}
-    groups: list[EndingGroup] = []
     left, motion, elapsed = np.arange(len(starts.links)), starts, 0.0
-    first = ROUND_PERIODS * slowest_period(scene)
+    first = ROUND_PERIODS * slowest_period(outcomes[0].scene)
     length = first if limit >= 2 * first else limit
     while len(left) and elapsed < limit * (1 - 1e-9):
-        motion, judged = _round(scene, motion, length, options)
-        here = dict(zip(left.tolist(), judged, strict=True))
-        endings |= here
-        groups += _periodic_groups(scene, here, orbit_of)
-        ended = {k for group in groups for k in group.members}
-        is_open = np.array([k not in ended and _runs_on(ending) for k, ending in here.items()])
+        scenes = [outcomes[k].scene for k in place[left]]
+        motion, judged = _round(scenes, motion, length, options | _numbers_at(vary, left))
+        running: list[int] = []
+        for number, each in enumerate(outcomes):
+            here = {k: ending for k, ending in zip(left.tolist(), judged, strict=True) if place[k] == number}
+            running += each.add_round(here)
+        is_open = np.isin(left, running)
         left, motion = left[is_open], motion.at(np.flatnonzero(is_open))
         elapsed += length
         length = elapsed if limit - elapsed >= 2 * elapsed else limit - elapsed  # the last is no shorter than others
-    others = {k: ending for k, ending in endings.items() if not any(k in group.members for group in groups)}
-    groups += _settled_groups(others)
+    for each in outcomes:
+        each.groups += _settled_groups(each.others)
     if may_be_chaotic:
-        groups += _chaotic_groups(scene, others, limit / 2, options)
-    if rest := tuple(k for k in endings if not any(k in group.members for group in groups)):
-        groups.append(EndingGroup(UNDECIDED, rest, endings[rest[0]]))
-    return tuple(sorted(groups, key=lambda group: -len(group.members)))
+        states = {k: ending.state for each in outcomes for k, ending in each.endings.items()}
+
+        def measured(members: list[int]) -> Exponent:
+            begin, numbers = motion_of([states[k] for k in members]), _numbers_at(vary, np.array(members))
+            return exponent_of(outcomes[0].scene, begin, limit / 2, **numbers, **options)
+
+        _add_chaotic_groups(outcomes, measured)
+
+
+def _numbers_at(vary: Mapping[str, Floats] | None, members: Ints) -> dict[str, Any]:
+    """The option of `ensemble` for these members' numbers."""
+    return {"vary": {path: numbers[members] for path, numbers in vary.items()}} if vary else {}
 
 
 def _runs_on(ending: Ending) -> bool:
-    """Whether a motion has to run on: neither at rest nor a torus, nor seen to be a chimera."""
-    return ending.kind in (OPEN, PERIODIC) and not ending.chimera and _is_finite(ending)
+    """Whether a motion has to run on: neither at rest nor a torus."""
+    return ending.kind in (OPEN, PERIODIC) and _is_finite(ending)
 
 
-def _round(scene: Scene, motion: Motion, length: float, options: dict[str, Any]) -> tuple[Motion, list[Ending]]:
-    """The last states of these members, and what follows from their returns in this many seconds (s)."""
-    system = system_of(scene)
+def _round(
+    scenes: Sequence[Scene], motion: Motion, length: float, options: dict[str, Any]
+) -> tuple[Motion, list[Ending]]:
+    """The last states of members of these scenes, and what follows from their returns in this many seconds (s)."""
+    system = system_of(scenes[0])
     label, rest = system.labels[system.first], degrees(float(system.rest[0]))
     found = ensemble(
-        scene, length, starts=motion, output="end", measures=[f"section:{label}>{rest:.17g}"], check=0, **options
+        scenes[0], length, starts=motion, output="end", measures=[f"section:{label}>{rest:.17g}"], check=0, **options
     ).require()
     links, *others = found.states()
     final, owner = Returns(np.empty(0), (links, *others)), np.array([], dtype=int)
@@ -149,7 +202,7 @@ def _round(scene: Scene, motion: Motion, length: float, options: dict[str, Any])
         if not len(rows):
             endings.append(Ending(AT_REST if is_still[member] else OPEN, np.nan, np.zeros((0, 0)), state))
             continue
-        ending = ending_of(Returns(times[rows], tuple(part[rows] for part in crossed)), scene)
+        ending = ending_of(Returns(times[rows], tuple(part[rows] for part in crossed)), scenes[member])
         endings.append(replace(ending, state=state) if ending.kind == OPEN else ending)
     return motion_of(states), endings
 
@@ -209,33 +262,51 @@ def distinct_states(states: Iterable[State]) -> int:
     return len(seen)
 
 
-def _chaotic_groups(
-    scene: Scene, endings: dict[int, Ending], duration: float, options: dict[str, Any]
-) -> Iterator[EndingGroup]:
-    """Among unsettled motions, chimeras and other motions whose exponents over a duration (s) show chaos."""
-    measured = [k for k, ending in endings.items() if ending.kind == OPEN and _is_finite(ending)]
-    if not measured:
+def _add_chaotic_groups(outcomes: Sequence[Outcomes], measured: Callable[[list[int]], Exponent], few: int = 8) -> None:
+    """Add, of unsettled motions, chimeras and others whose exponents show chaos, as `measured` of starts.
+
+    Of more than a `few` of a kind only so many are measured, and the others where these differ.
+    """
+    kinds = [
+        (each, name, [k for k, ending in each.others.items() if _is_open(ending) and ending.chimera is is_chimera])
+        for each in outcomes
+        for is_chimera, name in ((True, "chimera"), (False, CHAOTIC))
+    ]
+    representatives = [k for *_, members in kinds for k in members[:few]]
+    if not representatives:
         return
-    exponent = exponent_of(scene, motion_of([endings[k].state for k in measured]), duration, **options)
-    is_chaotic = exponent.members > exponent.floor
-    for is_chimera, name in ((True, "chimera"), (False, CHAOTIC)):
-        rows = [j for j, k in enumerate(measured) if endings[k].chimera is is_chimera and is_chaotic[j]]
-        part = replace(exponent, growth=exponent.growth[:, rows])
-        if rows and part.is_positive:
-            members = tuple(measured[j] for j in rows)
-            yield EndingGroup(name, members, endings[members[0]], 1, (part.value, part.half_width))
+    common = measured(representatives)
+    for each, name, members in kinds:
+        exponent = common.of([representatives.index(k) for k in members[:few]])
+        chaotic = exponent.members > exponent.floor
+        if len(members) > few and chaotic.any() and not chaotic.all():
+            exponent = measured(members)
+            chaotic = exponent.members > exponent.floor
+        if not chaotic.any():
+            continue
+        exponent = exponent.of(chaotic)
+        if exponent.is_positive:
+            numbers = tuple(members if chaotic.all() else np.array(members)[chaotic].tolist())
+            interval = exponent.value, exponent.half_width
+            each.groups.append(EndingGroup(name, numbers, each.endings[numbers[0]], 1, interval))
+
+
+def _is_open(ending: Ending) -> bool:
+    return ending.kind == OPEN and _is_finite(ending)
 
 
 def _is_finite(ending: Ending) -> bool:
     return bool(len(ending.state.links) and np.all(np.isfinite(ending.state.links)))
 
 
-def exponent_of(scene: Scene, starts: Motion, duration: float, **options: Any) -> Exponent:
+def exponent_of(
+    scene: Scene, starts: Motion, duration: float, *, vary: Mapping[str, Floats] | None = None, **options: Any
+) -> Exponent:
     """The largest exponents λ of motions over a duration (s) after half of it, by second motions [Benettin1980a].
 
     Each begins 1e-6 in natural units from the first, and is brought back to that again and again, every 50 units of
     time or more often, while ln |v| gains what the distance has grown.  It is then in the direction that grows fastest;
-    `options` are those of `ensemble`, by which both run, many times faster than with tangent equations.
+    `vary` and `options` are those of `ensemble`, by which both run, many times faster than with tangent equations.
     """
     system, count = system_of(scene), len(starts.links)
     thirds = max(ceil(duration * natural_rate(system) / 100), BLOCKS // 2 + 1)  # each block has a part
@@ -244,6 +315,8 @@ def exponent_of(scene: Scene, starts: Motion, duration: float, **options: Any) -
     asides = np.random.default_rng(0).normal(size=starts.links.shape)
     second = [starts.links + 1e-6 * asides, *first[1:]]
     growth = np.empty((len(times) - 1, count))
+    if vary:
+        options["vary"] = {path: np.tile(numbers, 2) for path, numbers in vary.items()}
     for row, length in enumerate(np.diff(times).tolist()):
         links, rates, cart, speed, *carried = (np.concatenate(pair) for pair in zip(first, second, strict=True))
         both = Motion(links, rates, cart, speed, np.zeros(2 * count), *carried)

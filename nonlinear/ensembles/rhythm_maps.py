@@ -22,10 +22,12 @@ from nonlinear.ensembles.endings import (
     LIMIT_PERIODS,
     UNDECIDED,
     EndingGroup,
+    Outcomes,
     distinct_states,
     drive_angle,
     groups_of,
     rhythm_starts,
+    settle,
     slowest_period,
 )
 from nonlinear.ensembles.rhythm_borders import continued, rhythm_without_orbit
@@ -36,7 +38,7 @@ from nonlinear.orbits.cycles import Beginning, beginnings, is_same_orbit, requir
 from nonlinear.orbits.flow import ORBIT_TOLERANCE
 from nonlinear.orbits.stable import StableOrbits, stable_branches
 from nonlinear.synchronization.attractors import PERIODIC, Ending, rhythm_of
-from nonlinear.system import Motion, State
+from nonlinear.system import Motion, State, motion_of
 
 SHAPE = ("kind", "returns", "slow_period", "drifting", "chimera")
 
@@ -53,12 +55,17 @@ class MapTask:
 
     def __call__(self, value: float) -> tuple[EndingGroup, ...]:
         """The outcomes of the starts at a value."""
-        return self.groups(value, self.starts)
-
-    def groups(self, value: float, starts: Motion, **options: Any) -> tuple[EndingGroup, ...]:
-        """The outcomes of these starts at a value; `options` are those of `groups_of`."""
         here, orbit_of = vary(self.scene, {self.variation.path: value}), partial(self.orbit_of, value)
-        return groups_of(here, starts, self.limit, orbit_of, engine=self.engine, workers=1, **options)
+        return groups_of(here, self.starts, self.limit, orbit_of, engine=self.engine, workers=1)
+
+    def outcomes(self, values: Sequence[float], state: State, *, may_be_chaotic: bool) -> list[EndingGroup]:
+        """What the motion from a state ends in at each of these values, run together."""
+        path = self.variation.path
+        outcomes = [Outcomes(vary(self.scene, {path: value}), partial(self.orbit_of, value)) for value in values]
+        starts, numbers = motion_of([state] * len(values)), {path: np.array(values)}
+        chaos: dict[str, Any] = {"may_be_chaotic": may_be_chaotic, "vary": numbers}
+        settle(outcomes, np.arange(len(values)), starts, self.limit, engine=self.engine, workers=1, **chaos)
+        return [each.whole()[0] for each in outcomes]
 
     def orbit_of(self, value: float, ending: Ending) -> Beginning | None:
         """The orbit near a periodic ending at a value, None if there is none."""
@@ -126,7 +133,7 @@ def find_rhythms(
         for value, groups in zip(variation.values, parts, strict=True)
     ]
     values, ends = continued(
-        task.groups, values, [end for branch in branches for end in (branch.birth, branch.death) if end]
+        task.outcomes, values, [end for branch in branches for end in (branch.birth, branch.death) if end]
     )
     events = (*_orbit_events(branches, names), *ends)
     births = tuple(sorted(events, key=lambda event: event.value))
