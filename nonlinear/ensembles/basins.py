@@ -25,8 +25,7 @@ from modal.scene.doors import checked
 from modal.scene.parameters import Variation, parse_variations
 from modal.scene.signal_names import column_label
 from modal.types import Floats
-from nonlinear.ensembles.endings import UNDECIDED, EndingGroup, find_endings
-from nonlinear.ensembles.return_maps import return_map
+from nonlinear.ensembles.endings import UNDECIDED, EndingGroup, Outcomes, settle
 from nonlinear.ensembles.rhythm_borders import name_of
 from nonlinear.ensembles.running import Ensemble, EnsembleResult, ensemble
 from nonlinear.ensembles.runs import form_of
@@ -208,10 +207,12 @@ def _attractors(scene: Scene, axes: tuple[Variation, ...], limit: float | None, 
     require(scene, "a limit cycle" if scene.is_driven and not scene.is_forced else "an attractor")
     refuse_any(f"vary {axis.path}: {CHANGES_ATTRACTORS}" for axis in axes if ".start." not in axis.path)
     started = with_starts(scene, axes)
-    limit = limit or return_map(started).longest
-    first, groups = find_endings(started, {"vary": axes}, limit, **options)
-    groups = tuple(group for group in groups if group.name != UNDECIDED)
-    return Basins(first.require("start"), ATTRACTOR, groups, (UNDECIDED, *_names(groups)), limit)
+    outcomes = Outcomes(started)
+    limit = limit or outcomes.returns.longest
+    place = np.zeros(prod(len(axis.values) for axis in axes), dtype=int)
+    first = settle([outcomes], place, limit, {"vary": axes}, **options).require("start")
+    groups = tuple(group for group in outcomes.whole() if group.name != UNDECIDED)
+    return Basins(first, ATTRACTOR, groups, (UNDECIDED, *_names(groups)), limit)
 
 
 def _names(groups: Sequence[EndingGroup]) -> Iterator[str]:

@@ -8,8 +8,8 @@ regular motion, a chimera where some of equal pendula also move as one, else und
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 from math import ceil, nan, pi
 from typing import Any
@@ -21,7 +21,7 @@ from modal.scene import Scene
 from modal.scene.parameters import Variation
 from modal.types import Floats, Ints
 from nonlinear.chaos.lyapunov import BLOCKS, TRANSIENT, Exponent
-from nonlinear.ensembles.return_maps import OrbitSearch, SectionMap, StroboscopicMap, return_map, within_a_turn
+from nonlinear.ensembles.return_maps import OrbitSearch, SectionMap, return_map, within_a_turn
 from nonlinear.ensembles.running import Ensemble, Report, ensemble
 from nonlinear.orbits.cycles import Beginning, beginnings, is_same_orbit
 from nonlinear.orbits.flow import ORBIT_TOLERANCE
@@ -53,6 +53,11 @@ class EndingGroup(Displayed):
     exponent: tuple[float, float] | None = None
     beginning: Beginning | None = None
     largest_angle_deg: float = nan
+
+    def has_orbit_of(self, other: EndingGroup) -> bool:
+        """Whether the orbits near both were computed, and are the same."""
+        orbits = [group.beginning.orbit for group in (self, other) if group.beginning]
+        return len(orbits) == 2 and is_same_orbit(*orbits)
 
     def record(self) -> dict[str, Any]:
         """The motion, for JSON, with a return of one of its members."""
@@ -103,64 +108,142 @@ def rhythm_starts(scene: Scene, count: int, largest_deg: float, seed: int = 7) -
     return Motion(links, rates, np.zeros(count), np.zeros(count), np.zeros(count), still, still)
 
 
+@dataclass
+class Outcomes:
+    """What starts of a scene end in, as far as rounds have shown it: `groups` of those that have settled.
+
+    `orbit_of` finds the orbit of a periodic ending, by default near that of the scene itself.
+    """
+
+    scene: Scene
+    orbit_of: OrbitSearch | None = None
+    endings: dict[int, Ending] = field(default_factory=dict)
+    groups: list[EndingGroup] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.returns = return_map(self.scene)
+        self.orbit_of = self.orbit_of or partial(orbit_near, self.scene)
+
+    @property
+    def others(self) -> dict[int, Ending]:
+        """The endings of starts that are in no group."""
+        ended = {k for group in self.groups for k in group.members}
+        return {k: ending for k, ending in self.endings.items() if k not in ended}
+
+    def add_round(self, judged: dict[int, Ending]) -> list[int]:
+        """Take the endings that a round showed, and return the starts that run on."""
+        self.endings |= judged
+        self._add_periodic(judged)
+        return [k for k, ending in self.others.items() if k in judged and _runs_on(ending)]
+
+    def _add_periodic(self, endings: dict[int, Ending]) -> None:
+        """Add periodic motions to the groups whose returns or whose orbit they have, and to new ones."""
+        assert self.orbit_of
+        left = [k for k in endings if endings[k].kind == PERIODIC]
+        while left:
+            labels = self._labels([endings[k] for k in left])
+            for label in range(1, labels.max() + 1):
+                members = tuple(left[k] for k in np.flatnonzero(labels == label))
+                first = endings[members[0]]
+                place = next((k for k, group in enumerate(self.groups) if self._are_one(group.ending, first)), None)
+                if place is None:
+                    if (facts := self.returns.facts(first, self.orbit_of)) is None:
+                        continue
+                    group = EndingGroup(members=(), ending=first, **facts)
+                    place = next((k for k, other in enumerate(self.groups) if group.has_orbit_of(other)), -1)
+                    self.groups += [group] * (place < 0)
+                self.groups[place] = replace(self.groups[place], members=(*self.groups[place].members, *members))
+            left = [left[k] for k in np.flatnonzero(labels == 0)]  # of more motions than are distinguished at once
+
+    def _labels(self, endings: Sequence[Ending]) -> Ints:
+        """The number of the motion, from 1, to which each of these periodic motions belongs."""
+        still = (0,) * self.scene.n_links
+        records, repeats = np.array([ending.record for ending in endings]), [ending.returns for ending in endings]
+        turns = np.array([ending.turns or still for ending in endings])
+        return clustered(records, np.array(repeats), turns, self.returns.gap)[0]
+
+    def _are_one(self, ending: Ending, other: Ending) -> bool:
+        """Whether two periodic motions are the same."""
+        return bool(self._labels([ending, other])[1] == 1)
+
+    def whole(self) -> tuple[EndingGroup, ...]:
+        """All groups, the most frequent first; of a scene that is driven in time in the order of `_rank`."""
+        groups = [self._with_copies(group) if group.beginning else group for group in self.groups]
+        groups.sort(key=lambda group: -len(group.members))
+        if self.scene.is_forced:
+            groups = _in_order(groups)
+        if rest := tuple(self.others):
+            groups.append(EndingGroup(UNDECIDED, rest, self.endings[rest[0]]))
+        return tuple(groups)
+
+    def _with_copies(self, group: EndingGroup) -> EndingGroup:
+        """A group with the number of copies that equal pendula exchange."""
+        states = [self.endings[k].state for k in group.members]
+        return replace(group, copies=-(-distinct_states(states) // group.ending.returns))
+
+
 def groups_of(
-    scene: Scene,
-    starts: Motion,
-    limit: float,
-    orbit_of: OrbitSearch,
-    *,
-    may_be_chaotic: bool = True,
-    **options: Any,
+    scene: Scene, starts: Motion, limit: float, orbit_of: OrbitSearch, **options: Any
 ) -> tuple[EndingGroup, ...]:
-    """The outcomes of these starts within `limit` (s), the most frequent first, as `find_endings` finds them."""
-    members = {"starts": starts, "check": 0}
-    return find_endings(scene, members, limit, orbit_of, may_be_chaotic=may_be_chaotic, **options)[1]
+    """The outcomes of these starts, the most frequent first, within `limit` (s); `options` are those of `settle`.
+
+    `orbit_of` finds the orbit of a periodic ending.
+    """
+    outcomes = Outcomes(scene, orbit_of)
+    settle([outcomes], np.zeros(len(starts.links), dtype=int), limit, {"starts": starts, "check": 0}, **options)
+    return outcomes.whole()
 
 
-def find_endings(
-    scene: Scene,
-    members: dict[str, Any],
+def settle(
+    outcomes: Sequence[Outcomes],
+    place: Ints,
     limit: float,
-    orbit_of: OrbitSearch | None = None,
+    members: dict[str, Any],
     *,
     may_be_chaotic: bool = True,
     folder: str | None = None,
     report: Report = silent,
     **options: Any,
-) -> tuple[Ensemble, tuple[EndingGroup, ...]]:
-    """The first round of runs of `members`, and their outcomes within a `limit` (s).
+) -> Ensemble:
+    """Run all starts together within `limit` (s), each of the scene of the outcomes at its `place` (S,), and sort them.
 
-    `members` and `options` are those of `ensemble`, the former with starts or what varies.  `orbit_of` finds the orbit
-    of a periodic ending; without `may_be_chaotic` no exponent is computed of what has not settled.  The first round is
-    stored in the `folder`, others below it.  A share has no outcomes before all others have completed a round.
+    `members` and `options` are those of `ensemble`, the former the starts, or axes over these; the scenes differ in
+    numbers that `vary` lists, (S,) each.  Without `may_be_chaotic` no exponent is computed of what has not settled.
+    Return the first round, which is stored in the `folder`, others below it.  A share has no outcomes before all others
+    have completed a round.
     """
-    returns, search = return_map(scene), orbit_of or partial(orbit_near, scene)
-    lengths, rounds = round_lengths(returns.first_round, limit), list[Ensemble]()
-    endings, groups, left = dict[int, Ending](), list[EndingGroup](), list[int]()
+    returns, rounds, left = outcomes[0].returns, list[Ensemble](), np.arange(len(place))
+    lists = members.get("vary") if "starts" in members else None
+    lengths = round_lengths(returns.first_round, limit)
     for length in lengths:
         number = len(rounds)
-        place = f"{folder}/round-{number + 1}" if folder and number else folder
-        progress = _progress_of(report, number, len(lengths), rounds[0].size if rounds else 1, len(left) or 1)
-        run = returns.run(length, folder=place, report=progress, **members, **options).require()
+        where = f"{folder}/round-{number + 1}" if folder and number else folder
+        progress = _progress_of(report, number, len(lengths), len(place), len(left))
+        run = returns.run(length, folder=where, report=progress, **members, **options).require()
         rounds.append(run)
         if options.get("share") and not run.is_complete:
-            return rounds[0], ()
-        left = left or [*range(run.size)]
-        endings |= zip(left, returns.endings(run), strict=True)
-        _add_periodic_groups(groups, {k: endings[k] for k in left}, returns, search)
-        ended = {k for group in groups for k in group.members}
-        left = [k for k in left if k not in ended and _runs_on(endings[k])]
-        if not left:
+            return rounds[0]
+        running: list[int] = []
+        for at, each in enumerate(outcomes):
+            rows = np.flatnonzero(place[left] == at)
+            judged = each.returns.endings(run, rows)
+            running += each.add_round(dict(zip(left[rows].tolist(), judged, strict=True)))
+        left = np.array(sorted(running), dtype=int)
+        if not running:
             break
-        members = {"starts": motion_of([endings[k].state for k in left]), "check": 0}
-    others = {k: ending for k, ending in endings.items() if not any(k in group.members for group in groups)}
-    groups += _settled_groups(others)
-    if may_be_chaotic and not scene.is_forced:
-        groups += _chaotic_groups(scene, others, limit / 2, options)
-    groups = [_with_copies(group, endings) if group.beginning else group for group in _in_order(groups, scene)]
-    if rest := tuple(k for k in endings if not any(k in group.members for group in groups)):
-        groups.append(EndingGroup(UNDECIDED, rest, endings[rest[0]]))
-    return rounds[0], tuple(groups)
+        states = [outcomes[place[k]].endings[k].state for k in running]
+        members = {"starts": motion_of(states), "check": 0, **_numbers_at(lists, left)}
+    for each in outcomes:
+        each.groups += _settled_groups(each.others)
+    if may_be_chaotic and isinstance(returns, SectionMap):
+        states_of = {k: ending.state for each in outcomes for k, ending in each.endings.items()}
+
+        def measured(some: list[int]) -> Exponent:
+            begin, numbers = motion_of([states_of[k] for k in some]), _numbers_at(lists, np.array(some))
+            return exponent_of(outcomes[0].scene, begin, limit / 2, **numbers, **options)
+
+        _add_chaotic_groups(outcomes, measured)
+    return rounds[0]
 
 
 def round_lengths(first: float, limit: float) -> list[float]:
@@ -180,49 +263,14 @@ def _progress_of(report: Report, number: int, rounds: int, size: int, left: int)
     return lambda done: report(begun + each * done)
 
 
+def _numbers_at(vary: Mapping[str, Floats] | None, members: Ints) -> dict[str, Any]:
+    """The option of `ensemble` for these members' numbers."""
+    return {"vary": {path: numbers[members] for path, numbers in vary.items()}} if vary else {}
+
+
 def _runs_on(ending: Ending) -> bool:
-    """Whether a motion has to run on: neither at rest nor a torus, nor seen to be a chimera."""
-    return ending.kind in (OPEN, PERIODIC) and not ending.chimera and _is_finite(ending)
-
-
-def _add_periodic_groups(
-    groups: list[EndingGroup], endings: dict[int, Ending], returns: SectionMap | StroboscopicMap, orbit_of: OrbitSearch
-) -> None:
-    """Add periodic motions to the groups whose returns or whose orbit they have, and to new ones."""
-    left = [k for k in endings if endings[k].kind == PERIODIC]
-    while left:
-        labels = _labels([endings[k] for k in left], returns)
-        for label in range(1, labels.max() + 1):
-            members = tuple(left[k] for k in np.flatnonzero(labels == label))
-            first = endings[members[0]]
-            alike = (k for k, group in enumerate(groups) if _labels([group.ending, first], returns)[1] == 1)
-            if (place := next(alike, None)) is None:
-                if (facts := returns.facts(first, orbit_of)) is None:
-                    continue
-                group = EndingGroup(members=(), ending=first, **facts)
-                place = next((k for k, other in enumerate(groups) if _have_one_orbit(group, other)), len(groups))
-                groups += [group] * (place == len(groups))
-            groups[place] = replace(groups[place], members=(*groups[place].members, *members))
-        left = [left[k] for k in np.flatnonzero(labels == 0)]  # of more motions than are distinguished at once
-
-
-def _labels(endings: list[Ending], returns: SectionMap | StroboscopicMap) -> Ints:
-    """The number of the motion, from 1, to which each of these periodic motions belongs."""
-    still = (0,) * returns.scene.n_links
-    records, repeats = np.array([ending.record for ending in endings]), [ending.returns for ending in endings]
-    turns = np.array([ending.turns or still for ending in endings])
-    return clustered(records, np.array(repeats), turns, returns.gap)[0]
-
-
-def _have_one_orbit(group: EndingGroup, other: EndingGroup) -> bool:
-    """Whether orbits near two groups were computed, and are the same."""
-    orbits = [each.beginning.orbit for each in (group, other) if each.beginning]
-    return len(orbits) == 2 and is_same_orbit(*orbits)
-
-
-def _with_copies(group: EndingGroup, endings: dict[int, Ending]) -> EndingGroup:
-    """A group with the number of copies that equal pendula exchange."""
-    return replace(group, copies=-(-distinct_states([endings[k].state for k in group.members]) // group.ending.returns))
+    """Whether a motion has to run on: neither at rest nor a torus."""
+    return ending.kind in (OPEN, PERIODIC) and _is_finite(ending)
 
 
 def orbit_near(
@@ -233,13 +281,8 @@ def orbit_near(
     return next(beginnings(scene, variation, value, start, ORBIT_TOLERANCE), None)
 
 
-def _in_order(groups: list[EndingGroup], scene: Scene) -> list[EndingGroup]:
-    """The most frequent first; of a scene that is driven in time by period, turns and largest angle.
-
-    Equal ones of the latter are in the order of the angles of their return.
-    """
-    if not scene.is_forced:
-        return sorted(groups, key=lambda group: -len(group.members))
+def _in_order(groups: list[EndingGroup]) -> list[EndingGroup]:
+    """By period, turns and largest angle; equal ones by the angles of their return."""
     sizes = np.nan_to_num([group.largest_angle_deg for group in groups])
     rising = np.argsort(sizes, kind="stable")
     of_size = np.zeros(len(groups), dtype=int)
@@ -281,33 +324,51 @@ def distinct_states(states: Iterable[State]) -> int:
     return len(seen)
 
 
-def _chaotic_groups(
-    scene: Scene, endings: dict[int, Ending], duration: float, options: dict[str, Any]
-) -> Iterator[EndingGroup]:
-    """Among unsettled motions, chimeras and other motions whose exponents over a duration (s) show chaos."""
-    measured = [k for k, ending in endings.items() if ending.kind == OPEN and _is_finite(ending)]
-    if not measured:
+def _add_chaotic_groups(outcomes: Sequence[Outcomes], measured: Callable[[list[int]], Exponent], few: int = 8) -> None:
+    """Add, of unsettled motions, chimeras and others whose exponents show chaos, as `measured` of starts.
+
+    Of more than a `few` of a kind only so many are measured, and the others where these differ.
+    """
+    kinds = [
+        (each, name, [k for k, ending in each.others.items() if _is_open(ending) and ending.chimera is is_chimera])
+        for each in outcomes
+        for is_chimera, name in ((True, "chimera"), (False, CHAOTIC))
+    ]
+    representatives = [k for *_, members in kinds for k in members[:few]]
+    if not representatives:
         return
-    exponent = exponent_of(scene, motion_of([endings[k].state for k in measured]), duration, **options)
-    is_chaotic = exponent.members > exponent.floor
-    for is_chimera, name in ((True, "chimera"), (False, CHAOTIC)):
-        rows = [j for j, k in enumerate(measured) if endings[k].chimera is is_chimera and is_chaotic[j]]
-        part = replace(exponent, growth=exponent.growth[:, rows])
-        if rows and part.is_positive:
-            members = tuple(measured[j] for j in rows)
-            yield EndingGroup(name, members, endings[members[0]], 1, (part.value, part.half_width))
+    common = measured(representatives)
+    for each, name, members in kinds:
+        exponent = common.of([representatives.index(k) for k in members[:few]])
+        chaotic = exponent.members > exponent.floor
+        if len(members) > few and chaotic.any() and not chaotic.all():
+            exponent = measured(members)
+            chaotic = exponent.members > exponent.floor
+        if not chaotic.any():
+            continue
+        exponent = exponent.of(chaotic)
+        if exponent.is_positive:
+            numbers = tuple(members if chaotic.all() else np.array(members)[chaotic].tolist())
+            interval = exponent.value, exponent.half_width
+            each.groups.append(EndingGroup(name, numbers, each.endings[numbers[0]], 1, interval))
+
+
+def _is_open(ending: Ending) -> bool:
+    return ending.kind == OPEN and _is_finite(ending)
 
 
 def _is_finite(ending: Ending) -> bool:
     return bool(len(ending.state.links) and np.all(np.isfinite(ending.state.links)))
 
 
-def exponent_of(scene: Scene, starts: Motion, duration: float, **options: Any) -> Exponent:
+def exponent_of(
+    scene: Scene, starts: Motion, duration: float, *, vary: Mapping[str, Floats] | None = None, **options: Any
+) -> Exponent:
     """The largest exponents λ of motions over a duration (s) after half of it, by second motions [Benettin1980a].
 
     Each begins 1e-6 in natural units from the first, and is brought back to that again and again, every 50 units of
     time or more often, while ln |v| gains what the distance has grown.  It is then in the direction that grows fastest;
-    `options` are those of `ensemble`, by which both run, many times faster than with tangent equations.
+    `vary` and `options` are those of `ensemble`, by which both run, many times faster than with tangent equations.
     """
     system, count = system_of(scene), len(starts.links)
     thirds = max(ceil(duration * natural_rate(system) / 100), BLOCKS // 2 + 1)  # each block has a part
@@ -316,6 +377,8 @@ def exponent_of(scene: Scene, starts: Motion, duration: float, **options: Any) -
     asides = np.random.default_rng(0).normal(size=starts.links.shape)
     second = [starts.links + 1e-6 * asides, *first[1:]]
     growth = np.empty((len(times) - 1, count))
+    if vary:
+        options["vary"] = {path: np.tile(numbers, 2) for path, numbers in vary.items()}
     for row, length in enumerate(np.diff(times).tolist()):
         links, rates, cart, speed, *carried = (np.concatenate(pair) for pair in zip(first, second, strict=True))
         both = Motion(links, rates, cart, speed, np.zeros(2 * count), *carried)

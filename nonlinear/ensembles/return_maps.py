@@ -17,6 +17,7 @@ import numpy as np
 
 from modal.errors import SceneError
 from modal.scene import Scene, drive_period
+from modal.types import Ints
 from nonlinear.ensembles.running import Ensemble, ensemble
 from nonlinear.ensembles.strobes import settling_time, strobe_times
 from nonlinear.orbits.cycles import Beginning
@@ -78,21 +79,18 @@ class SectionMap:
         section = f"section:{label}>{rest:.17g}"
         return ensemble(self.scene, length, output="end", measures=[section], **options)
 
-    def endings(self, run: Ensemble) -> list[Ending]:
-        """What follows from the passages of every member, with the last state of those that run on."""
-        links, rates, *others = run.states()
+    def endings(self, run: Ensemble, members: Ints) -> list[Ending]:
+        """What follows from the passages of some members, with the last state of those that run on."""
+        links, *others = (part[members] for part in run.states())
         turned = np.remainder(links - self.system.rest + pi, 2 * pi) - pi
-        is_still = np.abs(natural_units(self.system, [turned, rates, *others])).max(axis=-1) < CLOSING_GAP
-        final, none = run.final, np.zeros((0, 0))
-        endings = [Ending(AT_REST if still else OPEN, nan, none, final[k]) for k, still in enumerate(is_still)]
-        if "crossing_member" not in run.columns:
-            return endings
-        owner, times = run.column("crossing_member").astype(int), run.column("crossing_time_s")
-        crossed = run.states("crossing_")
-        for member in np.unique(owner).tolist():
-            rows = np.flatnonzero(owner == member)
-            ending = ending_of(Returns(times[rows], tuple(part[rows] for part in crossed)), self.scene)
-            endings[member] = replace(ending, state=final[member]) if ending.kind == OPEN else ending
+        is_still = np.abs(natural_units(self.system, [turned, *others])).max(axis=-1) < CLOSING_GAP
+        final, passages = run.final, _passages_of(run)
+        endings = []
+        for still, member in zip(is_still, members.tolist(), strict=True):
+            ending = Ending(AT_REST if still else OPEN, nan, np.zeros((0, 0)), final[member])
+            if member in passages:
+                ending = ending_of(passages[member], self.scene)
+            endings.append(replace(ending, state=final[member]) if ending.kind == OPEN else ending)
         return endings
 
     def facts(self, ending: Ending, orbit_of: OrbitSearch) -> dict[str, Any] | None:
@@ -133,9 +131,9 @@ class StroboscopicMap:
         times = strobe_times(self.period, settle=(last - JUDGED_STROBES + 1) * self.period)
         return ensemble(self.scene, max(length, times[-1]), output=times.tolist(), **options)
 
-    def endings(self, run: Ensemble) -> list[Ending]:
-        """What follows from the strobes of every member, with its last one."""
-        states = [part[:, -JUDGED_STROBES:] for part in run.states()]
+    def endings(self, run: Ensemble, members: Ints) -> list[Ending]:
+        """What follows from the strobes of some members, with the last one."""
+        states = [part[members, -JUDGED_STROBES:] for part in run.states()]
         strobes = natural_units(run.question.system, states)
         repeats, turns = repetition(strobes, run.question.system.n_links)
         endings = []
@@ -153,6 +151,18 @@ class StroboscopicMap:
             run = simulate(self.scene, ending.period, start=within_a_turn(ending.state))
             largest = degrees(largest_angle(run))
         return {"name": name_of_driven(ending, largest), "largest_angle_deg": largest}
+
+
+def _passages_of(run: Ensemble) -> dict[int, Returns]:
+    """The passages of every member that has some."""
+    if "crossing_member" not in run.columns:
+        return {}
+    owner = run.column("crossing_member").astype(int)
+    order = np.argsort(owner, kind="stable")
+    times, states = run.column("crossing_time_s")[order], [part[order] for part in run.states("crossing_")]
+    owners, begins = np.unique(owner[order], return_index=True)
+    spans = zip(owners.tolist(), begins.tolist(), [*begins[1:].tolist(), len(owner)], strict=True)
+    return {k: Returns(times[begin:end], tuple(part[begin:end] for part in states)) for k, begin, end in spans}
 
 
 def return_map(scene: Scene) -> SectionMap | StroboscopicMap:

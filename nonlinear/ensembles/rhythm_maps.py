@@ -21,11 +21,12 @@ from modal.types import Crew, map_by_crew
 from nonlinear.ensembles.endings import (
     UNDECIDED,
     EndingGroup,
-    distinct_states,
+    Outcomes,
     drive_angle,
     groups_of,
     orbit_near,
     rhythm_starts,
+    settle,
 )
 from nonlinear.ensembles.return_maps import LIMIT_PERIODS, slowest_period
 from nonlinear.ensembles.rhythm_borders import continued, rhythm_without_orbit
@@ -36,7 +37,7 @@ from nonlinear.orbits.cycles import Beginning, beginnings, is_same_orbit, requir
 from nonlinear.orbits.flow import ORBIT_TOLERANCE
 from nonlinear.orbits.stable import StableOrbits, stable_branches
 from nonlinear.synchronization.attractors import PERIODIC, Ending, rhythm_of
-from nonlinear.system import Motion, State
+from nonlinear.system import Motion, State, motion_of
 
 SHAPE = ("kind", "returns", "slow_period", "drifting", "chimera")
 
@@ -53,12 +54,17 @@ class MapTask:
 
     def __call__(self, value: float) -> tuple[EndingGroup, ...]:
         """The outcomes of the starts at a value."""
-        return self.groups(value, self.starts)
-
-    def groups(self, value: float, starts: Motion, **options: Any) -> tuple[EndingGroup, ...]:
-        """The outcomes of these starts at a value; `options` are those of `groups_of`."""
         here, orbit_of = vary(self.scene, {self.variation.path: value}), partial(self.orbit_of, value)
-        return groups_of(here, starts, self.limit, orbit_of, engine=self.engine, workers=1, **options)
+        return groups_of(here, self.starts, self.limit, orbit_of, engine=self.engine, workers=1)
+
+    def outcomes(self, values: Sequence[float], state: State, *, may_be_chaotic: bool) -> list[EndingGroup]:
+        """What the motion from a state ends in at each of these values, run together."""
+        path = self.variation.path
+        outcomes = [Outcomes(vary(self.scene, {path: value}), partial(self.orbit_of, value)) for value in values]
+        members = {"starts": motion_of([state] * len(values)), "vary": {path: np.array(values)}, "check": 0}
+        options: dict[str, Any] = {"engine": self.engine, "workers": 1, "may_be_chaotic": may_be_chaotic}
+        settle(outcomes, np.arange(len(values)), self.limit, members, **options)
+        return [each.whole()[0] for each in outcomes]
 
     def orbit_of(self, value: float, ending: Ending) -> Beginning | None:
         """The orbit near a periodic ending at a value, None if there is none."""
@@ -125,7 +131,7 @@ def find_rhythms(
         for value, groups in zip(variation.values, parts, strict=True)
     ]
     values, ends = continued(
-        task.groups, values, [end for branch in branches for end in (branch.birth, branch.death) if end]
+        task.outcomes, values, [end for branch in branches for end in (branch.birth, branch.death) if end]
     )
     events = (*_orbit_events(branches, names), *ends)
     births = tuple(sorted(events, key=lambda event: event.value))
@@ -237,28 +243,24 @@ def _value_of(
     names: Sequence[str],
     members: int,
 ) -> ValueRhythms:
-    """The rhythms at a value: groups of one orbit together, and stable orbits in which no start ends."""
+    """The rhythms at a value, and stable orbits in which no start ends."""
     ends = np.full(members, -1)
     rhythms: list[Rhythm] = []
     here = [(number, orbit) for number, branch in enumerate(branches) if (orbit := branch.at(value))]
-    endings: dict[int, list[EndingGroup]] = {number: [] for number, _ in here}
+    ended: dict[int, EndingGroup] = {}
     for group in groups:
         if group.name == UNDECIDED:
             continue
-        beginning = group.beginning
-        matches = [number for number, orbit in here if beginning and is_same_orbit(beginning.orbit, orbit)]
+        orbit = group.beginning and group.beginning.orbit
+        matches = [number for number, branch_orbit in here if orbit and is_same_orbit(orbit, branch_orbit)]
         if matches:
-            endings[matches[0]].append(group)
+            ended[matches[0]] = group
             ends[list(group.members)] = matches[0]
             continue
         ends[list(group.members)] = len(branches) + len(rhythms)
         rhythms.append(rhythm_without_orbit(group, members))
     for number, orbit in here:
-        starts = sum(len(group.members) for group in endings[number])
-        states = [group.ending.state for group in endings[number]]
-        copies = max([1, *(group.copies for group in endings[number])])
-        if states:
-            copies = max(copies, distinct_states(states) // endings[number][0].ending.returns)
+        starts, copies = (len(ended[number].members), ended[number].copies) if number in ended else (0, 1)
         rhythms.append(Rhythm(names[number], starts, members, copies, orbit, number, orbit.period))
     rhythms.sort(key=lambda rhythm: -rhythm.count)
     undecided = sum(len(group.members) for group in groups if group.name == UNDECIDED)
