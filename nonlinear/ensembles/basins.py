@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from itertools import product
 from math import degrees, prod, sqrt
 from typing import Any
@@ -21,11 +21,11 @@ from modal.errors import ComputationError, SceneError, refuse_any
 from modal.extend.measures import columns_of, parse_request
 from modal.report import Form, ReportTable, finite, silent
 from modal.scene import InitialCondition, Pendulum, Scene, describe, require
-from modal.scene.doors import checked
+from modal.scene.doors import checked, checked_number
 from modal.scene.parameters import Variation, parse_variations
 from modal.scene.signal_names import column_label
 from modal.types import Floats
-from nonlinear.ensembles.endings import UNDECIDED, EndingGroup, Outcomes, settle
+from nonlinear.ensembles.endings import UNDECIDED, EndingGroup, Outcomes, orbit_near, settle
 from nonlinear.ensembles.rhythm_borders import name_of
 from nonlinear.ensembles.running import Ensemble, EnsembleResult, ensemble
 from nonlinear.ensembles.runs import form_of
@@ -54,14 +54,13 @@ BASIN_TIMES = 30.0
 class Basins(EnsembleResult):
     """A measure over the grid of two numbers: `column` is its name with its unit.
 
-    For attractors `names` are theirs, after "undecided", and no start ran longer than `limit` (s); `ensemble` is then
-    the first round of runs.
+    For attractors no start ran longer than `limit` (s), and `ensemble` is the first round of runs; the measure is then
+    their number from 1, 0 for undecided.
     """
 
     ensemble: Ensemble
     column: str
     attractors: tuple[EndingGroup, ...] = ()
-    names: tuple[str, ...] = ()
     limit: float | None = None
 
     what = "where starts end"
@@ -76,22 +75,22 @@ class Basins(EnsembleResult):
     def values(self) -> Floats:
         """The measure over the grid; inf of a start from which no link turns over, NaN of one that failed."""
         members = self.ensemble
-        if self.limit is not None:
-            return self._numbers.reshape(members.members.shape)
+        if self.limit:
+            numbers = np.zeros(members.size)
+            for number, group in enumerate(self.attractors, 1):
+                numbers[list(group.members)] = number
+            numbers[list(members.failures)] = np.nan
+            return numbers.reshape(members.members.shape)
         if self.column != EARLIEST:
             return members.grid(self.column)
         return np.asarray(
             np.min([members.grid(name) for name in members.columns if name.startswith("first_turn_")], axis=0)
         )
 
-    @cached_property
-    def _numbers(self) -> Floats:
-        """The attractor of each start from 1, 0 for none, NaN of one that failed, (S,)."""
-        numbers = np.zeros(self.ensemble.size)
-        for number, group in enumerate(self.attractors, 1):
-            numbers[list(group.members)] = number
-        numbers[list(self.ensemble.failures)] = np.nan
-        return numbers
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of the attractors, after that of what has not settled."""
+        return (UNDECIDED, *(group.name for group in self.attractors)) if self.limit else ()
 
     @property
     def duration(self) -> float:
@@ -144,13 +143,9 @@ class Basins(EnsembleResult):
             "largest_difference_rad": finite(members.largest_difference),
             "shares": self.shares(),
             "names": list(self.names),
-            **({"attractors": self._records()} if self.limit else {}),
+            **({"attractors": [each.record() for each in self.attractors]} if self.limit else {}),
             self.column: [[finite(float(value)) for value in row] for row in self.values],
         }
-
-    def _records(self) -> list[dict[str, Any]]:
-        """The attractors, for JSON."""
-        return [group.record() | {"name": name} for group, name in zip(self.attractors, self.names[1:], strict=True)]
 
 
 @checked
@@ -207,20 +202,22 @@ def _attractors(scene: Scene, axes: tuple[Variation, ...], limit: float | None, 
     require(scene, "a limit cycle" if scene.is_driven and not scene.is_forced else "an attractor")
     refuse_any(f"vary {axis.path}: {CHANGES_ATTRACTORS}" for axis in axes if ".start." not in axis.path)
     started = with_starts(scene, axes)
-    outcomes = Outcomes(started)
-    limit = limit or outcomes.returns.longest
+    outcomes = Outcomes(started, partial(orbit_near, started))
+    default = outcomes.returns.rounds * outcomes.returns.first_round
+    limit = default if limit is None else checked_number("duration", limit)
     place = np.zeros(prod(len(axis.values) for axis in axes), dtype=int)
     first = settle([outcomes], place, limit, {"vary": axes}, **options).require("start")
-    groups = tuple(group for group in outcomes.whole() if group.name != UNDECIDED)
-    return Basins(first, ATTRACTOR, groups, (UNDECIDED, *_names(groups)), limit)
+    groups = _named([group for group in outcomes.whole() if group.name != UNDECIDED])
+    return Basins(first, ATTRACTOR, tuple(groups), limit)
 
 
-def _names(groups: Sequence[EndingGroup]) -> Iterator[str]:
-    """The names of attractors; several of one name with the largest angles of their orbits."""
+def _named(groups: Sequence[EndingGroup]) -> Iterator[EndingGroup]:
+    """Groups with the names of their rhythms; several of one name with the largest angles of their orbits."""
     names = Counter(map(name_of, groups))
     for group in groups:
         name, orbit = name_of(group), group.beginning and group.beginning.orbit
-        yield f"{name}, {degrees(orbit.amplitude):.5g}°" if orbit and names[name] > 1 else name
+        angle = f", {degrees(orbit.amplitude):.5g}°" if orbit and names[name] > 1 else ""
+        yield replace(group, name=name + angle)
 
 
 @checked

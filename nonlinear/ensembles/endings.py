@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property
 from math import ceil, nan, pi
 from typing import Any
 
@@ -21,7 +21,7 @@ from modal.scene import Scene
 from modal.scene.parameters import Variation
 from modal.types import Floats, Ints
 from nonlinear.chaos.lyapunov import BLOCKS, TRANSIENT, Exponent
-from nonlinear.ensembles.return_maps import OrbitSearch, SectionMap, return_map, within_a_turn
+from nonlinear.ensembles.return_maps import OrbitSearch, ReturnMap, SectionMap, return_map, unwound
 from nonlinear.ensembles.running import Ensemble, Report, ensemble
 from nonlinear.orbits.cycles import Beginning, beginnings, is_same_orbit
 from nonlinear.orbits.flow import ORBIT_TOLERANCE
@@ -61,7 +61,7 @@ class EndingGroup(Displayed):
 
     def record(self) -> dict[str, Any]:
         """The motion, for JSON, with a return of one of its members."""
-        ending, state = self.ending, within_a_turn(self.ending.state)
+        ending, state = self.ending, unwound(self.ending.state)
         carried = {"supports": state.supports.tolist(), "support_rates_per_s": state.support_rates.tolist()}
         return {
             "name": self.name,
@@ -112,17 +112,18 @@ def rhythm_starts(scene: Scene, count: int, largest_deg: float, seed: int = 7) -
 class Outcomes:
     """What starts of a scene end in, as far as rounds have shown it: `groups` of those that have settled.
 
-    `orbit_of` finds the orbit of a periodic ending, by default near that of the scene itself.
+    `orbit_of` finds the orbit of a periodic ending.
     """
 
     scene: Scene
-    orbit_of: OrbitSearch | None = None
+    orbit_of: OrbitSearch
     endings: dict[int, Ending] = field(default_factory=dict)
     groups: list[EndingGroup] = field(default_factory=list)
 
-    def __post_init__(self) -> None:
-        self.returns = return_map(self.scene)
-        self.orbit_of = self.orbit_of or partial(orbit_near, self.scene)
+    @cached_property
+    def returns(self) -> ReturnMap:
+        """By what motions are recognized."""
+        return return_map(self.scene)
 
     @property
     def others(self) -> dict[int, Ending]:
@@ -138,29 +139,28 @@ class Outcomes:
 
     def _add_periodic(self, endings: dict[int, Ending]) -> None:
         """Add periodic motions to the groups whose returns or whose orbit they have, and to new ones."""
-        assert self.orbit_of
-        left = [k for k in endings if endings[k].kind == PERIODIC]
-        while left:
-            labels = self._labels([endings[k] for k in left])
-            for label in range(1, labels.max() + 1):
-                members = tuple(left[k] for k in np.flatnonzero(labels == label))
-                first = endings[members[0]]
-                place = next((k for k, group in enumerate(self.groups) if self._are_one(group.ending, first)), None)
-                if place is None:
-                    if (facts := self.returns.facts(first, self.orbit_of)) is None:
-                        continue
-                    group = EndingGroup(members=(), ending=first, **facts)
-                    place = next((k for k, other in enumerate(self.groups) if group.has_orbit_of(other)), -1)
-                    self.groups += [group] * (place < 0)
-                self.groups[place] = replace(self.groups[place], members=(*self.groups[place].members, *members))
-            left = [left[k] for k in np.flatnonzero(labels == 0)]  # of more motions than are distinguished at once
+        periodic = [k for k in endings if endings[k].kind == PERIODIC]
+        labels = self._labels([endings[k] for k in periodic])
+        for label in range(1, labels.max(initial=0) + 1):
+            members = tuple(periodic[k] for k in np.flatnonzero(labels == label))
+            first = endings[members[0]]
+            place = next((k for k, group in enumerate(self.groups) if self._are_one(group.ending, first)), None)
+            if place is None:
+                if (facts := self.returns.facts(first, self.orbit_of)) is None:
+                    continue
+                group = EndingGroup(members=(), ending=first, **facts)
+                place = next((k for k, other in enumerate(self.groups) if group.has_orbit_of(other)), -1)
+                self.groups += [group] * (place < 0)
+            self.groups[place] = replace(self.groups[place], members=(*self.groups[place].members, *members))
 
     def _labels(self, endings: Sequence[Ending]) -> Ints:
         """The number of the motion, from 1, to which each of these periodic motions belongs."""
+        if not endings:
+            return np.zeros(0, dtype=np.int64)
         still = (0,) * self.scene.n_links
-        records, repeats = np.array([ending.record for ending in endings]), [ending.returns for ending in endings]
-        turns = np.array([ending.turns or still for ending in endings])
-        return clustered(records, np.array(repeats), turns, self.returns.gap)[0]
+        rows = zip(*((ending.record, ending.returns, ending.turns or still) for ending in endings), strict=True)
+        records, repeats, turns = map(np.array, rows)
+        return clustered(records, repeats, turns, self.returns.gap)[0]
 
     def _are_one(self, ending: Ending, other: Ending) -> bool:
         """Whether two periodic motions are the same."""
@@ -180,18 +180,6 @@ class Outcomes:
         """A group with the number of copies that equal pendula exchange."""
         states = [self.endings[k].state for k in group.members]
         return replace(group, copies=-(-distinct_states(states) // group.ending.returns))
-
-
-def groups_of(
-    scene: Scene, starts: Motion, limit: float, orbit_of: OrbitSearch, **options: Any
-) -> tuple[EndingGroup, ...]:
-    """The outcomes of these starts, the most frequent first, within `limit` (s); `options` are those of `settle`.
-
-    `orbit_of` finds the orbit of a periodic ending.
-    """
-    outcomes = Outcomes(scene, orbit_of)
-    settle([outcomes], np.zeros(len(starts.links), dtype=int), limit, {"starts": starts, "check": 0}, **options)
-    return outcomes.whole()
 
 
 def settle(
@@ -288,7 +276,7 @@ def _in_order(groups: list[EndingGroup]) -> list[EndingGroup]:
     of_size = np.zeros(len(groups), dtype=int)
     of_size[rising] = np.cumsum(np.diff(sizes[rising], prepend=sizes[rising[:1]]) > EQUAL_ANGLES_GAP)
     keys = [
-        (end.returns, any(end.turns), of_size[k], end.turns, within_a_turn(end.state).links.tolist())
+        (end.returns, any(end.turns), of_size[k], end.turns, unwound(end.state).links.tolist())
         for k, end in enumerate(group.ending for group in groups)
     ]
     return [groups[k] for k in sorted(range(len(groups)), key=keys.__getitem__)]

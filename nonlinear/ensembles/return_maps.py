@@ -35,12 +35,8 @@ from nonlinear.postprocessing.returns import (
 from nonlinear.simulation import simulate
 from nonlinear.synchronization.attractors import AT_REST, CLOSING_GAP, OPEN, PERIODIC, Ending, ending_of
 from nonlinear.synchronization.phases import own_shapes
-from nonlinear.system import State, System, system_of
+from nonlinear.system import State, system_of
 
-ROUND_PERIODS, LIMIT_PERIODS = 128, 4096
-"""Limit: of the slowest pendulum, the first round of runs, and by default the longest run of a start."""
-LIMIT_ROUNDS = 4
-"""Limit: the longest run of a start that is driven in time, by default, in those of its first round."""
 OrbitSearch = Callable[[Ending], Beginning | None]
 """Finds the orbit of a periodic ending."""
 
@@ -53,37 +49,31 @@ def slowest_period(scene: Scene) -> float:
 
 @dataclass(frozen=True)
 class SectionMap:
-    """Passages of the first pendulum through its angle at rest, to the right; motions within a `gap` are one."""
+    """Passages of the first pendulum through its angle at rest, to the right; motions within a `gap` are one.
+
+    The longest run of a start is by default so many `rounds` as long as the first.
+    """
 
     scene: Scene
     gap: float = 1e-3
-
-    @cached_property
-    def system(self) -> System:
-        """The scene as arrays."""
-        return system_of(self.scene)
+    rounds: int = 32
 
     @property
     def first_round(self) -> float:
-        """The first round of runs (s)."""
-        return ROUND_PERIODS * slowest_period(self.scene)
-
-    @property
-    def longest(self) -> float:
-        """The longest run by default (s)."""
-        return LIMIT_PERIODS * slowest_period(self.scene)
+        """The first round of runs (s): 128 periods of the slowest pendulum."""
+        return 128 * slowest_period(self.scene)
 
     def run(self, length: float, **options: Any) -> Ensemble:
         """Members with their passages in this many seconds; `options` are those of `ensemble`."""
-        label, rest = self.system.labels[self.system.first], degrees(float(self.system.rest[0]))
-        section = f"section:{label}>{rest:.17g}"
+        system = system_of(self.scene)
+        section = f"section:{system.labels[system.first]}>{degrees(float(system.rest[0])):.17g}"
         return ensemble(self.scene, length, output="end", measures=[section], **options)
 
     def endings(self, run: Ensemble, members: Ints) -> list[Ending]:
         """What follows from the passages of some members, with the last state of those that run on."""
-        links, *others = (part[members] for part in run.states())
-        turned = np.remainder(links - self.system.rest + pi, 2 * pi) - pi
-        is_still = np.abs(natural_units(self.system, [turned, *others])).max(axis=-1) < CLOSING_GAP
+        system, (links, *others) = system_of(self.scene), (part[members] for part in run.states())
+        turned = np.remainder(links - system.rest + pi, 2 * pi) - pi
+        is_still = np.abs(natural_units(system, [turned, *others])).max(axis=-1) < CLOSING_GAP
         final, passages = run.final, _passages_of(run)
         endings = []
         for still, member in zip(is_still, members.tolist(), strict=True):
@@ -106,6 +96,7 @@ class StroboscopicMap:
 
     scene: Scene
     gap: float = ATTRACTOR_GAP_MIN
+    rounds: int = 4
 
     @cached_property
     def period(self) -> float:
@@ -116,11 +107,6 @@ class StroboscopicMap:
     def first_round(self) -> float:
         """The first round of runs (s): a transient of ten times the slowest decay, then 50 periods."""
         return settling_time(self.scene, self.period) + JUDGED_STROBES * self.period
-
-    @property
-    def longest(self) -> float:
-        """The longest run by default (s)."""
-        return LIMIT_ROUNDS * self.first_round
 
     def run(self, length: float, **options: Any) -> Ensemble:
         """Members with their last strobes in this many seconds; raise SceneError for too few of these."""
@@ -148,7 +134,7 @@ class StroboscopicMap:
         """The name of a periodic motion with its largest angle (deg), NaN if links turn over forever."""
         largest = nan
         if not any(ending.turns):
-            run = simulate(self.scene, ending.period, start=within_a_turn(ending.state))
+            run = simulate(self.scene, ending.period, start=unwound(ending.state))
             largest = degrees(largest_angle(run))
         return {"name": name_of_driven(ending, largest), "largest_angle_deg": largest}
 
@@ -165,7 +151,7 @@ def _passages_of(run: Ensemble) -> dict[int, Returns]:
     return {k: Returns(times[begin:end], tuple(part[begin:end] for part in states)) for k, begin, end in spans}
 
 
-def return_map(scene: Scene) -> SectionMap | StroboscopicMap:
+def return_map(scene: Scene) -> ReturnMap:
     """The return map of a scene."""
     return StroboscopicMap(scene) if scene.is_forced else SectionMap(scene)
 
@@ -176,8 +162,11 @@ def is_orbit_of(ending: Ending, orbit: Orbit) -> bool:
     return bool(largest < 1 + CIRCLE_EXCESS_MAX and abs(orbit.period / ending.period - 1) < REPEAT_GAP_MAX)
 
 
-def within_a_turn(state: State) -> State:
-    """The same state with angles from −180° to 180°."""
+ReturnMap = SectionMap | StroboscopicMap
+
+
+def unwound(state: State) -> State:
+    """The same state with all links turned back by whole turns, to angles from −180° to 180°."""
     return replace(state, links=state.links - 2 * pi * np.round(state.links / (2 * pi)))
 
 

@@ -17,18 +17,12 @@ import numpy as np
 from nonlinear.ensembles.endings import UNDECIDED, EndingGroup
 from nonlinear.ensembles.rhythms import Rhythm, RhythmEvent, ValueRhythms
 from nonlinear.orbits.stable import KINDS
-from nonlinear.synchronization.attractors import PERIODIC, rhythm_of
-from nonlinear.synchronization.patterns import rhythm_name
+from nonlinear.synchronization.attractors import rhythm_of
 
 
 def name_of(group: EndingGroup) -> str:
     """The name of an outcome; of a periodic motion the pattern of its orbit."""
-    if group.name != PERIODIC:
-        return group.name
-    if group.beginning:
-        return rhythm_of(group.beginning.orbit)
-    state, omega = group.ending.state, 2 * np.pi * group.ending.returns / group.ending.period
-    return rhythm_name(np.asarray(state.links - 1j * state.link_rates / omega))
+    return rhythm_of(group.beginning.orbit) if group.beginning else group.name
 
 
 def rhythm_without_orbit(group: EndingGroup, members: int) -> Rhythm:

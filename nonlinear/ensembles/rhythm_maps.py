@@ -23,12 +23,11 @@ from nonlinear.ensembles.endings import (
     EndingGroup,
     Outcomes,
     drive_angle,
-    groups_of,
     orbit_near,
     rhythm_starts,
     settle,
 )
-from nonlinear.ensembles.return_maps import LIMIT_PERIODS, slowest_period
+from nonlinear.ensembles.return_maps import SectionMap, slowest_period
 from nonlinear.ensembles.rhythm_borders import continued, rhythm_without_orbit
 from nonlinear.ensembles.rhythms import Rhythm, RhythmEvent, RhythmGrid, RhythmMap, ValueRhythms
 from nonlinear.ensembles.sections import MEMBERS_MAX
@@ -54,8 +53,10 @@ class MapTask:
 
     def __call__(self, value: float) -> tuple[EndingGroup, ...]:
         """The outcomes of the starts at a value."""
-        here, orbit_of = vary(self.scene, {self.variation.path: value}), partial(self.orbit_of, value)
-        return groups_of(here, self.starts, self.limit, orbit_of, engine=self.engine, workers=1)
+        outcomes = Outcomes(vary(self.scene, {self.variation.path: value}), partial(self.orbit_of, value))
+        place, members = np.zeros(len(self.starts.links), dtype=int), {"starts": self.starts, "check": 0}
+        settle([outcomes], place, self.limit, members, engine=self.engine, workers=1)
+        return outcomes.whole()
 
     def outcomes(self, values: Sequence[float], state: State, *, may_be_chaotic: bool) -> list[EndingGroup]:
         """What the motion from a state ends in at each of these values, run together."""
@@ -104,14 +105,16 @@ def find_rhythms(
     variation = parse_variations([vary])[0] if isinstance(vary, str) else vary
     require_cycles(scene, variation)
     checked_index("members", members, 1, MEMBERS_MAX)
-    period = slowest_period(scene)
+    returns = SectionMap(scene)
     box = (
         checked_number("largest_deg", largest_deg, 0.0)
         if largest_deg is not None
         else min(2 * drive_angle(scene), 180.0)
     )
     checked_index("seed", seed, 0, 2**63)
-    longest = checked_number("limit", limit, period) if limit is not None else LIMIT_PERIODS * period
+    longest = returns.rounds * returns.first_round
+    if limit is not None:
+        longest = checked_number("limit", limit, slowest_period(scene))
     task = MapTask(scene, variation, rhythm_starts(scene, members, box, seed), longest, engine)
     store = folder and _store(folder, task, seed)
     parts = []
@@ -260,7 +263,7 @@ def _value_of(
         ends[list(group.members)] = len(branches) + len(rhythms)
         rhythms.append(rhythm_without_orbit(group, members))
     for number, orbit in here:
-        starts, copies = (len(ended[number].members), ended[number].copies) if number in ended else (0, 1)
+        starts, copies = int(np.count_nonzero(ends == number)), ended[number].copies if number in ended else 1
         rhythms.append(Rhythm(names[number], starts, members, copies, orbit, number, orbit.period))
     rhythms.sort(key=lambda rhythm: -rhythm.count)
     undecided = sum(len(group.members) for group in groups if group.name == UNDECIDED)
