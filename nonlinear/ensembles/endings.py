@@ -190,6 +190,7 @@ def settle(
     *,
     may_be_chaotic: bool = True,
     folder: str | None = None,
+    share: tuple[int, int] | None = None,
     report: Report = silent,
     **options: Any,
 ) -> Ensemble:
@@ -207,28 +208,28 @@ def settle(
         number = len(rounds)
         where = f"{folder}/round-{number + 1}" if folder and number else folder
         progress = _progress_of(report, number, len(lengths), len(place), len(left))
-        run = returns.run(length, folder=where, report=progress, **members, **options).require()
+        run = returns.run(length, folder=where, report=progress, share=share, **(options | members)).require()
         rounds.append(run)
-        if options.get("share") and not run.is_complete:
+        if share and not run.is_complete:
             return rounds[0]
         running: list[int] = []
         for at, each in enumerate(outcomes):
             rows = np.flatnonzero(place[left] == at)
             judged = each.returns.endings(run, rows)
             running += each.add_round(dict(zip(left[rows].tolist(), judged, strict=True)))
-        left = np.array(sorted(running), dtype=int)
         if not running:
             break
-        states = [outcomes[place[k]].endings[k].state for k in running]
+        left = np.array(sorted(running))
+        states = [outcomes[place[k]].endings[k].state for k in left]
         members = {"starts": motion_of(states), "check": 0, **_numbers_at(lists, left)}
     for each in outcomes:
         each.groups += _settled_groups(each.others)
-    if may_be_chaotic and isinstance(returns, SectionMap):
+    if may_be_chaotic and isinstance(returns, SectionMap) and not share:
         states_of = {k: ending.state for each in outcomes for k, ending in each.endings.items()}
 
         def measured(some: list[int]) -> Exponent:
             begin, numbers = motion_of([states_of[k] for k in some]), _numbers_at(lists, np.array(some))
-            return exponent_of(outcomes[0].scene, begin, limit / 2, **numbers, **options)
+            return exponent_of(outcomes[0].scene, begin, limit / 2, **(options | numbers | {"check": 0}))
 
         _add_chaotic_groups(outcomes, measured)
     return rounds[0]
@@ -370,7 +371,7 @@ def exponent_of(
     for row, length in enumerate(np.diff(times).tolist()):
         links, rates, cart, speed, *carried = (np.concatenate(pair) for pair in zip(first, second, strict=True))
         both = Motion(links, rates, cart, speed, np.zeros(2 * count), *carried)
-        ends = ensemble(scene, length, starts=both, output="end", check=0, **options).require().states()
+        ends = ensemble(scene, length, starts=both, output="end", **({"check": 0} | options)).require().states()
         record = natural_units(system, [part[None] for part in ends])[0]
         distance = np.linalg.norm(record[count:] - record[:count], axis=1) + np.finfo(float).eps
         growth[row] = np.log(distance / 1e-6)

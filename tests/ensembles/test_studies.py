@@ -6,6 +6,7 @@ import csv
 import json
 from collections.abc import Callable
 from io import StringIO
+from itertools import product
 from re import escape
 from typing import Any
 
@@ -29,11 +30,14 @@ from nonlinear.ensembles import (
     grid_of,
     section_table,
 )
+from nonlinear.ensembles.rhythm_borders import name_of
+from nonlinear.ensembles.rhythm_maps import MapTask
 from nonlinear.reduction import usual_start
 from nonlinear.sweeps import Study, find_spread, parse_measures, spread_table, sweep, sweep_text
 from nonlinear.sweeps.spread import Tolerance
 from nonlinear.synchronization import study_synchronization
 from nonlinear.synchronization.study import theory_of_scene, usual_duration
+from nonlinear.system import motion_of
 
 CLOCKS = [f"pendulum[{p}].start.angles_deg[0]=-30:30:3" for p in range(2)]
 GRID = ["pendulum[0].start.angles_deg[0]=-170:170:8", "pendulum[0].start.angles_deg[1]=-170:170:8"]
@@ -63,16 +67,46 @@ def test_basins_of_two_clocks_are_those_that_sync_finds() -> None:
     links = (Bob(mass=1.0, length=1.0, drive=VanDerPol(strength=0.2, angle_deg=5.0)),)
     scene = Scene(gravity=9.81, support=Cart(mass=20.0, damping=2.0), pendulum=[Pendulum(links=links)] * 2)
     grid = [f"pendulum[{p}].start.angles_deg[0]=-12,9" for p in range(2)]
-    basins = find_basins(scene, 250.0, vary=grid, workers=1)
-    assert basins.column == "configuration"
+    basins = find_basins(scene, vary=grid, workers=1)
+    assert basins.column == "attractor"
     for i, angle in enumerate((-12, 9)):
         for j, other in enumerate((-12, 9)):
             start = State(np.radians([angle, other]), np.zeros(2))
             study = study_synchronization(scene, 250.0, start=start)
-            words = basins.names[int(basins.values[i, j])].partition(",")[0]
             order = study.phases.order[-50:, 0].mean()
-            assert words == ("in phase" if order > 0.9 else "antiphase" if order < 0.1 else "none of these")
+            assert basins.names[int(basins.values[i, j])] == ("in phase" if order > 0.9 else "antiphase")
+            assert order > 0.9 or order < 0.1
     assert sum(basins.shares().values()) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ("scene", "angles", "limit", "names"),
+    [
+        (load("huygens"), (-30, 20), 400.0, {"antiphase", "at rest"}),
+        (vary(load("metronomes"), {"support.mass": 0.06}), (-60, 40), 300.0, {"in phase", "beat"}),
+    ],
+)
+def test_starts_end_where_a_map_of_rhythms_sees_them_end(
+    scene: Scene, angles: tuple[float, ...], limit: float, names: set[str]
+) -> None:
+    """The same starts by both, in the same rhythms; a clock that dies is at rest, as a run of it alone shows."""
+    grid = [f"pendulum[{p}].start.angles_deg[0]={','.join(map(str, angles))}" for p in range(2)]
+    basins = find_basins(scene, limit, vary=grid, engine="numpy", workers=1, check=0)
+    assert {group.name for group in basins.attractors} == names
+    starts = [State(np.radians(pair), np.zeros(2)) for pair in product(angles, angles)]
+    (number,) = parse_variations(["support.mass=0.01:100:2"])
+    groups = MapTask(scene, number, motion_of(starts), limit, "numpy")(scene.supports[0].mass)
+    assert [(name_of(group), sorted(group.members)) for group in groups] == [
+        (group.name, sorted(group.members)) for group in basins.attractors
+    ]
+    record = json.loads(basins_table(basins, "json"))
+    assert [entry["name"] for entry in record["attractors"]] == [*basins.names[1:]]
+    assert (record["duration_s"], sum(basins.shares().values())) == (limit, pytest.approx(1.0))
+    dead = dict.fromkeys(k for group in groups if group.name == "at rest" for k in group.members)
+    for k in [*dead][:1]:
+        run = simulate(scene, 300.0, start=starts[k], output=301)
+        swings = [np.abs(np.degrees(run.motion.links[part])).max() for part in (slice(100, 200), slice(200, 300))]
+        assert swings[1] < swings[0] < 3.0
 
 
 def test_crossings_of_a_section_have_its_energy() -> None:
@@ -192,8 +226,6 @@ def test_studies_that_cannot_be_are_told() -> None:
         find_section(load("metronomes"), energy=1.0)
     with pytest.raises(SceneError, match="a map has two axes"):
         find_basins(load("chain-2"), vary=GRID[:1])
-    with pytest.raises(SceneError, match="no drive"):
-        find_basins(load("chain-2"), vary=GRID, measure="configuration")
     with pytest.raises(SceneError, match="must be one of"):
         find_basins(load("chain-2"), vary=GRID, measure="colour")
 
