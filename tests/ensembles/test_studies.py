@@ -7,7 +7,9 @@ import json
 from collections.abc import Callable
 from io import StringIO
 from itertools import product
+from pathlib import Path
 from re import escape
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -30,12 +32,14 @@ from nonlinear.ensembles import (
     grid_of,
     section_table,
 )
+from nonlinear.ensembles.basins import _named
+from nonlinear.ensembles.endings import EndingGroup
 from nonlinear.ensembles.rhythm_borders import name_of
 from nonlinear.ensembles.rhythm_maps import MapTask
 from nonlinear.reduction import usual_start
 from nonlinear.sweeps import Study, find_spread, parse_measures, spread_table, sweep, sweep_text
 from nonlinear.sweeps.spread import Tolerance
-from nonlinear.synchronization import study_synchronization
+from nonlinear.synchronization import Ending, study_synchronization
 from nonlinear.synchronization.study import theory_of_scene, usual_duration
 from nonlinear.system import motion_of
 
@@ -261,10 +265,10 @@ UNSTARTED = METRONOMES.replace(pendulum=tuple(pendulum.replace(start=None) for p
 def test_starts_of_a_scene_without_one_run_as_long_as_sync_needs() -> None:
     """Not as long as at rest, where nothing begins."""
     grid = ["pendulum[0].start.angles_deg[0]=5,20", "pendulum[1].start.angles_deg[0]=10,15"]
-    basins = find_basins(UNSTARTED, vary=grid, workers=1)
+    basins = find_basins(UNSTARTED, vary=grid, measure="order", workers=1)
     theory = theory_of_scene(UNSTARTED, usual_start(UNSTARTED))
     assert basins.ensemble.question.duration == usual_duration(UNSTARTED, theory)
-    assert np.all(basins.values == 1)
+    assert np.all(basins.values > 0.999)
     assert f"each simulated for {basins.ensemble.question.duration:.4g} s\n" in basins_table(basins, "text")
 
 
@@ -276,8 +280,35 @@ def test_members_without_a_start_begin_in_a_mode() -> None:
     assert begun is not None
     assert np.degrees(np.abs(begun.links)).max(axis=1) == pytest.approx(5.0)
     assert np.all(basins.values > 4.9)
-    short = find_basins(UNSTARTED, 0.5, vary=grid, workers=1)
-    assert "none of these: at rest, not settled yet" in basins_table(short, "text")
+    with pytest.raises(SceneError, match="gravity: changes the attractors themselves"):
+        find_basins(UNSTARTED, 0.5, vary=grid, workers=1)
+
+
+def test_rounds_go_on_where_calls_and_shares_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The rounds of two that know nothing of each other, each as far as both are; combined, nothing runs again."""
+    options = {"vary": [f"pendulum[{p}].start.angles_deg[0]=-3,20" for p in range(2)], "engine": "numpy", "check": 0}
+    alone = find_basins(METRONOMES, 110.0, workers=1, **options)  # type: ignore[arg-type]
+    folder = str(tmp_path / "rounds")
+    for share in ((0, 2), (1, 2), (0, 2), (1, 2)):
+        find_basins(METRONOMES, 110.0, workers=1, chunk=2, folder=folder, share=share, **options)  # type: ignore[arg-type]
+    assert sorted(path.name for path in (tmp_path / "rounds").iterdir()) == [
+        "ensemble.json", "part-000000.npz", "part-000001.npz", "round-2"
+    ]  # fmt: skip
+    monkeypatch.setattr("nonlinear.ensembles.running.compute", lambda *_: pytest.fail("computed again"))
+    shown = list[float]()
+    together = find_basins(METRONOMES, 110.0, workers=1, chunk=2, folder=folder, report=shown.append, **options)  # type: ignore[arg-type]
+    assert together.report("csv") == alone.report("csv")
+    assert shown == sorted(shown)
+
+
+def test_attractors_of_one_name_are_told_by_their_angles(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("nonlinear.ensembles.basins.name_of", lambda group: group.name)
+    ending = Ending("periodic", 1.0, np.zeros((0, 0)), State(np.zeros(2), np.zeros(2)))
+    groups = [
+        EndingGroup(name, (k,), ending, beginning=SimpleNamespace(orbit=SimpleNamespace(amplitude=0.1 * k)))  # type: ignore[arg-type]
+        for k, name in enumerate(["in phase", "antiphase", "in phase"])
+    ]
+    assert [group.name for group in _named(groups)] == ["in phase, 0°", "antiphase", "in phase, 11.459°"]
 
 
 def test_the_usual_grid_is_fine_where_members_go_side_by_side() -> None:
@@ -314,11 +345,3 @@ def test_a_sweep_into_friction_says_what_it_leaves_out() -> None:
     for measure, told in (("frequencies", True), ("energy_drift:0.1", False)):
         study = Study(load("chain-1"), axes, parse_measures([measure]))
         assert (note in sweep_text(sweep(study, workers=1))) == told
-
-
-def test_shares_of_basins_add_up_where_two_averaged_motions_are_one_orbit() -> None:
-    scene = vary(load("metronomes"), {"support.mass": 0.05})
-    basins = find_basins(scene, 20.0, vary=["pendulum[0].start.angles_deg[0]=20:40:2", "support.damping=0.01:0.02:2"])
-    assert len(set(basins.names)) == len(basins.names)
-    assert basins.names.count("in phase, mode 4") == 1
-    assert sum(basins.shares().values()) == pytest.approx(1.0, abs=1e-12)
