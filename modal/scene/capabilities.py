@@ -580,7 +580,7 @@ CAPABILITIES: dict[str, Capability] = {
         STROBED._replace(
             name="an attractor",
             needs={
-                DRIVEN_IN_TIME: "an attractor needs a drive: at joints, or a sine on the support or as a force",
+                DRIVEN_IN_TIME: "an attractor needs a period: a sine that moves the support or acts as a force",
                 LOSING: "an attractor needs losses: dampers, drag or friction",
             },
         ),

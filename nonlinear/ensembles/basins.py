@@ -199,7 +199,7 @@ def _measure_of(scene: Scene, text: str | None, duration: float | None) -> tuple
 
 def _attractors(scene: Scene, axes: tuple[Variation, ...], limit: float | None, **options: Any) -> Basins:
     """The attractors over two numbers of the start; raise SceneError where another number is varied."""
-    require(scene, "a limit cycle" if scene.is_driven and not scene.is_forced else "an attractor")
+    require(scene, "an attractor" if scene.is_forced else "a limit cycle")
     refuse_any(f"vary {axis.path}: {CHANGES_ATTRACTORS}" for axis in axes if ".start." not in axis.path)
     started = with_starts(scene, axes)
     outcomes = Outcomes(started, partial(orbit_near, started))

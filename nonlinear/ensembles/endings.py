@@ -21,7 +21,7 @@ from modal.scene import Scene
 from modal.scene.parameters import Variation
 from modal.types import Floats, Ints
 from nonlinear.chaos.lyapunov import BLOCKS, TRANSIENT, Exponent
-from nonlinear.ensembles.return_maps import OrbitSearch, ReturnMap, SectionMap, return_map, unwound
+from nonlinear.ensembles.return_maps import OrbitSearch, ReturnMap, SectionMap, StroboscopicMap, unwound
 from nonlinear.ensembles.running import Ensemble, Report, ensemble
 from nonlinear.orbits.cycles import Beginning, beginnings, is_same_orbit
 from nonlinear.orbits.flow import ORBIT_TOLERANCE
@@ -123,7 +123,7 @@ class Outcomes:
     @cached_property
     def returns(self) -> ReturnMap:
         """By what motions are recognized."""
-        return return_map(self.scene)
+        return StroboscopicMap(self.scene) if self.scene.is_forced else SectionMap(self.scene)
 
     @property
     def others(self) -> dict[int, Ending]:
@@ -144,7 +144,8 @@ class Outcomes:
         for label in range(1, labels.max(initial=0) + 1):
             members = tuple(periodic[k] for k in np.flatnonzero(labels == label))
             first = endings[members[0]]
-            place = next((k for k, group in enumerate(self.groups) if self._are_one(group.ending, first)), None)
+            labels_of_both = (self._labels([group.ending, first]) for group in self.groups)
+            place = next((k for k, both in enumerate(labels_of_both) if both[0] == both[1]), None)
             if place is None:
                 if (facts := self.returns.facts(first, self.orbit_of)) is None:
                     continue
@@ -161,10 +162,6 @@ class Outcomes:
         rows = zip(*((ending.record, ending.returns, ending.turns or still) for ending in endings), strict=True)
         records, repeats, turns = map(np.array, rows)
         return clustered(records, repeats, turns, self.returns.gap)[0]
-
-    def _are_one(self, ending: Ending, other: Ending) -> bool:
-        """Whether two periodic motions are the same."""
-        return bool(self._labels([ending, other])[1] == 1)
 
     def whole(self) -> tuple[EndingGroup, ...]:
         """All groups, the most frequent first; of a scene that is driven in time in the order of `_rank`."""

@@ -19,12 +19,12 @@ from modal.errors import SceneError, gathered, refuse_any
 from modal.extend.measures import LAST_TENTH, WHOLE_MOTION, measure_for, taken_by
 from modal.extend.registry import mistake_of
 from modal.scene import Scene
-from modal.types import Complexes, Floats
+from modal.types import Floats
 from nonlinear.ensembles.energies import Accounts
 from nonlinear.ensembles.results import MemberResults, Passing, Wanted
 from nonlinear.integration import Trajectory, estimate_timescales, validate
 from nonlinear.synchronization import ENDING
-from nonlinear.synchronization.phases import from_rest, own_shapes
+from nonlinear.synchronization.phases import fixed_base_amplitudes
 from nonlinear.system import Layout, Numbers, System
 
 ENDING_SAMPLES_MAX = 240
@@ -64,10 +64,14 @@ class Context:
         return energy_columns(self.system, sums / ending.shape[1], carried / ending.shape[1])
 
     def order(self, ending: Floats) -> Floats:
-        """The order parameter of each member."""
-        z, weights = own_amplitudes(self, ending)
+        """The order parameter of each member; modes are those of the scene itself, whose numbers they may not have."""
+        first, half = self.layout.first, self.layout.half
+        links, rates = ending[..., first:half], ending[..., half + first : 2 * half]
+        parts = (part.reshape(-1, half - first) for part in (links, rates))
+        z, omega, mass = fixed_base_amplitudes(self.system, *parts)
+        z = z.reshape(*ending.shape[:2], *z.shape[1:])
         size = np.abs(z)
-        leading = np.argmax(np.sum(weights * np.mean(size**2, axis=1), axis=1), axis=1)
+        leading = np.argmax(np.sum(mass * omega**2 * np.mean(size**2, axis=1), axis=1), axis=1)
         unit = np.divide(z, size, out=np.zeros_like(z), where=size > 0)
         order = np.abs(unit.mean(2)).mean(1)
         return np.asarray(order[np.arange(len(order)), leading])
@@ -91,27 +95,6 @@ def energy_columns(system: System, pendula: Floats, carried: Floats) -> Columns:
     columns = {"pendula_energy_J": np.asarray(pendula.sum(0))}
     columns |= {f"pendulum_{p}_energy_J": energy for p, energy in enumerate(pendula, 1)}
     return columns | ({"cart_energy_J": np.asarray(carried)} if system.cart or system.structure else {})
-
-
-def own_amplitudes(context: Context, rows: Floats) -> tuple[Complexes, Floats]:
-    """The z (S, K, N, B) of every pendulum in its own modes, as in `nonlinear.synchronization.phases`, and φᵀAφ ω².
-
-    The modes are those of the scene itself; where members have other numbers they are taken for theirs.
-    """
-    system, layout = context.system, context.layout
-    count = min(group.n for group in system.groups)
-    first, half = layout.first, layout.half
-    members, times = rows.shape[:2]
-    flat = rows.reshape(-1, rows.shape[2])
-    turned, rates = from_rest(system, flat[:, first:half]), flat[:, half + first : 2 * half]
-    z = np.empty((len(flat), system.n_pendula, count), dtype=np.complex128)
-    weights = np.empty((system.n_pendula, count))
-    for group in system.groups:
-        shapes = own_shapes(group, system.gravity, count)
-        eta, rate = (np.einsum("tnp,pnb->tpb", part[:, group.index], shapes.dual) for part in (turned, rates))
-        z[:, group.pendula] = eta - 1j * rate / shapes.omega
-        weights[group.pendula] = shapes.mass * shapes.omega**2
-    return z.reshape(members, times, *z.shape[1:]), weights
 
 
 @dataclass(frozen=True)

@@ -145,15 +145,10 @@ def _passages_of(run: Ensemble) -> dict[int, Returns]:
         return {}
     owner = run.column("crossing_member").astype(int)
     order = np.argsort(owner, kind="stable")
-    times, states = run.column("crossing_time_s")[order], [part[order] for part in run.states("crossing_")]
-    owners, begins = np.unique(owner[order], return_index=True)
-    spans = zip(owners.tolist(), begins.tolist(), [*begins[1:].tolist(), len(owner)], strict=True)
-    return {k: Returns(times[begin:end], tuple(part[begin:end] for part in states)) for k, begin, end in spans}
-
-
-def return_map(scene: Scene) -> ReturnMap:
-    """The return map of a scene."""
-    return StroboscopicMap(scene) if scene.is_forced else SectionMap(scene)
+    members, begins = np.unique(owner[order], return_index=True)
+    columns = [run.column("crossing_time_s"), *run.states("crossing_")]
+    parts = (np.split(column[order], begins[1:]) for column in columns)
+    return {k: Returns(times, tuple(states)) for k, times, *states in zip(members.tolist(), *parts, strict=True)}
 
 
 def is_orbit_of(ending: Ending, orbit: Orbit) -> bool:

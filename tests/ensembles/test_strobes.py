@@ -268,7 +268,7 @@ def test_the_usual_grid_of_one_driven_link_is_its_angle_and_its_rate() -> None:
     [
         (rotor(), {"vary": [f"{ANGLE}=0,1", "gravity=9,10"]}, "gravity: changes the attractors themselves"),
         (rotor(), {"vary": [f"{ANGLE}=0,1", f"{RATE}=0,1"], "duration": 5.0}, "takes 50 periods of 0.5 s"),
-        (DRIVEN.replace(force=()), {"vary": [f"{ANGLE}=0,1", f"{ANGLE}=0,1"]}, "an attractor needs a drive"),
+        (DRIVEN.replace(force=()), {"vary": [f"{ANGLE}=0,1", f"{ANGLE}=0,1"]}, "nothing drives this scene"),
     ],
 )
 def test_what_has_no_attractors_is_refused(scene: Scene, options: dict[str, object], words: str) -> None:
