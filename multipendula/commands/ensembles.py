@@ -187,8 +187,8 @@ COMMANDS = (
             "--vary, such as pendulum[0].start.angles_deg[0]=-180:180:512; two of them (default two angles, or angle "
             "and rate)",
             measured("basins", "attractor of a scene with drives, else first_turn)", most=1),
-            "--duration (default 30 sqrt(l/g), for order as long as sync needs, for attractors at most 4096 swings or 40 "
-            "slowest decays)",
+            "--duration (default 30 sqrt(l/g), for order as long as sync needs, for attractors at most 4096 swings or "
+            "40 slowest decays)",
             *COMPUTED,
             formats(*FORMATS),
             *report_file(*FORMATS),
