@@ -11,7 +11,7 @@ from functools import lru_cache
 from math import inf, nan, pi
 from typing import TYPE_CHECKING
 
-from modal.errors import ComputationError, SceneError
+from modal.errors import SceneError
 from modal.extend.measures import LAST_TENTH, MEMBERS_AT_ONCE, MODE, MODES, Measure
 from modal.extend.registry import register
 
@@ -304,48 +304,18 @@ class LockingTime(Measure):
 
 
 @register
-class EndingConfiguration(Measure):
-    """The stable relative equilibrium in which the run ends."""
-
-    name = "configuration"
-    words = "the steady oscillation of sync in which the motion ends after N seconds, by its number, 0 for none"
-    columns = ("configuration",)
-    needs = "drives at joints"
-    is_planar = True
-    reads = LAST_TENTH
-    usual = 100
-    refused = NO_QUANTILES
-
-    def of_members(self, context: Context, results: MemberResults, ending: Floats) -> Mapping[str, Floats]:
-        """By likeness over the samples of the last tenth."""
-        return {"configuration": context.configuration(ending)}
-
-    def require(self, scene: Scene, seconds: float | None) -> None:
-        """Raise SceneError for a scene that nothing drives, or without a theory."""
-        from nonlinear.ensembles.measures import configurations
-
-        super().require(scene, seconds)
-        try:
-            if not scene.is_driven:
-                raise SceneError(["no drive keeps this scene swinging"])
-            configurations(scene)
-        except (ComputationError, SceneError) as error:
-            raise SceneError([f"measure configuration: {error}"]) from None
-
-
-@register
 class EndingAttractor(Measure):
-    """The periodic motion in which the run ends, as distinguished by `find_attractors` among many starts."""
+    """The motion in which the run ends, as distinguished by `nonlinear.ensembles.endings` among many starts."""
 
     name = "attractor"
-    words = "the periodic motion in which the motion ends after N seconds, by its number, 0 for none"
+    words = "the rhythm or periodic motion that the motion reaches within N seconds, by its number, 0 for none"
     columns = ("attractor",)
-    needs = "sines that drive it, and losses"
+    needs = "drives at joints, or sines that drive it and losses"
     reads = MEMBERS_AT_ONCE
     usual = 0.0
     refused = dict.fromkeys(
         ("sweep", "spread", "ensemble"),
-        "attractors are distinguished among many starts: basins maps them, a stroboscopic sweep follows them",
+        "attractors are distinguished among many starts: basins maps them, a stroboscopic sweep and sync follow them",
     )
 
     def of_members(self, context: Context, results: MemberResults, ending: Floats) -> Mapping[str, Floats]:

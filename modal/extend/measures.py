@@ -32,7 +32,7 @@ MOTION = "a motion"
 OF_SCENE = dict.fromkeys(
     ("basins", "ensemble"), "it belongs to a scene whatever its start, and sweep takes it over numbers"
 )
-FORMER = {"amplitude": "largest_angle, with cart_travel beside it"}
+FORMER = {"amplitude": "largest_angle, with cart_travel beside it", "configuration": "attractor, of basins"}
 """Former names, with the present ones."""
 
 

@@ -57,11 +57,11 @@ def strobed(transient: str) -> tuple[str, ...]:
 def basins(options: argparse.Namespace) -> Basins | None:
     """Map the outcome for a grid of initial conditions: attractor, time to the first flip, Lyapunov exponent.
 
-    Every start of a grid is simulated, thousands at a time. In a scene with drives the map shows which steady
-    oscillation of sync each reaches; in any other scene, when a link first turns over the top, or how fast a small
-    error grows. For a scene driven by a sine, --measure attractor gives the periodic motion that each start
-    reaches, named by its period and its largest angle. A random sample is re-run individually, and the largest
-    difference is reported.
+    Every start of a grid is simulated, thousands at a time. In a scene with drives the map shows the rhythm that each
+    reaches, found as by sync --map: in phase, antiphase, a beat, at rest; in any other scene, when a link first turns
+    over the top, or how fast a small error grows. For a scene driven by a sine, --measure attractor gives the periodic
+    motion that each start reaches, named by its period and its largest angle. Starts run until they have settled, at
+    most for --duration. A random sample is re-run individually, and the largest difference is reported.
 
     Examples
     --------
@@ -218,8 +218,9 @@ COMMANDS = (
             SCENE,
             "--vary, such as pendulum[0].start.angles_deg[0]=-180:180:512; two of them (default two angles, or angle "
             "and rate)",
-            measured("basins", "configuration of a scene with drives, else first_turn)", most=1),
-            "--duration (default 30 sqrt(l/g), for a rhythm as long as sync needs, for attractors ten slowest decays)",
+            measured("basins", "attractor of a scene with drives, else first_turn)", most=1),
+            "--duration (default 30 sqrt(l/g), for order as long as sync needs, for attractors at most 4096 swings or "
+            "40 slowest decays)",
             *COMPUTED,
             formats(*FORMATS),
             *report_file(*FORMATS),

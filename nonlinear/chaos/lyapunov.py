@@ -172,7 +172,11 @@ class Exponent(TextResult):
     @property
     def of_the_chaotic(self) -> Exponent:
         """The exponent of the chaotic starts alone: with regular islands, λ of all starts is a mixture."""
-        return replace(self, growth=self.growth[:, self.members > self.floor])
+        return self.of(self.members > self.floor)
+
+    def of(self, starts: Any) -> Exponent:
+        """The exponent of some of the starts: indices or a mask."""
+        return replace(self, growth=self.growth[:, starts])
 
     def running(self) -> tuple[Floats, Floats]:
         """Times (s) after the transient and the estimate of λ at each, for every start: (K,) and (K, E)."""

@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from contextvars import ContextVar
 from errno import EPERM
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 from hashlib import sha256
 from importlib.util import find_spec
 from pathlib import Path
@@ -328,9 +328,15 @@ def in_place(function: Any, **options: Any) -> Any:
     return part(function, fastmath=set(ANY_ORDER), _nrt=False, **options)
 
 
+@cache
+def source_of(function: Callable[..., Any]) -> str:
+    """The source of a function, read once."""
+    return inspect.getsource(function)
+
+
 def inner(function: Callable[..., Any], decorator: str) -> str:
     """The source of the functions that a function defines and returns, as functions of a module, each decorated."""
-    lines = inspect.getsource(function).splitlines()
+    lines = source_of(function).splitlines()
     first = next(k for k, line in enumerate(lines) if line.startswith("    def "))
     body = dedent("\n".join(lines[first : len(lines) - 1])).splitlines()
     return "\n".join(f"@{decorator}\n{line}" if line.startswith("def ") else line for line in body)

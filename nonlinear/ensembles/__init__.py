@@ -12,11 +12,11 @@ driven in time `strobes`, `attractors` and `bifurcations`; `rhythms` maps outcom
 other subpackages. `preparing` compiles ahead of time what a scene can use.
 """
 
-from nonlinear.ensembles.attractors import Attractor
 from nonlinear.ensembles.basins import Basins, basins_table, begins_in_mode, find_basins, grid_of
 from nonlinear.ensembles.bifurcations import BifurcationDiagram, bifurcation_table, find_bifurcations
 from nonlinear.ensembles.cluster import workers_at
 from nonlinear.ensembles.costs import ENGINES
+from nonlinear.ensembles.endings import EndingGroup
 from nonlinear.ensembles.executors import WorkerPool, Workers
 from nonlinear.ensembles.measures import validate_measures
 from nonlinear.ensembles.members import Members, members_of
@@ -31,11 +31,11 @@ from nonlinear.ensembles.strobes import StroboscopicSection, find_strobes, strob
 
 __all__ = [
     "ENGINES",
-    "Attractor",
     "Basins",
     "BifurcationDiagram",
     "Compilation",
     "CompiledCode",
+    "EndingGroup",
     "Ensemble",
     "Members",
     "PoincareSection",

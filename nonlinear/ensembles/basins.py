@@ -1,37 +1,35 @@
 """Basins of attraction: a measure over two parameters of a scene, usually two initial angles.
 
-Of a scene that excites itself that is the relative equilibrium (`nonlinear.averaging.equilibria`) that the end is one
-of, of one that is driven in time the attractor; of any other the time of the first turn over the top, whose map is a
-fractal, or the exponent of a small error.
+Of a scene with drives that is the attractor (`endings`); of any other the time of the first turn over the top, whose
+map is a fractal, or the exponent of a small error.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from itertools import product
 from math import degrees, prod, sqrt
 from typing import Any
 
 import numpy as np
 
-from modal.errors import ComputationError, SceneError
+from modal.errors import ComputationError, SceneError, refuse_any
 from modal.extend.measures import columns_of, parse_request
 from modal.report import Form, ReportTable, finite, silent
 from modal.scene import InitialCondition, Pendulum, Scene, describe, require
-from modal.scene.doors import checked
+from modal.scene.doors import checked, checked_number
 from modal.scene.parameters import Variation, parse_variations
 from modal.scene.signal_names import column_label
 from modal.types import Floats
-from nonlinear.ensembles.attractors import Attractor, find_attractors
-from nonlinear.ensembles.measures import configurations
+from nonlinear.ensembles.endings import UNDECIDED, EndingGroup, Outcomes, orbit_near, settle
+from nonlinear.ensembles.rhythm_borders import name_of
 from nonlinear.ensembles.running import Ensemble, EnsembleResult, ensemble
 from nonlinear.ensembles.runs import form_of
-from nonlinear.postprocessing.returns import REPEAT_PERIODS_MAX
 from nonlinear.reduction import usual_start
-from nonlinear.synchronization import agreement
 from nonlinear.synchronization.study import theory_of_scene
 from nonlinear.synchronization.study import usual_duration as sync_duration
 from nonlinear.system import has_start
@@ -43,25 +41,27 @@ GRID_SIZE_ONE_BY_ONE = 12
 GRID_ANGLE_MAX = 170.0
 """Limit: default of `vary`: how far (deg) from hanging."""
 EARLIEST = "first_turn_s"
-NONE = "none of these"
 ATTRACTOR = "attractor"
-SLOW = ("configuration", "order")
+CHANGES_ATTRACTORS = (
+    "changes the attractors themselves: vary numbers of a start, and follow attractors by `find_bifurcations`, or by "
+    "`find_rhythms` in a scene with drives at joints"
+)
 BASIN_TIMES = 30.0
 """Limit: default of `duration` in sqrt(l/g)."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Basins(EnsembleResult):
-    """A measure over the grid of two numbers: `column` is its name with its unit, `names` those of configurations.
+    """A measure over the grid of two numbers: `column` is its name with its unit.
 
-    For attractors `attractor` (S,) is also the number of the one that each start reaches.
+    For attractors no start ran longer than `limit` (s), and `ensemble` is the first round of runs; the measure is then
+    their number from 1, 0 for undecided.
     """
 
     ensemble: Ensemble
     column: str
-    names: tuple[str, ...] = ()
-    attractors: tuple[Attractor, ...] = ()
-    attractor: Floats | None = None
+    attractors: tuple[EndingGroup, ...] = ()
+    limit: float | None = None
 
     what = "where starts end"
     figure = "nonlinear.plotting.ensembles:basins_figure"
@@ -75,13 +75,27 @@ class Basins(EnsembleResult):
     def values(self) -> Floats:
         """The measure over the grid; inf of a start from which no link turns over, NaN of one that failed."""
         members = self.ensemble
-        if self.attractor is not None:
-            return self.attractor.reshape(members.members.shape)
+        if self.limit:
+            numbers = np.zeros(members.size)
+            for number, group in enumerate(self.attractors, 1):
+                numbers[list(group.members)] = number
+            numbers[list(members.failures)] = np.nan
+            return numbers.reshape(members.members.shape)
         if self.column != EARLIEST:
             return members.grid(self.column)
         return np.asarray(
             np.min([members.grid(name) for name in members.columns if name.startswith("first_turn_")], axis=0)
         )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of the attractors, after that of what has not settled."""
+        return (UNDECIDED, *(group.name for group in self.attractors)) if self.limit else ()
+
+    @property
+    def duration(self) -> float:
+        """The longest run of a start (s)."""
+        return self.limit or self.ensemble.question.duration
 
     def shares(self) -> dict[str, float]:
         """The shares of the outcomes."""
@@ -109,16 +123,9 @@ class Basins(EnsembleResult):
         if not self.names and known.size:
             low, middle, high = known.min(), np.median(known), known.max()
             yield f"{column_label(self.column)}: from {low:.4g} to {high:.4g}, median {middle:.4g}"
-        yield f"Each start was simulated for {self.ensemble.question.duration:.4g} s{self._left()}."
+        until = "until it had settled, at most " if self.limit else ""
+        yield f"Each start was simulated {until}for {self.duration:.4g} s."
         yield self.ensemble.words()
-
-    def _left(self) -> str:
-        """The motions of those that have not reached a configuration."""
-        if not self.names or not self.shares()[NONE]:
-            return ""
-        if self.attractor is not None:
-            return f"; {NONE}: not settled yet, or not periodic within {REPEAT_PERIODS_MAX} periods of the drives"
-        return f"; {NONE}: at rest, not settled yet, or in another motion"
 
     def whole(self) -> dict[str, Any]:
         """Everything, for JSON: the values row by row, None for inf and NaN."""
@@ -126,7 +133,7 @@ class Basins(EnsembleResult):
         return {
             "scene": describe(self.scene),
             "axes": [{"place": axis.path, "unit": axis.unit, "values": list(axis.values)} for axis in self.axes],
-            "duration_s": members.question.duration,
+            "duration_s": self.duration,
             "tolerance": members.question.tolerance,
             "engine": members.engine,
             "members": members.size,
@@ -136,7 +143,7 @@ class Basins(EnsembleResult):
             "largest_difference_rad": finite(members.largest_difference),
             "shares": self.shares(),
             "names": list(self.names),
-            **({"attractors": [each.record() for each in self.attractors]} if self.attractor is not None else {}),
+            **({"attractors": [each.record() for each in self.attractors]} if self.limit else {}),
             self.column: [[finite(float(value)) for value in row] for row in self.values],
         }
 
@@ -159,10 +166,9 @@ def find_basins(
     """
     axes = grid_of(scene, vary)
     measure, duration = _measure_of(scene, measure, duration)
-    require(scene, "an attractor" if measure == ATTRACTOR else "an ensemble")
     if measure == ATTRACTOR:
-        members, attractors, numbers = find_attractors(with_starts(scene, axes), axes, duration, report, **options)
-        return Basins(members, ATTRACTOR, (NONE, *(attractor.name for attractor in attractors)), attractors, numbers)
+        return _attractors(scene, axes, duration, report=report, **options)
+    require(scene, "an ensemble")
     started, starts = with_starts(scene, axes), None
     if begins_in_mode(scene, axes):
         started, starts = scene, [usual_start(scene)] * prod(len(axis.values) for axis in axes)
@@ -175,15 +181,14 @@ def find_basins(
         report=report,
         **options,
     ).require("start")
-    names = _names(started) if measure == "configuration" else ()
     column = EARLIEST if measure == "first_turn" else next(iter(columns_of(measure, mapped.columns)), measure)
-    return Basins(mapped, column, names)
+    return Basins(mapped, column)
 
 
 def _measure_of(scene: Scene, text: str | None, duration: float | None) -> tuple[str, float | None]:
     """The name of the measure in a text, and for how long (s), None if nothing says so."""
     if text is None:
-        return "configuration" if scene.is_driven else "first_turn", duration
+        return ATTRACTOR if scene.is_driven else "first_turn", duration
     measure, seconds = parse_request("basins", text)
     if ":" not in text:
         return measure.name, duration
@@ -192,12 +197,27 @@ def _measure_of(scene: Scene, text: str | None, duration: float | None) -> tuple
     return measure.name, seconds
 
 
-def _names(scene: Scene) -> tuple[str, ...]:
-    """The name of a configuration, by its number; several of one name with their largest angles."""
-    states = configurations(scene)
-    names = [f"{agreement(state)}, mode {state.number}" for state in states]
-    angles = [f", {degrees(state.averaged.largest(state.z)):.5g}°" for state in states]
-    return (NONE, *(name + angle * (names.count(name) > 1) for name, angle in zip(names, angles, strict=True)))
+def _attractors(scene: Scene, axes: tuple[Variation, ...], limit: float | None, **options: Any) -> Basins:
+    """The attractors over two numbers of the start; raise SceneError where another number is varied."""
+    require(scene, "an attractor" if scene.is_forced else "a limit cycle")
+    refuse_any(f"vary {axis.path}: {CHANGES_ATTRACTORS}" for axis in axes if ".start." not in axis.path)
+    started = with_starts(scene, axes)
+    outcomes = Outcomes(started, partial(orbit_near, started))
+    default = outcomes.returns.rounds * outcomes.returns.first_round
+    limit = default if limit is None else checked_number("duration", limit)
+    place = np.zeros(prod(len(axis.values) for axis in axes), dtype=int)
+    first = settle([outcomes], place, limit, {"vary": axes}, **options).require("start")
+    groups = _named([group for group in outcomes.whole() if group.name != UNDECIDED])
+    return Basins(first, ATTRACTOR, tuple(groups), limit)
+
+
+def _named(groups: Sequence[EndingGroup]) -> Iterator[EndingGroup]:
+    """Groups with the names of their rhythms; several of one name with the largest angles of their orbits."""
+    names = Counter(map(name_of, groups))
+    for group in groups:
+        name, orbit = name_of(group), group.beginning and group.beginning.orbit
+        angle = f", {degrees(orbit.amplitude):.5g}°" if orbit and names[name] > 1 else ""
+        yield replace(group, name=name + angle)
 
 
 @checked
@@ -213,8 +233,8 @@ def grid_of(scene: Scene, vary: Sequence[str] | Sequence[Variation] = ()) -> tup
 
 
 def usual_duration(scene: Scene, measure: str) -> float:
-    """A multiple of sqrt(l/g) of the longest link (s); for a rhythm as long as `sync` runs until one survives."""
-    if measure in SLOW and scene.is_driven:
+    """A multiple of sqrt(l/g) of the longest link (s); for `order` as long as `sync` runs until one survives."""
+    if measure == "order" and scene.is_driven:
         with suppress(ComputationError):
             return sync_duration(scene, theory_of_scene(scene, usual_start(scene)))
     return float(BASIN_TIMES * np.sqrt(max(link.length for link in scene.links()) / scene.gravity))

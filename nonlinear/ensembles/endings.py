@@ -8,37 +8,40 @@ regular motion, a chimera where some of equal pendula also move as one, else und
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
-from math import ceil, degrees, pi
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from math import ceil, nan, pi
 from typing import Any
 
 import numpy as np
 
-from modal.report import Displayed
+from modal.report import Displayed, finite, silent
 from modal.scene import Scene
-from modal.types import Floats
+from modal.scene.parameters import Variation
+from modal.types import Floats, Ints
 from nonlinear.chaos.lyapunov import BLOCKS, TRANSIENT, Exponent
-from nonlinear.ensembles.running import ensemble
-from nonlinear.orbits.cycles import Beginning
-from nonlinear.orbits.floquet import CIRCLE_EXCESS_MAX
-from nonlinear.orbits.orbit import Orbit
-from nonlinear.postprocessing.returns import REPEAT_GAP_MAX, Returns, clustered, natural_rate, natural_units
-from nonlinear.synchronization.attractors import AT_REST, CLOSING_GAP, OPEN, PERIODIC, TORUS, Ending, ending_of
+from nonlinear.ensembles.return_maps import OrbitSearch, ReturnMap, SectionMap, StroboscopicMap, unwound
+from nonlinear.ensembles.running import Ensemble, Report, ensemble
+from nonlinear.orbits.cycles import Beginning, beginnings, is_same_orbit
+from nonlinear.orbits.flow import ORBIT_TOLERANCE
+from nonlinear.postprocessing.returns import clustered, natural_rate, natural_units
+from nonlinear.synchronization.attractors import AT_REST, OPEN, PERIODIC, TORUS, Ending
 from nonlinear.synchronization.phases import own_shapes
 from nonlinear.system import Motion, State, motion_of, system_of
 
-ROUND_PERIODS, LIMIT_PERIODS = 128, 4096
-"""Limit: of the slowest pendulum, the first round of runs, and by default the longest run of a start."""
 UNDECIDED, CHAOTIC = "undecided", "chaotic"
+EQUAL_ANGLES_GAP = 1e-2
+"""Tolerance: between largest angles (deg) that count as equal: mirror images go by their strobes."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class EndingGroup(Displayed):
-    """Starts of `size` that end in one motion, or in one of `copies` that equal pendula exchange; an `ending` of them.
+    """Starts that end in one motion, or in one of `copies` that equal pendula exchange; an `ending` of them.
 
     `members` are their numbers; a periodic one has the `beginning` of a branch of orbits, chaos an `exponent` with half
-    its 95 % interval (1/s).
+    its 95 % interval (1/s).  The largest angle is that of any link on a motion that is driven in time, NaN if links
+    turn over forever.
     """
 
     what, shows = "EndingGroup", "name: name; members: numbers of starts; copies: copies"
@@ -49,17 +52,36 @@ class EndingGroup(Displayed):
     copies: int = 1
     exponent: tuple[float, float] | None = None
     beginning: Beginning | None = None
+    largest_angle_deg: float = nan
+
+    def has_orbit_of(self, other: EndingGroup) -> bool:
+        """Whether the orbits near both were computed, and are the same."""
+        orbits = [group.beginning.orbit for group in (self, other) if group.beginning]
+        return len(orbits) == 2 and is_same_orbit(*orbits)
+
+    def record(self) -> dict[str, Any]:
+        """The motion, for JSON, with a return of one of its members."""
+        ending, state = self.ending, unwound(self.ending.state)
+        carried = {"supports": state.supports.tolist(), "support_rates_per_s": state.support_rates.tolist()}
+        return {
+            "name": self.name,
+            "period": ending.returns,
+            "turns": list(ending.turns),
+            "period_s": finite(ending.period),
+            "slow_period_s": ending.slow_period,
+            "copies": self.copies,
+            "largest_angle_deg": finite(self.largest_angle_deg),
+            "angles_deg": np.degrees(state.links).tolist(),
+            "rates_deg_per_s": np.degrees(state.link_rates).tolist(),
+            "cart_m": state.cart,
+            "cart_rate_m_per_s": state.cart_rate,
+            **(carried if len(state.supports) else {}),
+        }
 
 
 def drive_angle(scene: Scene) -> float:
     """The largest angle (deg) of the drives at joints."""
     return max((link.drive.angle_deg for link in scene.links() if link.drive), default=0.0)
-
-
-def slowest_period(scene: Scene) -> float:
-    """The slowest period of the pendula on a fixed support (s)."""
-    system = system_of(scene)
-    return 2 * pi / min(float(own_shapes(group, system.gravity, 1).omega.min()) for group in system.groups)
 
 
 def rhythm_starts(scene: Scene, count: int, largest_deg: float, seed: int = 7) -> Motion:
@@ -86,97 +108,176 @@ def rhythm_starts(scene: Scene, count: int, largest_deg: float, seed: int = 7) -
     return Motion(links, rates, np.zeros(count), np.zeros(count), np.zeros(count), still, still)
 
 
-def groups_of(
-    scene: Scene,
-    starts: Motion,
+@dataclass
+class Outcomes:
+    """What starts of a scene end in, as far as rounds have shown it: `groups` of those that have settled.
+
+    `orbit_of` finds the orbit of a periodic ending.
+    """
+
+    scene: Scene
+    orbit_of: OrbitSearch
+    endings: dict[int, Ending] = field(default_factory=dict)
+    groups: list[EndingGroup] = field(default_factory=list)
+
+    @cached_property
+    def returns(self) -> ReturnMap:
+        """By what motions are recognized."""
+        return StroboscopicMap(self.scene) if self.scene.is_forced else SectionMap(self.scene)
+
+    @property
+    def others(self) -> dict[int, Ending]:
+        """The endings of starts that are in no group."""
+        ended = {k for group in self.groups for k in group.members}
+        return {k: ending for k, ending in self.endings.items() if k not in ended}
+
+    def add_round(self, judged: dict[int, Ending]) -> list[int]:
+        """Take the endings that a round showed, and return the starts that run on."""
+        self.endings |= judged
+        self._add_periodic(judged)
+        return [k for k, ending in self.others.items() if k in judged and _runs_on(ending)]
+
+    def _add_periodic(self, endings: dict[int, Ending]) -> None:
+        """Add periodic motions to the groups whose returns or whose orbit they have, and to new ones."""
+        periodic = [k for k in endings if endings[k].kind == PERIODIC]
+        labels = self._labels([endings[k] for k in periodic])
+        for label in range(1, labels.max(initial=0) + 1):
+            members = tuple(periodic[k] for k in np.flatnonzero(labels == label))
+            first = endings[members[0]]
+            labels_of_both = (self._labels([group.ending, first]) for group in self.groups)
+            place = next((k for k, both in enumerate(labels_of_both) if both[0] == both[1]), None)
+            if place is None:
+                if (facts := self.returns.facts(first, self.orbit_of)) is None:
+                    continue
+                group = EndingGroup(members=(), ending=first, **facts)
+                place = next((k for k, other in enumerate(self.groups) if group.has_orbit_of(other)), -1)
+                self.groups += [group] * (place < 0)
+            self.groups[place] = replace(self.groups[place], members=(*self.groups[place].members, *members))
+
+    def _labels(self, endings: Sequence[Ending]) -> Ints:
+        """The number of the motion, from 1, to which each of these periodic motions belongs."""
+        if not endings:
+            return np.zeros(0, dtype=np.int64)
+        still = (0,) * self.scene.n_links
+        rows = zip(*((ending.record, ending.returns, ending.turns or still) for ending in endings), strict=True)
+        records, repeats, turns = map(np.array, rows)
+        return clustered(records, repeats, turns, self.returns.gap)[0]
+
+    def whole(self) -> tuple[EndingGroup, ...]:
+        """All groups, the most frequent first; of a scene that is driven in time in the order of `_rank`."""
+        groups = [self._with_copies(group) if group.beginning else group for group in self.groups]
+        groups.sort(key=lambda group: -len(group.members))
+        if self.scene.is_forced:
+            groups = _in_order(groups)
+        if rest := tuple(self.others):
+            groups.append(EndingGroup(UNDECIDED, rest, self.endings[rest[0]]))
+        return tuple(groups)
+
+    def _with_copies(self, group: EndingGroup) -> EndingGroup:
+        """A group with the number of copies that equal pendula exchange."""
+        states = [self.endings[k].state for k in group.members]
+        return replace(group, copies=-(-distinct_states(states) // group.ending.returns))
+
+
+def settle(
+    outcomes: Sequence[Outcomes],
+    place: Ints,
     limit: float,
-    orbit_of: Callable[[Ending], Beginning | None],
+    members: dict[str, Any],
     *,
     may_be_chaotic: bool = True,
+    folder: str | None = None,
+    share: tuple[int, int] | None = None,
+    report: Report = silent,
     **options: Any,
-) -> tuple[EndingGroup, ...]:
-    """The outcomes of these starts, the most frequent first, within `limit` (s).
+) -> Ensemble:
+    """Run all starts together within `limit` (s), each of the scene of the outcomes at its `place` (S,), and sort them.
 
-    `orbit_of` finds the orbit of a periodic ending; without `may_be_chaotic` no exponent is computed of what has not
-    settled.  `options` are those of `ensemble`.
+    `members` and `options` are those of `ensemble`, the former the starts, or axes over these; the scenes differ in
+    numbers that `vary` lists, (S,) each.  Without `may_be_chaotic` no exponent is computed of what has not settled.
+    Return the first round, which is stored in the `folder`, others below it.  A share has no outcomes before all others
+    have completed a round.
     """
-    endings: dict[int, Ending] = {}
-    groups: list[EndingGroup] = []
-    left, motion, elapsed = np.arange(len(starts.links)), starts, 0.0
-    first = ROUND_PERIODS * slowest_period(scene)
-    length = first if limit >= 2 * first else limit
-    while len(left) and elapsed < limit * (1 - 1e-9):
-        motion, judged = _round(scene, motion, length, options)
-        here = dict(zip(left.tolist(), judged, strict=True))
-        endings |= here
-        groups += _periodic_groups(scene, here, orbit_of)
-        ended = {k for group in groups for k in group.members}
-        is_open = np.array([k not in ended and _runs_on(ending) for k, ending in here.items()])
-        left, motion = left[is_open], motion.at(np.flatnonzero(is_open))
-        elapsed += length
-        length = elapsed if limit - elapsed >= 2 * elapsed else limit - elapsed  # the last is no shorter than others
-    others = {k: ending for k, ending in endings.items() if not any(k in group.members for group in groups)}
-    groups += _settled_groups(others)
-    if may_be_chaotic:
-        groups += _chaotic_groups(scene, others, limit / 2, options)
-    if rest := tuple(k for k in endings if not any(k in group.members for group in groups)):
-        groups.append(EndingGroup(UNDECIDED, rest, endings[rest[0]]))
-    return tuple(sorted(groups, key=lambda group: -len(group.members)))
+    returns, rounds, left = outcomes[0].returns, list[Ensemble](), np.arange(len(place))
+    lists = members.get("vary") if "starts" in members else None
+    lengths = round_lengths(returns.first_round, limit)
+    for length in lengths:
+        number = len(rounds)
+        where = f"{folder}/round-{number + 1}" if folder and number else folder
+        progress = _progress_of(report, number, len(lengths), len(place), len(left))
+        run = returns.run(length, folder=where, report=progress, share=share, **(options | members)).require()
+        rounds.append(run)
+        if share and not run.is_complete:
+            return rounds[0]
+        running: list[int] = []
+        for at, each in enumerate(outcomes):
+            rows = np.flatnonzero(place[left] == at)
+            judged = each.returns.endings(run, rows)
+            running += each.add_round(dict(zip(left[rows].tolist(), judged, strict=True)))
+        if not running:
+            break
+        left = np.array(sorted(running))
+        states = [outcomes[place[k]].endings[k].state for k in left]
+        members = {"starts": motion_of(states), "check": 0, **_numbers_at(lists, left)}
+    for each in outcomes:
+        each.groups += _settled_groups(each.others)
+    if may_be_chaotic and isinstance(returns, SectionMap) and not share:
+        states_of = {k: ending.state for each in outcomes for k, ending in each.endings.items()}
+
+        def measured(some: list[int]) -> Exponent:
+            begin, numbers = motion_of([states_of[k] for k in some]), _numbers_at(lists, np.array(some))
+            return exponent_of(outcomes[0].scene, begin, limit / 2, **(options | numbers | {"check": 0}))
+
+        _add_chaotic_groups(outcomes, measured)
+    return rounds[0]
+
+
+def round_lengths(first: float, limit: float) -> list[float]:
+    """How long rounds of runs are (s): each as long as all before it, the last no shorter than others."""
+    lengths = [first if limit >= 2 * first else limit]
+    while (rest := limit - sum(lengths)) > 1e-9 * limit:
+        lengths.append(sum(lengths) if rest >= 2 * sum(lengths) else rest)
+    return lengths
+
+
+def _progress_of(report: Report, number: int, rounds: int, size: int, left: int) -> Report:
+    """The report of a round, in which half of the rest of all members is done, in the last one all of it."""
+    if rounds == 1:
+        return report
+    begun = size * (1 - 0.5**number)
+    each = (size - begun) / left * (1.0 if number + 1 == rounds else 0.5)
+    return lambda done: report(begun + each * done)
+
+
+def _numbers_at(vary: Mapping[str, Floats] | None, members: Ints) -> dict[str, Any]:
+    """The option of `ensemble` for these members' numbers."""
+    return {"vary": {path: numbers[members] for path, numbers in vary.items()}} if vary else {}
 
 
 def _runs_on(ending: Ending) -> bool:
-    """Whether a motion has to run on: neither at rest nor a torus, nor seen to be a chimera."""
-    return ending.kind in (OPEN, PERIODIC) and not ending.chimera and _is_finite(ending)
+    """Whether a motion has to run on: neither at rest nor a torus."""
+    return ending.kind in (OPEN, PERIODIC) and _is_finite(ending)
 
 
-def _round(scene: Scene, motion: Motion, length: float, options: dict[str, Any]) -> tuple[Motion, list[Ending]]:
-    """The last states of these members, and what follows from their returns in this many seconds (s)."""
-    system = system_of(scene)
-    label, rest = system.labels[system.first], degrees(float(system.rest[0]))
-    found = ensemble(
-        scene, length, starts=motion, output="end", measures=[f"section:{label}>{rest:.17g}"], check=0, **options
-    ).require()
-    links, *others = found.states()
-    final, owner = Returns(np.empty(0), (links, *others)), np.array([], dtype=int)
-    turned = np.remainder(links - system.rest + pi, 2 * pi) - pi
-    is_still = np.abs(natural_units(system, [turned, *others])).max(axis=-1) < CLOSING_GAP
-    if "crossing_member" in found.columns:
-        owner = found.column("crossing_member").astype(int)
-        times, crossed = found.column("crossing_time_s"), found.states("crossing_")
-    states, endings = [final.state(member) for member in range(found.size)], list[Ending]()
-    for member, state in enumerate(states):
-        rows = np.flatnonzero(owner == member)
-        if not len(rows):
-            endings.append(Ending(AT_REST if is_still[member] else OPEN, np.nan, np.zeros((0, 0)), state))
-            continue
-        ending = ending_of(Returns(times[rows], tuple(part[rows] for part in crossed)), scene)
-        endings.append(replace(ending, state=state) if ending.kind == OPEN else ending)
-    return motion_of(states), endings
+def orbit_near(
+    scene: Scene, ending: Ending, variation: Variation | None = None, value: float | None = None
+) -> Beginning | None:
+    """The orbit near a periodic ending, at a value of a number where that is varied, None if there is none."""
+    start = ending.state, ending.period
+    return next(beginnings(scene, variation, value, start, ORBIT_TOLERANCE), None)
 
 
-def _periodic_groups(
-    scene: Scene, endings: dict[int, Ending], orbit_of: Callable[[Ending], Beginning | None]
-) -> Iterator[EndingGroup]:
-    """Periodic motions by their returns, where these are near an orbit that is not unstable."""
-    left = [k for k in endings if endings[k].kind == PERIODIC]
-    while left:
-        records = np.array([endings[k].record for k in left])
-        repeats = np.array([endings[k].returns for k in left])
-        labels, _ = clustered(records, repeats, np.zeros((len(left), scene.n_links), dtype=np.int64), 1e-3)
-        for label in range(1, labels.max() + 1):
-            members = tuple(left[k] for k in np.flatnonzero(labels == label))
-            first = endings[members[0]]
-            beginning = orbit_of(first)
-            if beginning and is_orbit_of(first, beginning.orbit):
-                copies = -(-distinct_states([endings[k].state for k in members]) // first.returns)
-                yield EndingGroup(PERIODIC, members, first, copies, None, beginning)
-        left = [left[k] for k in np.flatnonzero(labels == 0)]  # of more motions than one round distinguishes
-
-
-def is_orbit_of(ending: Ending, orbit: Orbit) -> bool:
-    """Whether a motion may end in an orbit: they have one period, and no multiplier is beyond the unit circle."""
-    largest = np.abs(orbit.floquet.others).max(initial=0.0)
-    return bool(largest < 1 + CIRCLE_EXCESS_MAX and abs(orbit.period / ending.period - 1) < REPEAT_GAP_MAX)
+def _in_order(groups: list[EndingGroup]) -> list[EndingGroup]:
+    """By period, turns and largest angle; equal ones by the angles of their return."""
+    sizes = np.nan_to_num([group.largest_angle_deg for group in groups])
+    rising = np.argsort(sizes, kind="stable")
+    of_size = np.zeros(len(groups), dtype=int)
+    of_size[rising] = np.cumsum(np.diff(sizes[rising], prepend=sizes[rising[:1]]) > EQUAL_ANGLES_GAP)
+    keys = [
+        (end.returns, any(end.turns), of_size[k], end.turns, unwound(end.state).links.tolist())
+        for k, end in enumerate(group.ending for group in groups)
+    ]
+    return [groups[k] for k in sorted(range(len(groups)), key=keys.__getitem__)]
 
 
 def _settled_groups(endings: dict[int, Ending]) -> Iterator[EndingGroup]:
@@ -209,33 +310,51 @@ def distinct_states(states: Iterable[State]) -> int:
     return len(seen)
 
 
-def _chaotic_groups(
-    scene: Scene, endings: dict[int, Ending], duration: float, options: dict[str, Any]
-) -> Iterator[EndingGroup]:
-    """Among unsettled motions, chimeras and other motions whose exponents over a duration (s) show chaos."""
-    measured = [k for k, ending in endings.items() if ending.kind == OPEN and _is_finite(ending)]
-    if not measured:
+def _add_chaotic_groups(outcomes: Sequence[Outcomes], measured: Callable[[list[int]], Exponent], few: int = 8) -> None:
+    """Add, of unsettled motions, chimeras and others whose exponents show chaos, as `measured` of starts.
+
+    Of more than a `few` of a kind only so many are measured, and the others where these differ.
+    """
+    kinds = [
+        (each, name, [k for k, ending in each.others.items() if _is_open(ending) and ending.chimera is is_chimera])
+        for each in outcomes
+        for is_chimera, name in ((True, "chimera"), (False, CHAOTIC))
+    ]
+    representatives = [k for *_, members in kinds for k in members[:few]]
+    if not representatives:
         return
-    exponent = exponent_of(scene, motion_of([endings[k].state for k in measured]), duration, **options)
-    is_chaotic = exponent.members > exponent.floor
-    for is_chimera, name in ((True, "chimera"), (False, CHAOTIC)):
-        rows = [j for j, k in enumerate(measured) if endings[k].chimera is is_chimera and is_chaotic[j]]
-        part = replace(exponent, growth=exponent.growth[:, rows])
-        if rows and part.is_positive:
-            members = tuple(measured[j] for j in rows)
-            yield EndingGroup(name, members, endings[members[0]], 1, (part.value, part.half_width))
+    common = measured(representatives)
+    for each, name, members in kinds:
+        exponent = common.of([representatives.index(k) for k in members[:few]])
+        chaotic = exponent.members > exponent.floor
+        if len(members) > few and chaotic.any() and not chaotic.all():
+            exponent = measured(members)
+            chaotic = exponent.members > exponent.floor
+        if not chaotic.any():
+            continue
+        exponent = exponent.of(chaotic)
+        if exponent.is_positive:
+            numbers = tuple(members if chaotic.all() else np.array(members)[chaotic].tolist())
+            interval = exponent.value, exponent.half_width
+            each.groups.append(EndingGroup(name, numbers, each.endings[numbers[0]], 1, interval))
+
+
+def _is_open(ending: Ending) -> bool:
+    return ending.kind == OPEN and _is_finite(ending)
 
 
 def _is_finite(ending: Ending) -> bool:
     return bool(len(ending.state.links) and np.all(np.isfinite(ending.state.links)))
 
 
-def exponent_of(scene: Scene, starts: Motion, duration: float, **options: Any) -> Exponent:
+def exponent_of(
+    scene: Scene, starts: Motion, duration: float, *, vary: Mapping[str, Floats] | None = None, **options: Any
+) -> Exponent:
     """The largest exponents λ of motions over a duration (s) after half of it, by second motions [Benettin1980a].
 
     Each begins 1e-6 in natural units from the first, and is brought back to that again and again, every 50 units of
     time or more often, while ln |v| gains what the distance has grown.  It is then in the direction that grows fastest;
-    `options` are those of `ensemble`, by which both run, many times faster than with tangent equations.
+    `vary` and `options` are those of `ensemble`, by which both run, many times faster than with tangent equations.
     """
     system, count = system_of(scene), len(starts.links)
     thirds = max(ceil(duration * natural_rate(system) / 100), BLOCKS // 2 + 1)  # each block has a part
@@ -244,10 +363,12 @@ def exponent_of(scene: Scene, starts: Motion, duration: float, **options: Any) -
     asides = np.random.default_rng(0).normal(size=starts.links.shape)
     second = [starts.links + 1e-6 * asides, *first[1:]]
     growth = np.empty((len(times) - 1, count))
+    if vary:
+        options["vary"] = {path: np.tile(numbers, 2) for path, numbers in vary.items()}
     for row, length in enumerate(np.diff(times).tolist()):
         links, rates, cart, speed, *carried = (np.concatenate(pair) for pair in zip(first, second, strict=True))
         both = Motion(links, rates, cart, speed, np.zeros(2 * count), *carried)
-        ends = ensemble(scene, length, starts=both, output="end", check=0, **options).require().states()
+        ends = ensemble(scene, length, starts=both, output="end", **({"check": 0} | options)).require().states()
         record = natural_units(system, [part[None] for part in ends])[0]
         distance = np.linalg.norm(record[count:] - record[:count], axis=1) + np.finfo(float).eps
         growth[row] = np.log(distance / 1e-6)

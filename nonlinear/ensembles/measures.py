@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import partial
 from math import ceil, pi, radians
 from typing import cast
 
@@ -19,20 +19,16 @@ from modal.errors import SceneError, gathered, refuse_any
 from modal.extend.measures import LAST_TENTH, WHOLE_MOTION, measure_for, taken_by
 from modal.extend.registry import mistake_of
 from modal.scene import Scene
-from modal.types import Complexes, Floats
-from nonlinear.averaging import AveragedEquations, RelativeEquilibrium, average, likeness, relative_equilibria
+from modal.types import Floats
 from nonlinear.ensembles.energies import Accounts
 from nonlinear.ensembles.results import MemberResults, Passing, Wanted
 from nonlinear.integration import Trajectory, estimate_timescales, validate
-from nonlinear.synchronization import ENDING, agreement
-from nonlinear.synchronization.certificates import beside_distinct_orbits, certified_orbit
-from nonlinear.synchronization.phases import from_rest, own_shapes
+from nonlinear.synchronization import ENDING
+from nonlinear.synchronization.phases import fixed_base_amplitudes
 from nonlinear.system import Layout, Numbers, System
 
 ENDING_SAMPLES_MAX = 240
 """Tolerance: of the last tenth, 12 to each of its periods, and a tenth of these at least."""
-OVERLAP_MIN = 0.9
-"""Tolerance: with a configuration, from which on a motion of about its size is one of it."""
 SECTION = re.compile(r"section:\s*([^=<>]+?)\s*(=|<|>)\s*(\S+)\s*")
 DIRECTIONS = {"=": 0, ">": 1, "<": -1}
 Columns = dict[str, Floats]
@@ -68,33 +64,17 @@ class Context:
         return energy_columns(self.system, sums / ending.shape[1], carried / ending.shape[1])
 
     def order(self, ending: Floats) -> Floats:
-        """The order parameter of each member."""
-        z, weights = own_amplitudes(self, ending)
+        """The order parameter of each member; modes are those of the scene itself, whose numbers they may not have."""
+        first, half = self.layout.first, self.layout.half
+        links, rates = ending[..., first:half], ending[..., half + first : 2 * half]
+        parts = (part.reshape(-1, half - first) for part in (links, rates))
+        z, omega, mass = fixed_base_amplitudes(self.system, *parts)
+        z = z.reshape(*ending.shape[:2], *z.shape[1:])
         size = np.abs(z)
-        leading = np.argmax(np.sum(weights * np.mean(size**2, axis=1), axis=1), axis=1)
+        leading = np.argmax(np.sum(mass * omega**2 * np.mean(size**2, axis=1), axis=1), axis=1)
         unit = np.divide(z, size, out=np.zeros_like(z), where=size > 0)
         order = np.abs(unit.mean(2)).mean(1)
         return np.asarray(order[np.arange(len(order)), leading])
-
-    def configuration(self, ending: Floats) -> Floats:
-        """The number of the configuration in which each member ends, 0 for none."""
-        known = configurations(self.scene)
-        if not known:
-            return np.zeros(len(ending))
-        overlaps, sizes = (np.zeros((len(ending), len(known))) for _ in range(2))
-        averaged = known[0].averaged
-        for k in range(ending.shape[1]):
-            z = _modal(averaged, self, ending[:, k])
-            weights = averaged.omega**2
-            norms = np.sqrt(weights @ np.abs(z) ** 2)
-            for number, state in enumerate(known):
-                overlaps[:, number] += likeness(state, z, OVERLAP_MIN) / ending.shape[1]
-                sizes[:, number] += norms / np.sqrt(weights @ np.abs(state.z) ** 2) / ending.shape[1]
-        best = np.argmax(overlaps, axis=1)
-        rows = np.arange(len(ending))
-        like, size = overlaps[rows, best], sizes[rows, best]
-        fits = (like >= OVERLAP_MIN) & (size > 1 / 2) & (size < 2)
-        return np.where(fits, best + 1.0, 0.0)
 
 
 def ending_times(scene: Scene, duration: float) -> tuple[float, ...]:
@@ -115,52 +95,6 @@ def energy_columns(system: System, pendula: Floats, carried: Floats) -> Columns:
     columns = {"pendula_energy_J": np.asarray(pendula.sum(0))}
     columns |= {f"pendulum_{p}_energy_J": energy for p, energy in enumerate(pendula, 1)}
     return columns | ({"cart_energy_J": np.asarray(carried)} if system.cart or system.structure else {})
-
-
-def own_amplitudes(context: Context, rows: Floats) -> tuple[Complexes, Floats]:
-    """The z (S, K, N, B) of every pendulum in its own modes, as in `nonlinear.synchronization.phases`, and φᵀAφ ω².
-
-    The modes are those of the scene itself; where members have other numbers they are taken for theirs.
-    """
-    system, layout = context.system, context.layout
-    count = min(group.n for group in system.groups)
-    first, half = layout.first, layout.half
-    members, times = rows.shape[:2]
-    flat = rows.reshape(-1, rows.shape[2])
-    turned, rates = from_rest(system, flat[:, first:half]), flat[:, half + first : 2 * half]
-    z = np.empty((len(flat), system.n_pendula, count), dtype=np.complex128)
-    weights = np.empty((system.n_pendula, count))
-    for group in system.groups:
-        shapes = own_shapes(group, system.gravity, count)
-        eta, rate = (np.einsum("tnp,pnb->tpb", part[:, group.index], shapes.dual) for part in (turned, rates))
-        z[:, group.pendula] = eta - 1j * rate / shapes.omega
-        weights[group.pendula] = shapes.mass * shapes.omega**2
-    return z.reshape(members, times, *z.shape[1:]), weights
-
-
-@lru_cache(maxsize=4)
-def configurations(scene: Scene) -> tuple[RelativeEquilibrium, ...]:
-    """The stable relative equilibria of a scene, in the order of `sync`; raise ComputationError if there is no theory.
-
-    Of several next to one and the same periodic orbit the first.
-    """
-    stable = [state for state in relative_equilibria(average(scene)) if state.is_stable is not False]
-    names = [(agreement(state), state.number) for state in stable]
-    orbits = (
-        certified_orbit(scene, state) if names.count(name) > 1 else None
-        for state, name in zip(stable, names, strict=True)
-    )
-    return tuple(state for state, _ in beside_distinct_orbits(zip(stable, orbits, strict=True)))
-
-
-def _modal(averaged: AveragedEquations, context: Context, rows: Floats) -> Complexes:
-    """The amplitudes (C, S) of many states."""
-    layout = context.layout
-    q = rows[:, : layout.half].copy()
-    first = layout.first
-    q[:, first:] = from_rest(context.system, q[:, first:])
-    v = rows[:, layout.half : 2 * layout.half]
-    return np.asarray((q @ averaged.dual - 1j * (v @ averaged.dual) / averaged.omega).T)
 
 
 @dataclass(frozen=True)

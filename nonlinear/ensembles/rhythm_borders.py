@@ -1,8 +1,9 @@
 """Where rhythms without an orbit of their own, beats above all, begin and end along a number.
 
 A beat that some start ends in at one value of the map, and none at the next, is continued: its last state is the start
-at the next value, then at nearer ones.  If it lasts as far as the next value, it exists there, with a share of none.
-Else the steps are halved from the last value at which it lasts, down to a thousandth of the way between values.
+at ten values on the way to the next, run together.  If it lasts as far as that, it exists there, with a share of
+none.  Else the way from the last value at which it lasts to the one after is divided again, down to a thousandth of the
+way between values.
 """
 
 from __future__ import annotations
@@ -16,19 +17,12 @@ import numpy as np
 from nonlinear.ensembles.endings import UNDECIDED, EndingGroup
 from nonlinear.ensembles.rhythms import Rhythm, RhythmEvent, ValueRhythms
 from nonlinear.orbits.stable import KINDS
-from nonlinear.synchronization.attractors import PERIODIC, rhythm_of
-from nonlinear.synchronization.patterns import rhythm_name
-from nonlinear.system import motion_of
+from nonlinear.synchronization.attractors import rhythm_of
 
 
 def name_of(group: EndingGroup) -> str:
     """The name of an outcome; of a periodic motion the pattern of its orbit."""
-    if group.name != PERIODIC:
-        return group.name
-    if group.beginning:
-        return rhythm_of(group.beginning.orbit)
-    state, omega = group.ending.state, 2 * np.pi * group.ending.returns / group.ending.period
-    return rhythm_name(np.asarray(state.links - 1j * state.link_rates / omega))
+    return rhythm_of(group.beginning.orbit) if group.beginning else group.name
 
 
 def rhythm_without_orbit(group: EndingGroup, members: int) -> Rhythm:
@@ -39,12 +33,12 @@ def rhythm_without_orbit(group: EndingGroup, members: int) -> Rhythm:
 
 
 def continued(
-    groups: Callable[..., tuple[EndingGroup, ...]], values: Sequence[ValueRhythms], ends: Sequence[tuple[str, float]]
+    outcomes: Callable[..., list[EndingGroup]], values: Sequence[ValueRhythms], ends: Sequence[tuple[str, float]]
 ) -> tuple[list[ValueRhythms], list[RhythmEvent]]:
     """The same values with the rhythms that last as far as there, and where those without orbits are born or die.
 
-    `groups` gives the outcomes of starts at a value (`MapTask.groups`); `ends` are kinds and values of births and
-    deaths of orbits: a beat that ends next to a Neimark–Sacker point is that point's.
+    `outcomes` tells what a state ends in at several values (`MapTask.outcomes`); `ends` are kinds and values of births
+    and deaths of orbits: a beat that ends next to a Neimark–Sacker point is that point's.
     """
     complete, events = list(values), list[RhythmEvent]()
     count = len(complete)
@@ -53,7 +47,7 @@ def continued(
             present = {rhythm.name for rhythm in complete[there].rhythms}
             lost = {r.name: r for r in reversed(complete[here].rhythms) if r.state and r.name not in present}
             for rhythm in lost.values():
-                way = RhythmContinuation(groups, rhythm, complete[here].value, complete[there].value)
+                way = RhythmContinuation(outcomes, rhythm, complete[here].value, complete[there].value)
                 if lasting := way.lasting_rhythm():
                     complete[there] = complete[there]._replace(rhythms=(*complete[there].rhythms, lasting))
                 else:
@@ -68,45 +62,55 @@ class RhythmContinuation:
     It was not seen at `stop`, where it goes over into the `successor`.
     """
 
-    groups: Callable[..., tuple[EndingGroup, ...]]
+    outcomes: Callable[..., list[EndingGroup]]
     rhythm: Rhythm
     near: float
     target: float
-    tries: int = 60
+    rounds: int = 20
+    lanes: int = 10
 
     def __post_init__(self) -> None:
         self.stop, self.successor = self.target, ""
         self.is_birth = self.target < self.near
         # a chaotic motion needs long runs and an exponent at each step
-        self.smallest = (1e-3 if self.rhythm.exponent is None else 0.05) * abs(self.target - self.near)
+        self.smallest = (1e-3 if self.rhythm.exponent is None else 0.1) * abs(self.target - self.near)
 
     def lasting_rhythm(self) -> Rhythm | None:
         """The rhythm at the target, in which no start was seen to end, None where it ends on the way.
 
-        Steps double where the rhythm lasts and are halved where it is lost; after `tries` of them its end is undecided.
+        Its steps ahead are as many as `lanes`, and longer after it lasted at all of them; after so many `rounds` its
+        end is undecided.
         """
-        step = self.target - self.near
-        for _ in range(self.tries):
-            value = self.near + step if abs(step) < abs(self.target - self.near) else self.target
-            group = self._group_at(value)
-            if name_of(group) == self.rhythm.name:
-                self.near, self.rhythm = value, replace(rhythm_without_orbit(group, self.rhythm.total), count=0)
-                if value == self.target:
-                    return self.rhythm
-                step *= 2
+        reach = self.target - self.near
+        for _ in range(self.rounds):
+            begun, values = self.near, self._values_ahead(reach)
+            groups = self._groups_at(values)
+            lasting = [k for k, group in enumerate(groups) if name_of(group) == self.rhythm.name]
+            following = lasting[-1] + 1 if lasting else 0
+            if lasting:
+                group = groups[lasting[-1]]
+                self.near = values[lasting[-1]]
+                self.rhythm = replace(rhythm_without_orbit(group, self.rhythm.total), count=0)
+            if self.near == self.target:
+                return self.rhythm
+            if following == len(values):
+                reach *= 2
                 continue
-            self.stop, self.successor = value, name_of(group)
-            if abs(self.stop - self.near) <= self.smallest:
+            self.stop, self.successor = values[following], name_of(groups[following])
+            reach = self.stop - self.near
+            if abs(self.stop - begun) <= self.smallest * (1 + 1e-9):
                 return None
-            step = (self.stop - self.near) / 2
         self.successor = UNDECIDED
         return None
 
-    def _group_at(self, value: float) -> EndingGroup:
+    def _values_ahead(self, reach: float) -> list[float]:
+        """Evenly spaced values to so far ahead, none beyond the target."""
+        values = self.near + reach * np.arange(1, self.lanes + 1) / self.lanes
+        return list(dict.fromkeys((np.maximum if self.is_birth else np.minimum)(values, self.target).tolist()))
+
+    def _groups_at(self, values: list[float]) -> list[EndingGroup]:
         assert self.rhythm.state
-        start, is_chaotic = motion_of([self.rhythm.state]), self.rhythm.exponent is not None
-        (group,) = self.groups(value, start, may_be_chaotic=is_chaotic)
-        return group
+        return self.outcomes(values, self.rhythm.state, may_be_chaotic=self.rhythm.exponent is not None)
 
     def event(self, ends: Sequence[tuple[str, float]]) -> RhythmEvent:
         """The birth or death on the way."""

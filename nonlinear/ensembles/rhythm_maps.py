@@ -19,15 +19,15 @@ from modal.scene.doors import checked, checked_index, checked_number
 from modal.scene.parameters import Variation, parse_variations, validate_variations, vary
 from modal.types import Crew, map_by_crew
 from nonlinear.ensembles.endings import (
-    LIMIT_PERIODS,
     UNDECIDED,
     EndingGroup,
-    distinct_states,
+    Outcomes,
     drive_angle,
-    groups_of,
+    orbit_near,
     rhythm_starts,
-    slowest_period,
+    settle,
 )
+from nonlinear.ensembles.return_maps import SectionMap, slowest_period
 from nonlinear.ensembles.rhythm_borders import continued, rhythm_without_orbit
 from nonlinear.ensembles.rhythms import Rhythm, RhythmEvent, RhythmGrid, RhythmMap, ValueRhythms
 from nonlinear.ensembles.sections import MEMBERS_MAX
@@ -36,7 +36,7 @@ from nonlinear.orbits.cycles import Beginning, beginnings, is_same_orbit, requir
 from nonlinear.orbits.flow import ORBIT_TOLERANCE
 from nonlinear.orbits.stable import StableOrbits, stable_branches
 from nonlinear.synchronization.attractors import PERIODIC, Ending, rhythm_of
-from nonlinear.system import Motion, State
+from nonlinear.system import Motion, State, motion_of
 
 SHAPE = ("kind", "returns", "slow_period", "drifting", "chimera")
 
@@ -53,17 +53,23 @@ class MapTask:
 
     def __call__(self, value: float) -> tuple[EndingGroup, ...]:
         """The outcomes of the starts at a value."""
-        return self.groups(value, self.starts)
+        outcomes = Outcomes(vary(self.scene, {self.variation.path: value}), partial(self.orbit_of, value))
+        place, members = np.zeros(len(self.starts.links), dtype=int), {"starts": self.starts, "check": 0}
+        settle([outcomes], place, self.limit, members, engine=self.engine, workers=1)
+        return outcomes.whole()
 
-    def groups(self, value: float, starts: Motion, **options: Any) -> tuple[EndingGroup, ...]:
-        """The outcomes of these starts at a value; `options` are those of `groups_of`."""
-        here, orbit_of = vary(self.scene, {self.variation.path: value}), partial(self.orbit_of, value)
-        return groups_of(here, starts, self.limit, orbit_of, engine=self.engine, workers=1, **options)
+    def outcomes(self, values: Sequence[float], state: State, *, may_be_chaotic: bool) -> list[EndingGroup]:
+        """What the motion from a state ends in at each of these values, run together."""
+        path = self.variation.path
+        outcomes = [Outcomes(vary(self.scene, {path: value}), partial(self.orbit_of, value)) for value in values]
+        members = {"starts": motion_of([state] * len(values)), "vary": {path: np.array(values)}, "check": 0}
+        options: dict[str, Any] = {"engine": self.engine, "workers": 1, "may_be_chaotic": may_be_chaotic}
+        settle(outcomes, np.arange(len(values)), self.limit, members, **options)
+        return [each.whole()[0] for each in outcomes]
 
     def orbit_of(self, value: float, ending: Ending) -> Beginning | None:
         """The orbit near a periodic ending at a value, None if there is none."""
-        start = ending.state, ending.period
-        return next(beginnings(self.scene, self.variation, value, start, ORBIT_TOLERANCE), None)
+        return orbit_near(self.scene, ending, self.variation, value)
 
     def averaged_orbits(self, value: float) -> tuple[Beginning, ...]:
         """The orbits near the averaged configurations at a value, whose basins may be small; of few pendula."""
@@ -99,14 +105,16 @@ def find_rhythms(
     variation = parse_variations([vary])[0] if isinstance(vary, str) else vary
     require_cycles(scene, variation)
     checked_index("members", members, 1, MEMBERS_MAX)
-    period = slowest_period(scene)
+    returns = SectionMap(scene)
     box = (
         checked_number("largest_deg", largest_deg, 0.0)
         if largest_deg is not None
         else min(2 * drive_angle(scene), 180.0)
     )
     checked_index("seed", seed, 0, 2**63)
-    longest = checked_number("limit", limit, period) if limit is not None else LIMIT_PERIODS * period
+    longest = returns.rounds * returns.first_round
+    if limit is not None:
+        longest = checked_number("limit", limit, slowest_period(scene))
     task = MapTask(scene, variation, rhythm_starts(scene, members, box, seed), longest, engine)
     store = folder and _store(folder, task, seed)
     parts = []
@@ -126,7 +134,7 @@ def find_rhythms(
         for value, groups in zip(variation.values, parts, strict=True)
     ]
     values, ends = continued(
-        task.groups, values, [end for branch in branches for end in (branch.birth, branch.death) if end]
+        task.outcomes, values, [end for branch in branches for end in (branch.birth, branch.death) if end]
     )
     events = (*_orbit_events(branches, names), *ends)
     births = tuple(sorted(events, key=lambda event: event.value))
@@ -239,28 +247,24 @@ def _value_of(
     names: Sequence[str],
     members: int,
 ) -> ValueRhythms:
-    """The rhythms at a value: groups of one orbit together, and stable orbits in which no start ends."""
+    """The rhythms at a value, and stable orbits in which no start ends."""
     ends = np.full(members, -1)
     rhythms: list[Rhythm] = []
     here = [(number, orbit) for number, branch in enumerate(branches) if (orbit := branch.at(value))]
-    endings: dict[int, list[EndingGroup]] = {number: [] for number, _ in here}
+    ended: dict[int, EndingGroup] = {}
     for group in groups:
         if group.name == UNDECIDED:
             continue
-        beginning = group.beginning
-        matches = [number for number, orbit in here if beginning and is_same_orbit(beginning.orbit, orbit)]
+        orbit = group.beginning and group.beginning.orbit
+        matches = [number for number, branch_orbit in here if orbit and is_same_orbit(orbit, branch_orbit)]
         if matches:
-            endings[matches[0]].append(group)
+            ended[matches[0]] = group
             ends[list(group.members)] = matches[0]
             continue
         ends[list(group.members)] = len(branches) + len(rhythms)
         rhythms.append(rhythm_without_orbit(group, members))
     for number, orbit in here:
-        starts = sum(len(group.members) for group in endings[number])
-        states = [group.ending.state for group in endings[number]]
-        copies = max([1, *(group.copies for group in endings[number])])
-        if states:
-            copies = max(copies, distinct_states(states) // endings[number][0].ending.returns)
+        starts, copies = int(np.count_nonzero(ends == number)), ended[number].copies if number in ended else 1
         rhythms.append(Rhythm(names[number], starts, members, copies, orbit, number, orbit.period))
     rhythms.sort(key=lambda rhythm: -rhythm.count)
     undecided = sum(len(group.members) for group in groups if group.name == UNDECIDED)

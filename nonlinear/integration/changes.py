@@ -25,7 +25,7 @@ from math import inf, nan
 from typing import Any
 
 from nonlinear.dynamics import complementarity
-from nonlinear.dynamics.compiling import inner
+from nonlinear.dynamics.compiling import inner, source_of
 from nonlinear.dynamics.complementarity import EXCESS, UNBOUNDED, consistent, on_rail, solve_definite
 
 SWITCH_EARLINESS = 1e-12
@@ -305,7 +305,7 @@ def names_in(at: Places) -> dict[str, Any]:
 
 
 def _complementarity() -> list[str]:
-    return [inspect.getsource(function) for function in vars(complementarity).values() if inspect.isfunction(function)]
+    return [source_of(function) for function in vars(complementarity).values() if inspect.isfunction(function)]
 
 
 def switching_source() -> str:

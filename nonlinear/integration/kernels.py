@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import inspect
 import sys
-from collections.abc import Callable
 from functools import cache, lru_cache
 from hashlib import sha256
 from pathlib import Path
@@ -21,7 +20,7 @@ from modal.errors import SceneError
 from modal.scene import whole_file
 from modal.scene.contents import content_of, private
 from nonlinear.dynamics import Lanes, sincos, without_interrupts
-from nonlinear.dynamics.compiling import inner
+from nonlinear.dynamics.compiling import inner, source_of
 from nonlinear.integration import loops, meeting
 from nonlinear.integration.changes import WHERE
 from nonlinear.integration.crowds import Crowd
@@ -67,13 +66,13 @@ def source(lanes: Lanes, crowd: Crowd | None = None) -> str:
     sizes |= {"CONSTANTS": len(module.names), "TIMED": lanes.inputs.count}
     if lanes.inputs.count:
         sizes["DRIVEN"] = CLOCK if lanes.inputs.polynomials == [] else TABLES
-    texts = [_vectorize(_source_of(sincos))]
+    texts = [_vectorize(source_of(sincos))]
     if switches:
         at = switches.places
         sizes |= {"N": switches.count, "M": at.length, "TOLD": at.state_count, "HELD": 2 * at.J}
         sizes |= {"KICKS": at.K, "PRESSES": int(at.presses)}
         functions = filter(inspect.isfunction, vars(meeting).values())
-        texts += [*(f"@part\n{_source_of(function)}" for function in functions), switches.source()]
+        texts += [*(f"@part\n{source_of(function)}" for function in functions), switches.source()]
         texts += [_vectorize(switches.module.loop_source("values"))]
     elif "where(" in module.loop_source(name):
         texts += [_vectorize(WHERE)]
@@ -83,11 +82,6 @@ def source(lanes: Lanes, crowd: Crowd | None = None) -> str:
     constants = {name: value for name, value in (vars(meeting) | vars(loops) | sizes).items() if name.isupper()}
     numbers = [f"{name} = {value!r}" for name, value in constants.items() if isinstance(value, int | float | tuple)]
     return "\n".join((HEAD, IMPORTED, *numbers, *texts, _loop())) + "\n"
-
-
-@cache
-def _source_of(function: Callable[..., Any]) -> str:
-    return inspect.getsource(function)
 
 
 @cache

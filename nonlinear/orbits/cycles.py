@@ -288,10 +288,10 @@ def require_range(scene: Scene, variation: Variation) -> None:
 
 
 def beginnings(
-    scene: Scene, variation: Variation, value: float, start: tuple[State, float] | None, tolerance: float
+    scene: Scene, variation: Variation | None, value: float | None, start: tuple[State, float] | None, tolerance: float
 ) -> Iterator[Beginning]:
-    """Limit cycles at one value of the number."""
-    varied_scene = vary(scene, {variation.path: value})
+    """Limit cycles at one value of the number, or of the scene itself."""
+    varied_scene = scene if variation is None or value is None else vary(scene, {variation.path: value})
     probe = shooting(varied_scene, tolerance=tolerance)
     guesses: list[tuple[Floats, float, int, str]] = []
     if start:

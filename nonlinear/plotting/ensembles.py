@@ -37,7 +37,6 @@ if TYPE_CHECKING:
     from nonlinear.sweeps import Spread
 
 TITLES = {
-    "configuration": "which rhythm each start ends in",
     "first_turn_s": "when a link first turns over the top",
     "lyapunov_per_s": "how fast a small error grows",
     "attractor": "which attractor each start ends in",
@@ -45,12 +44,12 @@ TITLES = {
 
 
 def basins_figure(basins: Basins) -> Figure:
-    """The measure over both numbers: a colour each for configurations, else shades; others stay blank."""
+    """The measure over both numbers: a colour each for attractors, else shades; others stay blank."""
     figure, (axis,) = stack(1, 2)
     scene = basins.ensemble.question.scene
     (_kinds if basins.names else _shades)(figure, axis, basins)
     words = TITLES.get(basins.column, label(basins.column))
-    headline(figure, title_of(scene), f"{words}, within {basins.ensemble.question.duration:.3g} s")
+    headline(figure, title_of(scene), f"{words}, within {basins.duration:.4g} s")
     return figure
 
 

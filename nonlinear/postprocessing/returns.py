@@ -33,8 +33,6 @@ APPROACH_RATIO_MAX = 0.9
 50 periods."""
 ATTRACTOR_GAP_MIN = 3e-3
 """Tolerance: in natural units, from which on samples belong to two attractors: a settled motion is within 1e-4."""
-ATTRACTORS_MAX = 40
-"""Limit: attractors that are distinguished; starts that end in further ones count as "none of these"."""
 
 
 class Returns(NamedTuple):
@@ -148,7 +146,7 @@ def clustered(strobes: Floats, period: Ints, turns: Ints, gap: float = ATTRACTOR
     [1, 2, 1, 2]
     """
     labels, members = np.zeros(len(strobes), dtype=np.int64), list[int]()
-    while len(members) < ATTRACTORS_MAX and len(left := np.flatnonzero((period > 0) & (labels == 0))):
+    while len(left := np.flatnonzero((period > 0) & (labels == 0))):
         first, p = left[0], period[left[0]]
         alike = left[(period[left] == p) & (turns[left] == turns[first]).all(1)]
         orbit = strobes[first, -p:]

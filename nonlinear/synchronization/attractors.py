@@ -47,7 +47,7 @@ class Ending(Displayed):
     `period` (s) is that of a periodic motion, else the mean time of a return; `slow_period` (s) that of a torus, on
     which pendula may be `drifting` apart.  `chimera`: some equal pendula move as one, others of them do not.
     `record` (K, D) are the last returns in natural units, with equal pendula in an order of their own; `state` is the
-    last return.
+    last return.  A periodic motion repeats after so many `returns`, its links by whole `turns` further.
     """
 
     kind: str
@@ -58,6 +58,7 @@ class Ending(Displayed):
     slow_period: float | None = None
     drifting: bool = False
     chimera: bool = False
+    turns: tuple[int, ...] = ()
 
     def _summary(self) -> Summary:
         return Summary(f"Ending: {self.name}", [("period", f"{self.period:.6g} s")])
@@ -83,11 +84,12 @@ def ending_of(returns: Returns, scene: Scene) -> Ending:
         return Ending(OPEN, np.nan, record, returns.state(-1) if count else State(np.zeros(0), np.zeros(0)))
     state, mean = returns.state(-1), returns.mean_time
     ordered = _ordered(last, scene)
-    repeats = int(repetition(last[None], system.n_links, CLOSING_GAP)[0][0])
+    (repeats,), (turns,) = (part.tolist() for part in repetition(last[None], system.n_links, CLOSING_GAP))
     if repeats:
         size = np.linalg.norm(last, axis=1)
         kind = AT_REST if size[-1] < 0.9 * size[0] or size[-1] < CLOSING_GAP else PERIODIC
-        return Ending(kind, float(returns.times[-1] - returns.times[-1 - repeats]), ordered, state, repeats)
+        period = float(returns.times[-1] - returns.times[-1 - repeats])
+        return Ending(kind, period, ordered, state, repeats, turns=tuple(turns))
     late = record[-1024:]
     nu = slow_rotation(late) or locked_rotation(late, CLOSING_GAP)
     if nu is None:

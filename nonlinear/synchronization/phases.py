@@ -167,18 +167,21 @@ def phases_of(trajectory: Trajectory) -> Phases:
         raise ComputationError("phases: only for motion in the plane")
     if system.hoisting is not None:
         raise ComputationError("phases: only for constant lengths, and this run has a hoist")
+    return Phases(trajectory, *fixed_base_amplitudes(system, motion.links, motion.link_rates))
+
+
+def fixed_base_amplitudes(system: System, links: Floats, link_rates: Floats) -> tuple[Complexes, Floats, Floats]:
+    """Z (T, N, B) of every pendulum in its own modes from angles and rates (T, L), their ω (rad/s) and φᵀAφ, (N, B)."""
     count = min(group.n for group in system.groups)
-    z = np.empty((len(trajectory.times), system.n_pendula, count), dtype=np.complex128)
+    z = np.empty((len(links), system.n_pendula, count), dtype=np.complex128)
     omega, mass = np.empty((2, system.n_pendula, count))
-    angles = from_rest(system, motion.links)
+    angles = from_rest(system, links)
     for group in system.groups:
         shapes = own_shapes(group, system.gravity, count)
-        eta, rate = (
-            np.einsum("tnp,pnb->tpb", part[:, group.index], shapes.dual) for part in (angles, motion.link_rates)
-        )
+        eta, rate = (np.einsum("tnp,pnb->tpb", part[:, group.index], shapes.dual) for part in (angles, link_rates))
         z[:, group.pendula] = eta - 1j * rate / shapes.omega
         omega[group.pendula], mass[group.pendula] = shapes.omega, shapes.mass
-    return Phases(trajectory, z, omega, mass)
+    return z, omega, mass
 
 
 def from_rest(system: System, links: Floats) -> Floats:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import cache
+from functools import cache, partial
 from itertools import permutations
 
 import numpy as np
@@ -19,8 +19,9 @@ from nonlinear.averaging import (
     relative_equilibrium,
 )
 from nonlinear.averaging.equilibria import count_copies, exchange, kinds
-from nonlinear.ensembles import ensemble
-from nonlinear.system import State
+from nonlinear.ensembles.endings import Outcomes, orbit_near, settle
+from nonlinear.synchronization import rhythm_of
+from nonlinear.system import State, motion_of
 
 LENGTHS = (0.249044, 0.249067, 0.250278)
 DRIVES = ((0.0005169, 0.003671), (0.000517, 0.003672), (0.0005208, 0.003699))
@@ -122,11 +123,15 @@ def started(equilibrium: RelativeEquilibrium, order: Ints, turn: float) -> State
     return State(q[1:], v[1:], float(q[0]), float(v[0]))
 
 
-def test_an_ensemble_recognizes_every_copy() -> None:
+def test_starts_on_every_copy_end_in_one_motion_of_two() -> None:
     state = splay(equal(3))
     starts = [started(state, np.array(order), 0.7) for order in permutations(range(3))]
-    runs = ensemble(state.averaged.scene, 6.0, starts=starts, measures=["configuration"], engine="numpy")
-    assert runs.to_dict()["configuration"].tolist() == [1.0] * len(starts)
+    scene = state.averaged.scene
+    outcomes = Outcomes(scene, partial(orbit_near, scene))
+    settle([outcomes], np.zeros(6, dtype=int), 200.0, {"starts": motion_of(starts)}, engine="numpy", workers=1)
+    (group,) = outcomes.whole()
+    assert (rhythm_of(group.beginning.orbit), len(group.members), group.copies) == ("splay", 6, 2)  # type: ignore[union-attr]
+    assert state.copies == 2
 
 
 def test_members_of_a_family_are_one_state_and_recognized_by_their_energies() -> None:

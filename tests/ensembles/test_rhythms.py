@@ -6,6 +6,7 @@ import json
 from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,7 +20,8 @@ from multipendula.cli import main
 from nonlinear import simulate
 from nonlinear.chaos import lyapunov_exponent
 from nonlinear.ensembles import RhythmMap, ensemble, find_rhythm_grid, find_rhythms
-from nonlinear.ensembles.endings import EndingGroup, _periodic_groups, exponent_of, is_orbit_of, rhythm_starts
+from nonlinear.ensembles.endings import EndingGroup, Outcomes, exponent_of, rhythm_starts
+from nonlinear.ensembles.return_maps import is_orbit_of
 from nonlinear.ensembles.rhythm_borders import continued
 from nonlinear.ensembles.rhythm_maps import MapTask
 from nonlinear.ensembles.rhythms import Rhythm, RhythmEvent, RhythmGrid, ValueRhythms, wilson
@@ -35,7 +37,7 @@ from nonlinear.synchronization import (
     study_synchronization,
 )
 from nonlinear.synchronization.attractors import Ending, _is_chimera
-from nonlinear.system import Motion, State, motion_of
+from nonlinear.system import State, motion_of
 
 METRONOMES = load("metronomes")
 LIGHT, HEAVY = 0.065, 0.1
@@ -198,12 +200,13 @@ class FakeRuns:
     def __init__(self, reach: float, otherwise: str) -> None:
         self.reach, self.otherwise, self.calls = reach, otherwise, 0
 
-    def groups(self, value: float, starts: Motion, *, may_be_chaotic: bool) -> tuple[EndingGroup, ...]:
+    def outcomes(self, values: list[float], state: State, *, may_be_chaotic: bool) -> list[EndingGroup]:
         """The state holds the value at which it was."""
         self.calls += 1
-        lasts = value <= 0.3 and value - starts.cart[0] <= self.reach
-        state = State(np.zeros(2), np.zeros(2), value)
-        return (EndingGroup("beat" if lasts else self.otherwise, (0,), Ending("torus", 1.0, np.zeros((0, 0)), state)),)
+        names = ["beat" if v <= 0.3 and v - state.cart <= self.reach else self.otherwise for v in values]
+        states = [State(np.zeros(2), np.zeros(2), value) for value in values]
+        endings = [Ending("torus", 1.0, np.zeros((0, 0)), state) for state in states]
+        return [EndingGroup(name, (0,), ending) for name, ending in zip(names, endings, strict=True)]
 
 
 @pytest.mark.parametrize("reach", [1.0, 0.04])
@@ -212,23 +215,23 @@ def test_a_rhythm_is_followed_to_where_it_ends(reach: float) -> None:
     begun = Rhythm("beat", 3, 10, state=State(np.zeros(2), np.zeros(2), 0.0))
     values = [ValueRhythms(0.0, (begun,), 0), ValueRhythms(0.2, (), 0), ValueRhythms(1.0, (), 0)]
     runs = FakeRuns(reach, "in phase")
-    complete, (death,) = continued(runs.groups, values, [])
+    complete, (death,) = continued(runs.outcomes, values, [])
     assert [[r.count for r in value.rhythms] for value in complete] == [[3], [0], []]
     assert death.between
     assert death.between[0] <= 0.3 < death.between[1] < death.between[0] + 1e-3
-    assert runs.calls < 60
-    _, (marked,) = continued(runs.groups, values, [("Neimark–Sacker", 0.3)])
+    assert runs.calls < 20
+    _, (marked,) = continued(runs.outcomes, values, [("Neimark–Sacker", 0.3)])
     assert (marked.kind, marked.value, marked.between) == ("Neimark–Sacker", 0.3, None)
-    _, (unknown,) = continued(FakeRuns(reach, "undecided").groups, values, [])
+    _, (unknown,) = continued(FakeRuns(reach, "undecided").outcomes, values, [])
     assert unknown.kind == "undecided"
 
 
 def test_a_rhythm_that_only_shortest_steps_keep_is_given_up() -> None:
-    """Each run may last thousands of periods, so their number is limited, and the end is then undecided."""
+    """Each round may last thousands of periods, so their number is limited, and the end is then undecided."""
     begun = Rhythm("beat", 3, 10, state=State(np.zeros(2), np.zeros(2), 0.0))
     runs = FakeRuns(0.002, "in phase")
-    _, (death,) = continued(runs.groups, [ValueRhythms(0.0, (begun,), 0), ValueRhythms(1.0, (), 0)], [])
-    assert (death.kind, runs.calls) == ("undecided", 60)
+    _, (death,) = continued(runs.outcomes, [ValueRhythms(0.0, (begun,), 0), ValueRhythms(1.0, (), 0)], [])
+    assert (death.kind, runs.calls) == ("undecided", 20)
 
 
 def test_what_is_beside_an_unstable_orbit_is_not_counted() -> None:
@@ -260,12 +263,19 @@ def test_a_branch_has_one_name_and_small_basins_are_found() -> None:
 
 def test_more_motions_than_are_told_apart_at_once_stay_apart() -> None:
     """Of 45 periodic motions none is taken for another."""
-    orbit = SimpleNamespace(period=1.0, floquet=SimpleNamespace(others=np.array([0.5])))
+    floquet = SimpleNamespace(others=np.array([0.5]))
+
+    def orbit_of(ending: Ending) -> Any:
+        size = float(ending.record[0, 0])
+        return SimpleNamespace(orbit=SimpleNamespace(period=1.0, omega=2 * np.pi, amplitude=size, floquet=floquet))
+
     endings = {
         k: Ending("periodic", 1.0, np.full((50, 5), 0.01 * k), State(np.full(2, 0.01 * k), np.zeros(2)), 1)
         for k in range(45)
     }
-    groups = list(_periodic_groups(METRONOMES, endings, lambda ending: SimpleNamespace(orbit=orbit)))  # type: ignore[arg-type,return-value]
+    outcomes = Outcomes(METRONOMES, orbit_of)
+    outcomes.add_round(endings)
+    groups = outcomes.groups
     assert [group.members for group in groups] == [(k,) for k in range(45)]
 
 

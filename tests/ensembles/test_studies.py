@@ -6,7 +6,10 @@ import csv
 import json
 from collections.abc import Callable
 from io import StringIO
+from itertools import product
+from pathlib import Path
 from re import escape
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -29,11 +32,16 @@ from nonlinear.ensembles import (
     grid_of,
     section_table,
 )
+from nonlinear.ensembles.basins import _named
+from nonlinear.ensembles.endings import EndingGroup
+from nonlinear.ensembles.rhythm_borders import name_of
+from nonlinear.ensembles.rhythm_maps import MapTask
 from nonlinear.reduction import usual_start
 from nonlinear.sweeps import Study, find_spread, parse_measures, spread_table, sweep, sweep_text
 from nonlinear.sweeps.spread import Tolerance
-from nonlinear.synchronization import study_synchronization
+from nonlinear.synchronization import Ending, study_synchronization
 from nonlinear.synchronization.study import theory_of_scene, usual_duration
+from nonlinear.system import motion_of
 
 CLOCKS = [f"pendulum[{p}].start.angles_deg[0]=-30:30:3" for p in range(2)]
 GRID = ["pendulum[0].start.angles_deg[0]=-170:170:8", "pendulum[0].start.angles_deg[1]=-170:170:8"]
@@ -63,16 +71,46 @@ def test_basins_of_two_clocks_are_those_that_sync_finds() -> None:
     links = (Bob(mass=1.0, length=1.0, drive=VanDerPol(strength=0.2, angle_deg=5.0)),)
     scene = Scene(gravity=9.81, support=Cart(mass=20.0, damping=2.0), pendulum=[Pendulum(links=links)] * 2)
     grid = [f"pendulum[{p}].start.angles_deg[0]=-12,9" for p in range(2)]
-    basins = find_basins(scene, 250.0, vary=grid, workers=1)
-    assert basins.column == "configuration"
+    basins = find_basins(scene, vary=grid, workers=1)
+    assert basins.column == "attractor"
     for i, angle in enumerate((-12, 9)):
         for j, other in enumerate((-12, 9)):
             start = State(np.radians([angle, other]), np.zeros(2))
             study = study_synchronization(scene, 250.0, start=start)
-            words = basins.names[int(basins.values[i, j])].partition(",")[0]
             order = study.phases.order[-50:, 0].mean()
-            assert words == ("in phase" if order > 0.9 else "antiphase" if order < 0.1 else "none of these")
+            assert basins.names[int(basins.values[i, j])] == ("in phase" if order > 0.9 else "antiphase")
+            assert order > 0.9 or order < 0.1
     assert sum(basins.shares().values()) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ("scene", "angles", "limit", "names"),
+    [
+        (load("huygens"), (-30, 20), 400.0, {"antiphase", "at rest"}),
+        (vary(load("metronomes"), {"support.mass": 0.06}), (-60, 40), 300.0, {"in phase", "beat"}),
+    ],
+)
+def test_starts_end_where_a_map_of_rhythms_sees_them_end(
+    scene: Scene, angles: tuple[float, ...], limit: float, names: set[str]
+) -> None:
+    """The same starts by both, in the same rhythms; a clock that dies is at rest, as a run of it alone shows."""
+    grid = [f"pendulum[{p}].start.angles_deg[0]={','.join(map(str, angles))}" for p in range(2)]
+    basins = find_basins(scene, limit, vary=grid, engine="numpy", workers=1, check=0)
+    assert {group.name for group in basins.attractors} == names
+    starts = [State(np.radians(pair), np.zeros(2)) for pair in product(angles, angles)]
+    (number,) = parse_variations(["support.mass=0.01:100:2"])
+    groups = MapTask(scene, number, motion_of(starts), limit, "numpy")(scene.supports[0].mass)
+    assert [(name_of(group), sorted(group.members)) for group in groups] == [
+        (group.name, sorted(group.members)) for group in basins.attractors
+    ]
+    record = json.loads(basins_table(basins, "json"))
+    assert [entry["name"] for entry in record["attractors"]] == [*basins.names[1:]]
+    assert (record["duration_s"], sum(basins.shares().values())) == (limit, pytest.approx(1.0))
+    dead = dict.fromkeys(k for group in groups if group.name == "at rest" for k in group.members)
+    for k in [*dead][:1]:
+        run = simulate(scene, 300.0, start=starts[k], output=301)
+        swings = [np.abs(np.degrees(run.motion.links[part])).max() for part in (slice(100, 200), slice(200, 300))]
+        assert swings[1] < swings[0] < 3.0
 
 
 def test_crossings_of_a_section_have_its_energy() -> None:
@@ -192,8 +230,6 @@ def test_studies_that_cannot_be_are_told() -> None:
         find_section(load("metronomes"), energy=1.0)
     with pytest.raises(SceneError, match="a map has two axes"):
         find_basins(load("chain-2"), vary=GRID[:1])
-    with pytest.raises(SceneError, match="no drive"):
-        find_basins(load("chain-2"), vary=GRID, measure="configuration")
     with pytest.raises(SceneError, match="must be one of"):
         find_basins(load("chain-2"), vary=GRID, measure="colour")
 
@@ -229,10 +265,10 @@ UNSTARTED = METRONOMES.replace(pendulum=tuple(pendulum.replace(start=None) for p
 def test_starts_of_a_scene_without_one_run_as_long_as_sync_needs() -> None:
     """Not as long as at rest, where nothing begins."""
     grid = ["pendulum[0].start.angles_deg[0]=5,20", "pendulum[1].start.angles_deg[0]=10,15"]
-    basins = find_basins(UNSTARTED, vary=grid, workers=1)
+    basins = find_basins(UNSTARTED, vary=grid, measure="order", workers=1)
     theory = theory_of_scene(UNSTARTED, usual_start(UNSTARTED))
     assert basins.ensemble.question.duration == usual_duration(UNSTARTED, theory)
-    assert np.all(basins.values == 1)
+    assert np.all(basins.values > 0.999)
     assert f"each simulated for {basins.ensemble.question.duration:.4g} s\n" in basins_table(basins, "text")
 
 
@@ -244,8 +280,35 @@ def test_members_without_a_start_begin_in_a_mode() -> None:
     assert begun is not None
     assert np.degrees(np.abs(begun.links)).max(axis=1) == pytest.approx(5.0)
     assert np.all(basins.values > 4.9)
-    short = find_basins(UNSTARTED, 0.5, vary=grid, workers=1)
-    assert "none of these: at rest, not settled yet" in basins_table(short, "text")
+    with pytest.raises(SceneError, match="gravity: changes the attractors themselves"):
+        find_basins(UNSTARTED, 0.5, vary=grid, workers=1)
+
+
+def test_rounds_go_on_where_calls_and_shares_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The rounds of two that know nothing of each other, each as far as both are; combined, nothing runs again."""
+    options = {"vary": [f"pendulum[{p}].start.angles_deg[0]=-3,20" for p in range(2)], "engine": "numpy", "check": 0}
+    alone = find_basins(METRONOMES, 110.0, workers=1, **options)  # type: ignore[arg-type]
+    folder = str(tmp_path / "rounds")
+    for share in ((0, 2), (1, 2), (0, 2), (1, 2)):
+        find_basins(METRONOMES, 110.0, workers=1, chunk=2, folder=folder, share=share, **options)  # type: ignore[arg-type]
+    assert sorted(path.name for path in (tmp_path / "rounds").iterdir()) == [
+        "ensemble.json", "part-000000.npz", "part-000001.npz", "round-2"
+    ]  # fmt: skip
+    monkeypatch.setattr("nonlinear.ensembles.running.compute", lambda *_: pytest.fail("computed again"))
+    shown = list[float]()
+    together = find_basins(METRONOMES, 110.0, workers=1, chunk=2, folder=folder, report=shown.append, **options)  # type: ignore[arg-type]
+    assert together.report("csv") == alone.report("csv")
+    assert shown == sorted(shown)
+
+
+def test_attractors_of_one_name_are_told_by_their_angles(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("nonlinear.ensembles.basins.name_of", lambda group: group.name)
+    ending = Ending("periodic", 1.0, np.zeros((0, 0)), State(np.zeros(2), np.zeros(2)))
+    groups = [
+        EndingGroup(name, (k,), ending, beginning=SimpleNamespace(orbit=SimpleNamespace(amplitude=0.1 * k)))  # type: ignore[arg-type]
+        for k, name in enumerate(["in phase", "antiphase", "in phase"])
+    ]
+    assert [group.name for group in _named(groups)] == ["in phase, 0°", "antiphase", "in phase, 11.459°"]
 
 
 def test_the_usual_grid_is_fine_where_members_go_side_by_side() -> None:
@@ -282,11 +345,3 @@ def test_a_sweep_into_friction_says_what_it_leaves_out() -> None:
     for measure, told in (("frequencies", True), ("energy_drift:0.1", False)):
         study = Study(load("chain-1"), axes, parse_measures([measure]))
         assert (note in sweep_text(sweep(study, workers=1))) == told
-
-
-def test_shares_of_basins_add_up_where_two_averaged_motions_are_one_orbit() -> None:
-    scene = vary(load("metronomes"), {"support.mass": 0.05})
-    basins = find_basins(scene, 20.0, vary=["pendulum[0].start.angles_deg[0]=20:40:2", "support.damping=0.01:0.02:2"])
-    assert len(set(basins.names)) == len(basins.names)
-    assert basins.names.count("in phase, mode 4") == 1
-    assert sum(basins.shares().values()) == pytest.approx(1.0, abs=1e-12)

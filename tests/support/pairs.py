@@ -256,7 +256,7 @@ ASKS: dict[str, tuple[str, ...]] = {
     "chaos": ("a Lyapunov exponent",),
     "section": ("a Poincaré section",),
     "energies": ("a start by its energy",),
-    "attractors": ("an attractor",),
+    "attractors": ("a limit cycle",),
     "strobes": ("a stroboscopic section",),
     "basins": ("an ensemble",),
     "fit": ("a fit of motions",),
@@ -307,7 +307,11 @@ UNDAMPED = (
     *("joint_friction", "rail_friction", "rail_coefficient", "space_and_cart"),
 )
 """Kinds without anything that dissipates near the equilibrium."""
-DRIVEN = {"section": ("a stroboscopic section",), "orbits vary": ("a forced periodic orbit",)}
+DRIVEN = {
+    "attractors": ("an attractor",),
+    "section": ("a stroboscopic section",),
+    "orbits vary": ("a forced periodic orbit",),
+}
 """What stands there instead for a scene that is driven in time."""
 BEYOND = {
     **dict.fromkeys((("count_100", "fit"), ("count_100", "proved")), "at most"),

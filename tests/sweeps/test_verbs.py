@@ -97,11 +97,6 @@ def test_all_verbs_have_the_same_numbers(name: str) -> None:
         assert value == {column: pytest.approx(number, rel=2e-4, abs=2e-4) for column, number in expected.items()}, verb
 
 
-def test_a_motion_ends_in_the_same_configuration_whoever_asks() -> None:
-    numbers = [route(HUYGENS, "configuration:10") for route in (swept, mapped, member)]
-    assert numbers == [numbers[0]] * 3
-
-
 def test_what_belongs_to_a_scene_is_the_same_for_a_sweep_and_a_spread() -> None:
     for text in ("frequencies:2", "damping:1", "beat", "splitting", "energy_drift:1", "pendulum_energy:1"):
         assert spread(chain(), text) == swept(chain(), text)
