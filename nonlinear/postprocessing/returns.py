@@ -230,4 +230,5 @@ def _left_of(x: Floats, times: Ints, nu: float, harmonics: int) -> float:
     waves = np.hstack((turns.real, turns.imag[:, 1:]))
     gram = waves.T @ waves + np.finfo(float).eps * len(x) * np.eye(waves.shape[1])  # multiples may nearly coincide
     products = waves.T @ x
-    return float(np.sqrt(max(np.vdot(x, x) - np.vdot(products, np.linalg.solve(gram, products)), 0.0)))
+    left = float(np.vdot(x, x) - np.vdot(products, np.linalg.solve(gram, products)))
+    return sqrt(max(left, 0.0))
