@@ -293,9 +293,7 @@ def test_values_that_run_together_end_as_each_alone() -> None:
 
 
 @pytest.mark.parametrize(("regular", "measurements"), [((), [8]), ((3,), [8, 20])])
-def test_exponents_of_eight_stand_for_those_that_agree(
-    regular: tuple[int, ...], measurements: list[int]
-) -> None:
+def test_exponents_of_eight_stand_for_those_that_agree(regular: tuple[int, ...], measurements: list[int]) -> None:
     """If one of eight is regular, all twenty are measured."""
     state = State(np.zeros(2), np.zeros(2))
     state.links[0] = 1.0
