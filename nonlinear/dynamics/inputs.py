@@ -103,9 +103,10 @@ class HeldInputs:
 
     def beside(self, times: Any) -> list[Any]:
         """The same at times (S,) at once, each (S,)."""
-        shape = np.shape(times)
+        if not self.loops:
+            return []
         columns = [self.at(time) for time in np.ravel(times).tolist()]
-        return [np.reshape(row, shape) for row in zip(*columns, strict=True)] if self.loops else []
+        return [np.reshape(row, np.shape(times)) for row in zip(*columns, strict=True)]
 
 
 NOTHING = AppliedForces()

@@ -18,6 +18,7 @@ from modal.scene import Scene, describe
 from modal.scene.doors import checked, checked_index, checked_number
 from modal.scene.parameters import Variation, parse_variations, validate_variations, vary
 from modal.types import Crew, map_by_crew
+from nonlinear.ensembles.costs import engine_of_many
 from nonlinear.ensembles.endings import (
     UNDECIDED,
     EndingGroup,
@@ -27,6 +28,7 @@ from nonlinear.ensembles.endings import (
     rhythm_starts,
     settle,
 )
+from nonlinear.ensembles.question import COMPILED, ENSEMBLE_TOLERANCE
 from nonlinear.ensembles.return_maps import SectionMap, slowest_period
 from nonlinear.ensembles.rhythm_borders import continued, rhythm_without_orbit
 from nonlinear.ensembles.rhythms import Rhythm, RhythmEvent, RhythmGrid, RhythmMap, ValueRhythms
@@ -112,10 +114,14 @@ def find_rhythms(
         else min(2 * drive_angle(scene), 180.0)
     )
     checked_index("seed", seed, 0, 2**63)
+    period = slowest_period(scene)
     longest = returns.rounds * returns.first_round
     if limit is not None:
-        longest = checked_number("limit", limit, slowest_period(scene))
-    task = MapTask(scene, variation, rhythm_starts(scene, members, box, seed), longest, engine)
+        longest = checked_number("limit", limit, period)
+    starts = rhythm_starts(scene, members, box, seed)
+    if engine == "auto":
+        engine = _engine_for(scene, starts[0], members * len(variation.values), min(longest, 512 * period))
+    task = MapTask(scene, variation, starts, longest, engine)
     store = folder and _store(folder, task, seed)
     parts = []
     solved = map_by_crew(partial(_at_value, task, store or None), range(len(variation.values)), crew)
@@ -139,6 +145,12 @@ def find_rhythms(
     events = (*_orbit_events(branches, names), *ends)
     births = tuple(sorted(events, key=lambda event: event.value))
     return RhythmMap(scene, variation, tuple(values), births, members, box, longest, seed)
+
+
+def _engine_for(scene: Scene, start: State, count: int, duration: float) -> str:
+    """The compiled engine where it pays for so many runs (s) in all, else "auto": each round by itself may not pay."""
+    engine = engine_of_many(scene, start, count, duration, ENSEMBLE_TOLERANCE, ())
+    return engine if engine == COMPILED else "auto"
 
 
 def _at_value(task: MapTask, store: ChunkFolder | None, number: int) -> tuple[EndingGroup, ...]:

@@ -223,8 +223,10 @@ def locked_rotation(record: Floats, gap: float) -> float | None:
 
 
 def _left_of(x: Floats, times: Ints, nu: float, harmonics: int) -> float:
-    """The norm of the residual of a record (K, D) without the multiples of a frequency."""
-    phases = 2 * np.pi * nu * np.outer(times, np.arange(harmonics + 1))
-    waves = np.hstack((np.cos(phases), np.sin(phases[:, 1:])))
+    """The norm of the residual of a record (K, D) without the multiples of a frequency, to 1e-8 of the record's."""
+    turns = np.vander(np.exp(2j * np.pi * nu * times), harmonics + 1, increasing=True)
+    waves = np.hstack((turns.real, turns.imag[:, 1:]))
     gram = waves.T @ waves + np.finfo(float).eps * len(x) * np.eye(waves.shape[1])  # multiples may nearly coincide
-    return float(np.linalg.norm(x - waves @ np.linalg.solve(gram, waves.T @ x)))
+    products = waves.T @ x
+    left = float(np.vdot(x, x) - np.vdot(products, np.linalg.solve(gram, products)))
+    return sqrt(max(left, 0.0))

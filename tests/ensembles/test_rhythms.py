@@ -19,8 +19,9 @@ from modal.types import Floats
 from multipendula.cli import main
 from nonlinear import simulate
 from nonlinear.chaos import lyapunov_exponent
+from nonlinear.chaos.lyapunov import Exponent
 from nonlinear.ensembles import RhythmMap, ensemble, find_rhythm_grid, find_rhythms
-from nonlinear.ensembles.endings import EndingGroup, Outcomes, exponent_of, rhythm_starts
+from nonlinear.ensembles.endings import EndingGroup, Outcomes, _add_chaotic_groups, exponent_of, rhythm_starts
 from nonlinear.ensembles.return_maps import is_orbit_of
 from nonlinear.ensembles.rhythm_borders import continued
 from nonlinear.ensembles.rhythm_maps import MapTask
@@ -28,7 +29,7 @@ from nonlinear.ensembles.rhythms import Rhythm, RhythmEvent, RhythmGrid, ValueRh
 from nonlinear.orbits import follow_cycles, limit_cycles
 from nonlinear.orbits.cycles import beginnings
 from nonlinear.orbits.stable import stable_orbits
-from nonlinear.postprocessing.returns import returns_of
+from nonlinear.postprocessing.returns import _left_of, returns_of
 from nonlinear.synchronization import (
     ending_of,
     ending_orbit,
@@ -277,6 +278,61 @@ def test_more_motions_than_are_told_apart_at_once_stay_apart() -> None:
     outcomes.add_round(endings)
     groups = outcomes.groups
     assert [group.members for group in groups] == [(k,) for k in range(45)]
+
+
+def test_values_that_run_together_end_as_each_alone() -> None:
+    """The beat on the light base from its last state, in phase on the heavy one."""
+    beat = next(rhythm.state for rhythm in two_values().values[0].rhythms if rhythm.name == "beat")
+    assert beat
+    variation = parse_variations([f"support.mass={LIGHT}:{HEAVY}:2"])[0]
+    task = MapTask(METRONOMES, variation, motion_of([beat]), 206.0, "auto")
+    together = task.outcomes([LIGHT, HEAVY], beat, may_be_chaotic=False)
+    alone = [task(value)[0] for value in (LIGHT, HEAVY)]
+    assert [group.name for group in together] == ["beat", "periodic"]
+    for group, other in zip(together, alone, strict=True):
+        assert (group.name, group.ending.returns) == (other.name, other.ending.returns)
+        assert group.ending.period == pytest.approx(other.ending.period, rel=1e-6)
+
+
+@pytest.mark.parametrize(("regular", "measurements"), [((), [8]), ((3,), [8, 20])])
+def test_exponents_of_eight_stand_for_those_that_agree(regular: tuple[int, ...], measurements: list[int]) -> None:
+    """If one of eight is regular, all twenty are measured."""
+    state = State(np.zeros(2), np.zeros(2))
+    state.links[0] = 1.0
+    open_endings = {k: Ending("open", 1.0, np.zeros((0, 0)), state, chimera=True) for k in range(20)}
+    outcomes, sizes = Outcomes(METRONOMES, lambda ending: None, open_endings), list[int]()
+
+    def measured(members: list[int]) -> Exponent:
+        sizes.append(len(members))
+        rates = np.array([0.0 if k in regular else 1.0 + 0.01 * k for k in members])
+        return Exponent(METRONOMES, np.linspace(0.0, 150.0, 31), np.tile(5.0 * rates, (30, 1)), 50.0, np.nan)
+
+    _add_chaotic_groups([outcomes], measured)
+    (group,) = outcomes.groups
+    assert sizes == measurements
+    assert group.name == "chimera"
+    assert group.members == tuple(k for k in range(20) if k not in regular)
+    assert group.exponent
+    mean = 1.0 + 0.01 * np.mean(group.members if regular else range(8))
+    assert group.exponent[0] == pytest.approx(mean, rel=1e-12)
+
+
+def test_a_chimera_runs_on_to_the_limit() -> None:
+    """Equal pendula that move as one may meet the others later."""
+    scene = METRONOMES.replace(pendulum=(METRONOMES.pendulum[0].replace(count=4),))
+    ending = Ending("open", 1.0, np.zeros((0, 0)), State(np.ones(4), np.zeros(4)), chimera=True)
+    assert Outcomes(scene, lambda ending: None).add_round({0: ending}) == [0]
+
+
+def test_what_lines_leave_is_what_least_squares_leave() -> None:
+    """Of noise, of lines, and of both."""
+    times, random = np.arange(300), np.random.default_rng(3)
+    phases = 2 * np.pi * 0.0837 * np.outer(times, np.arange(5))
+    waves = np.hstack((np.cos(phases), np.sin(phases[:, 1:])))
+    lines, noise = waves @ random.normal(size=(9, 6)), random.normal(size=(300, 6))
+    for x in (noise, lines, lines + 0.01 * noise):
+        residual = np.linalg.norm(x - waves @ np.linalg.lstsq(waves, x)[0])
+        assert _left_of(x, times, 0.0837, 4) == pytest.approx(residual, rel=1e-9, abs=1e-6 * np.linalg.norm(x))
 
 
 def test_exponents_by_second_motions_are_those_of_tangent_equations() -> None:
