@@ -66,15 +66,9 @@ def assemble(arrays: Mapping[str, Any], signals: Mapping[str, Sequence[Sequence[
     A, B, C, D = (finite_array(arrays[name] if prod(size) else np.zeros(size), *size) for name, size in sizes.items())
     angles = finite_array([value for _, value in resting], len(resting)) if resting else np.zeros(0)
     states, inputs, outputs = (signals_by_kind[kind] for kind in KINDS)
-    return StateSpace(
-        *(A, B, C, D),
-        states,
-        inputs,
-        outputs,
-        dt=float(finite_array(arrays["dt"])),
-        title=str(arrays["title"]),
-        operating_point=tuple(zip((str(name) for name, _ in resting), angles.tolist(), strict=True)),
-    )
+    dt, title = float(finite_array(arrays["dt"])), str(arrays["title"])
+    point = tuple(zip((str(name) for name, _ in resting), angles.tolist(), strict=True))
+    return StateSpace(A, B, C, D, states, inputs, outputs, dt=dt, title=title, operating_point=point)
 
 
 def _json_fields(model: StateSpace) -> Iterator[str]:

@@ -498,13 +498,9 @@ def _curve(segments: Sequence[tuple[Floats, Floats]], names: Sequence[str], sens
 
 
 def _of_curve(curve: Backbone, shape: Complexes) -> IdentifiedMode:
-    return replace(
-        _mode_of_pole(curve.pole, curve.cov, shape, None),
-        frequency_shift=curve.shift / (2 * pi),
-        frequency_of=SMALL_SWINGS,
-        amplitude_dependence=(curve.ratio, curve.ratio_std),
-        harmonics=curve.harmonics,
-    )
+    mode, ratio = _mode_of_pole(curve.pole, curve.cov, shape, None), (curve.ratio, curve.ratio_std)
+    mode = replace(mode, frequency_shift=curve.shift / (2 * pi), frequency_of=SMALL_SWINGS)
+    return replace(mode, amplitude_dependence=ratio, harmonics=curve.harmonics)
 
 
 def _curve_words(curve: Backbone) -> list[str]:

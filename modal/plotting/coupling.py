@@ -50,12 +50,8 @@ def coupling_figure(coupling: Coupling) -> Figure:
     else:
         families = close_families(coupling)
         figure = sheet_of_rows(4 if families else 3, WIDE)
-        rows = GridSpec(
-            3 if families else 2,
-            max(1, len(families)),
-            figure,
-            height_ratios=(3, 2, 3) if families else (1, 1),
-        )
+        heights = (3, 2, 3) if families else (1, 1)
+        rows = GridSpec(len(heights), max(1, len(families)), figure, height_ratios=heights)
         draw_mass(figure.add_subplot(rows[0, :]), coupling)
         for column, number in enumerate(families):
             draw_close(figure.add_subplot(rows[1, column]), coupling, number)

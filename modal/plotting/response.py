@@ -422,10 +422,6 @@ def _draw(axis: Axes, response: Curves) -> None:
     axis.axhline(top, color=secondary_colour(), ls=MARKED, lw=1.0, zorder=0)
     ends = float(response.frequency_hz[0]), float(response.frequency_hz[-1])
     words = " over ".join(map(signal_words, response.name.removeprefix("peak:").split("/")))
-    axis.set(
-        xscale="log",
-        xlim=ends,
-        ylim=(low - 2, highest),
-        ylabel=f"{words}\n(dB re 1 {unit_words(response.unit)})",
-    )
+    label = f"{words}\n(dB re 1 {unit_words(response.unit)})"
+    axis.set(xscale="log", xlim=ends, ylim=(low - 2, highest), ylabel=label)
     log_ticks(axis.xaxis, ends[1] / ends[0])

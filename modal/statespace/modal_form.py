@@ -445,12 +445,12 @@ def modal_gains(modes: Modes, model: StateSpace) -> Gains:
     for k, block in enumerate(form.blocks):
         if block.is_rigid and not outputs[k].any():
             outputs[k] = without_noise(block.right[:, -1], model.C.T)
-    return Gains(
-        form.modes,
-        form.modes.rig.leading != modes.rig.leading,
-        Side(model.inputs, "controllable", _by_mode(form, without_noise(input_vectors, model.B))),
+    inputs = without_noise(input_vectors, model.B)
+    sides = (
+        Side(model.inputs, "controllable", _by_mode(form, inputs)),
         Side(model.outputs, "observable", _by_mode(form, outputs)),
     )
+    return Gains(form.modes, form.modes.rig.leading != modes.rig.leading, *sides)
 
 
 def unseen(gains: Gains, threshold: float = RELATIVE_GAIN_MIN) -> tuple[int, ...]:

@@ -220,18 +220,9 @@ def assemble(
         *([("x", geometry.place)] if geometry.place else []),
         *((f"theta_{label}", angle) for label, angle in zip(geometry.labels, geometry.rest.tolist(), strict=True)),
     ]
-    return StateSpace(
-        motion.A,
-        motion.B,
-        C,
-        D,
-        tuple(motion.states),
-        tuple(driven + push.signals),
-        tuple(signals),
-        title=scene.title,
-        operating_point=local.operating_point if local else tuple(resting),
-        scene=None if local else scene,
-    )
+    names = tuple(motion.states), tuple(driven + push.signals), tuple(signals)
+    point, whole_scene = (local.operating_point, None) if local else (tuple(resting), scene)
+    return StateSpace(*(motion.A, motion.B, C, D), *names, title=scene.title, operating_point=point, scene=whole_scene)
 
 
 def _in_motion(signals: list[Signal]) -> list[Signal]:

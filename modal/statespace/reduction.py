@@ -167,15 +167,10 @@ def _read_off_the_first(fold: Folded, model: StateSpace) -> StateSpace:
 
     pivots = [re.fullmatch(r"pivot_force_(\d+)", signal.name) for signal in model.outputs]
     share = np.array([[1.0 / fold.copies[int(pivot[1]) - 1] if pivot else 1.0] for pivot in pivots])
-    return replace(
-        model,
-        C=model.C * share,
-        D=model.D * share,
-        states=with_first_names(model.states),
-        inputs=with_first_names(model.inputs),
-        outputs=with_first_names(model.outputs),
-        operating_point=tuple((first_name(name), value) for name, value in model.operating_point),
-    )
+    states, inputs, outputs = map(with_first_names, (model.states, model.inputs, model.outputs))
+    point = tuple((first_name(name), value) for name, value in model.operating_point)
+    model = replace(model, states=states, inputs=inputs, outputs=outputs, operating_point=point)
+    return replace(model, C=model.C * share, D=model.D * share)
 
 
 def _rotate_equal_modes(blocks: Sequence[ModalBlock], rows: list[Floats], matrix: Floats) -> list[ModalBlock]:

@@ -209,19 +209,12 @@ def _carrier(support: Any, name: str, index: tuple[str, ...], letters: Letters) 
     names = [parameter.name for parameter in support.path.parameters]
     values = {name: number(letter_of.get(name, name), getattr(support, name)) for name in names}
     stiffness, damping = diagonal("k", support.stiffness), diagonal("d", support.damping)
+    carries, mass = tuple(k != 0 for k in stiffness.diagonal()), number("m", support.mass)
+    inertia = number("I", getattr(support, "inertia", 0.0))
+    centre = _rationals(getattr(support, "centre", (0.0, 0.0)))
+    forces = stiffness, damping, carries
     return SymbolicCarrier(
-        support.kind,
-        name,
-        index,
-        position,
-        stiffness,
-        damping,
-        tuple(k != 0 for k in stiffness.diagonal()),
-        number("m", support.mass),
-        number("I", getattr(support, "inertia", 0.0)),
-        _rationals(getattr(support, "centre", (0.0, 0.0))),
-        path=support.path,
-        values=values,
+        support.kind, name, index, position, *forces, mass, inertia, centre, path=support.path, values=values
     )
 
 

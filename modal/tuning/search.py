@@ -114,15 +114,10 @@ def tune(
         best = _robust(objective, best, crew)
     _refuse_no_peak(objective, best.point.z)
     _require_damping(objective, best.point.z)
-    ends = tuple(
-        Valley(
-            objective.free_numbers(item.point.z),
-            objective.value(item.point.z) if k else objective.value(best.point.z),
-            item.point.excess <= EDGE,
-            item.certain,
-        )
-        for k, item in enumerate(valleys)
-    )
+    ends = []
+    for k, item in enumerate(valleys):
+        numbers_there, value = objective.free_numbers(item.point.z), objective.value((item if k else best).point.z)
+        ends.append(Valley(numbers_there, value, item.point.excess <= EDGE, item.certain))
     return Tuned(
         given=scene,
         scene=objective.scene_at(best.point.z),
@@ -130,7 +125,7 @@ def tune(
         z=best.point.z,
         pieces_before=tuple(initial_pieces),
         pieces_after=tuple(objective.pieces(best.point.z)),
-        valleys=ends,
+        valleys=tuple(ends),
         starts=len(starts),
         certain=best.certain,
         robust=robust,

@@ -261,13 +261,8 @@ def _systems(scene: Scene) -> Iterator[HillSystem]:
 
         P = in_modes(geometry.mass[span]) if sprung else np.diag(square / scene.gravity)
         E = shapes.T @ (h.T * quadratic[span]) @ h @ shapes
-        parts = (
-            P,
-            shapes.T @ linear.D[span, span] @ shapes,
-            in_modes(geometry.drag[span]),
-            in_modes(quadratic[span]),
-            E,
-        )
+        drags = in_modes(geometry.drag[span]), in_modes(quadratic[span])
+        parts = (P, shapes.T @ linear.D[span, span] @ shapes, *drags, E)
         yield from _apart(counts[kind], square, parts)
 
 
