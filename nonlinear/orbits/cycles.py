@@ -325,9 +325,8 @@ class BranchWalk:
         problem, variation = beginning.problem, beginning.problem.variation
         assert variation
         points, complete = self._follow(beginning)
-        points = refined_points(problem, points)
+        points = with_values(problem, refined_points(problem, points), variation)
         special = tuple(along_cycles(problem, points))
-        points = with_values(problem, points, variation)
         return Branch(beginning.words, tuple(points), special, problem, variation, complete)
 
     def _follow(self, beginning: Beginning) -> tuple[list[OrbitPoint], bool]:

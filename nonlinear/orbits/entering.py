@@ -61,8 +61,8 @@ def leaving_branch(branch: Branch, special: Special, *, max_orbits: int | None =
     max_orbits = max_orbits or (DENSE_BRANCH_ORBITS_MAX if problem.clock else BRANCH_ORBITS_MAX) // 4
     points = list(islice(_inside(problem, first, step), max_orbits))
     points = refined_points(problem, points)
-    specials = tuple(along_cycles(problem, points))
     points = with_values(problem, points, problem.variation) if problem.variation else points
+    specials = tuple(along_cycles(problem, points))
     return Branch(f"{special.kind} of {branch.origin}", tuple(points), specials, problem, problem.variation)
 
 

@@ -139,9 +139,8 @@ def mode_along(
         if len(points) >= BRANCH_ORBITS_MAX:
             break
     modes, row = oscillating(first_scene, mode)
-    points = refined_points(problem, points)
+    points = with_values(problem, refined_points(problem, points), variation)
     special = tuple(_specials(problem, points))
-    points = with_values(problem, points, variation)
     return Branch(
         f"mode {mode}", tuple(points), special, problem, variation, complete=complete, linear=float(modes.omega[row])
     )

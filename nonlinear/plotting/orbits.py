@@ -21,6 +21,7 @@ from modal.types import Floats
 from nonlinear.plotting.stability import (
     LABELS,
     DrawnBranch,
+    SpecialMark,
     branch_keys,
     figure_along,
     mark,
@@ -93,7 +94,10 @@ def _drawn(
     branch: Branch, places: Floats, place: Callable[[Orbit], float], heights: Callable[[Orbit], Sequence[float]]
 ) -> DrawnBranch:
     """A branch over the `places` of its orbits, with a curve for each of the `heights`."""
-    points = [(MARKS[special.kind], place(special.orbit), heights(special.orbit)) for special in branch.special]
+    points = [
+        SpecialMark(MARKS[each.kind], each.orbit, place(each.orbit), heights(each.orbit), each.after)
+        for each in branch.special
+    ]
     curves = np.array([heights(orbit) for orbit in branch.orbits]).T
     return DrawnBranch(places, branch.is_stable, list(curves), points)
 
@@ -120,7 +124,8 @@ def _resonance(scene: Scene, branches: Sequence[Branch]) -> Figure:
         for special in branch.special:
             phase_before, orbit = phase[special.after], special.orbit
             phase_at = phase_before + np.angle(np.exp(1j * (orbit.phase - phase_before)))
-            points.append((MARKS[special.kind], _value(orbit), np.rad2deg([orbit.amplitude, phase_at]).tolist()))
+            heights = np.rad2deg([orbit.amplitude, phase_at]).tolist()
+            points.append(SpecialMark(MARKS[special.kind], orbit, _value(orbit), heights, special.after))
         curves = [np.rad2deg(branch.amplitude), np.rad2deg(phase)]
         DrawnBranch(branch.value, branch.is_stable, curves, points).draw([upper, lower], number)
     widest = max(float(np.rad2deg(branch.amplitude.max())) for branch in branches)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Container, Sequence
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import scipy
@@ -27,29 +27,53 @@ from modal.scene import Scene
 from modal.scene.parameters import Variation
 from modal.types import EPS, Floats
 
+if TYPE_CHECKING:
+    from nonlinear.orbits import Orbit
+
 LINES: dict[bool, Any] = {True: COMPUTED, False: UNSTABLE}
 """Of stable and of unstable parts."""
 LABELS = ("largest angle (°)", "angular frequency ω (rad/s)", "growth rate (1/s)")
 """Of the panels of branches along a number."""
 
 
-class DrawnBranch(NamedTuple):
-    """A branch at K values of a number: where it is stable, a curve (K,) for each panel, and its special points.
+class SpecialMark(NamedTuple):
+    """A special point next after the orbit of a number: the shape of its mark, its value, its place in every panel."""
 
-    Each of these is the shape of its mark, its value and its place in every panel.
-    """
+    shape: str
+    orbit: Orbit
+    value: float
+    places: Sequence[float]
+    after: int
+
+
+class DrawnBranch(NamedTuple):
+    """A branch at K values of a number: where it is stable, a curve (K,) for each panel, and its special points."""
 
     values: Floats
     is_stable: Sequence[bool]
     curves: Sequence[Floats]
-    points: Sequence[tuple[str, float, Sequence[float]]]
+    points: Sequence[SpecialMark]
 
     def draw(self, axes: Sequence[Axes], number: int) -> None:
-        """Draw the branch by its number, its points above it."""
+        """Draw the branch by its number, through its special points, where its style changes."""
+        places = [point.after + 1 for point in self.points]
+        values = np.insert(self.values, places, [point.value for point in self.points])
+        is_stable = np.insert(self.is_stable, places, [self._is_stable_before(k) for k in range(len(places))])
         for k, (axis, curve) in enumerate(zip(axes, self.curves, strict=True)):
-            draw_branch(axis, self.values, curve, self.is_stable, number)
-            for shape, value, places in self.points:
-                axis.plot([value], [places[k]], **mark(shape))
+            heights = np.insert(curve, places, [point.places[k] for point in self.points])
+            draw_branch(axis, values, heights, is_stable.tolist(), number)
+            for point in self.points:
+                axis.plot([point.value], [point.places[k]], **mark(point.shape))
+
+    def _is_stable_before(self, number: int) -> bool:
+        """Whether the branch is stable up to one of its points.
+
+        Of several between two orbits, it changes at that whose largest multiplier is nearest to 1.
+        """
+        after = self.points[number].after
+        between = [k for k, point in enumerate(self.points) if point.after == after]
+        change = min(between, key=lambda k: abs(np.abs(self.points[k].orbit.floquet.others).max(initial=0.0) - 1))
+        return self.is_stable[np.clip(after + (number > change), 0, len(self.is_stable) - 1)]
 
 
 def figure_along(scene: Scene, variation: Variation, labels: Sequence[str], branches: Sequence[DrawnBranch]) -> Figure:
