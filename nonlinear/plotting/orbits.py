@@ -24,6 +24,7 @@ from nonlinear.plotting.stability import (
     SpecialMark,
     branch_keys,
     figure_along,
+    heights_of,
     mark,
     stability_keys,
 )
@@ -82,7 +83,7 @@ def _backbones(branches: Sequence[Branch], mode: Mode) -> Figure:
 def _along(scene: Scene, branches: Sequence[Branch]) -> Figure:
     """Angle, frequency and growth rate along a number."""
     assert branches[0].variation is not None
-    drawn_branches = [_drawn(branch, branch.value, _value, _heights) for branch in branches]
+    drawn_branches = [_drawn(branch, branch.value, _value, heights_of) for branch in branches]
     return figure_along(scene, branches[0].variation, LABELS, drawn_branches)
 
 
@@ -100,14 +101,6 @@ def _drawn(
     ]
     curves = np.array([heights(orbit) for orbit in branch.orbits]).T
     return DrawnBranch(places, branch.is_stable, list(curves), points)
-
-
-def _heights(orbit: Orbit) -> tuple[float, float, float]:
-    """Largest angle (°), frequency (rad/s) and growth rate (1/s; NaN if nothing can grow or decay)."""
-    from nonlinear.orbits import growth
-
-    rate = growth(orbit)
-    return float(np.rad2deg(orbit.amplitude)), orbit.omega, rate if np.isfinite(rate) else np.nan
 
 
 def _resonance(scene: Scene, branches: Sequence[Branch]) -> Figure:

@@ -73,7 +73,7 @@ class DrawnBranch(NamedTuple):
         after = self.points[number].after
         between = [k for k, point in enumerate(self.points) if point.after == after]
         change = min(between, key=lambda k: abs(np.abs(self.points[k].orbit.floquet.others).max(initial=0.0) - 1))
-        return self.is_stable[np.clip(after + (number > change), 0, len(self.is_stable) - 1)]
+        return self.is_stable[max(0, min(after + (number > change), len(self.is_stable) - 1))]
 
 
 def figure_along(scene: Scene, variation: Variation, labels: Sequence[str], branches: Sequence[DrawnBranch]) -> Figure:
@@ -90,6 +90,16 @@ def figure_along(scene: Scene, variation: Variation, labels: Sequence[str], bran
     return figure
 
 
+def heights_of(orbit: Orbit | None) -> tuple[float, float, float]:
+    """Largest angle (°), frequency (rad/s) and growth rate (1/s; NaN if nothing can grow or decay); NaN of no orbit."""
+    from nonlinear.orbits import growth
+
+    if orbit is None:
+        return np.nan, np.nan, np.nan
+    rate = growth(orbit)
+    return float(np.rad2deg(orbit.amplitude)), orbit.omega, rate if np.isfinite(rate) else np.nan
+
+
 def draw_branch(axis: Axes, x: Floats, y: Floats, is_stable: Sequence[bool], number: int, *, steps: int = 12) -> None:
     """One branch, in smooth pieces of equal stability that meet; unstable ones are half as wide, and above.
 
@@ -97,7 +107,7 @@ def draw_branch(axis: Axes, x: Floats, y: Floats, is_stable: Sequence[bool], num
     """
     fates = np.array(is_stable)
     breaks = [0, *(np.flatnonzero(np.diff(fates)) + 1), len(fates)]
-    fine_x, fine_y = _smooth(x, y, steps)
+    fine_x, fine_y = smooth_curve(x, y, steps)
     for start, stop in pairwise(breaks):
         piece = slice(steps * max(start - 1, 0), steps * (stop - 1) + 1)
         fate = bool(fates[start])
@@ -105,7 +115,7 @@ def draw_branch(axis: Axes, x: Floats, y: Floats, is_stable: Sequence[bool], num
         axis.plot(fine_x[piece], fine_y[piece], **look, zorder=3 if fate else 3.5, label=f"_{number}")
 
 
-def _smooth(x: Floats, y: Floats, count: int) -> tuple[Floats, Floats]:
+def smooth_curve(x: Floats, y: Floats, count: int = 12) -> tuple[Floats, Floats]:
     """Both with points between along the curve, by cubics that turn only where the curve does [Fritsch1984]."""
     extents = [float(np.ptp(part[np.isfinite(part)])) if np.isfinite(part).any() else 0.0 for part in (x, y)]
     steps = np.nan_to_num(
