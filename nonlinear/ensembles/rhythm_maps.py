@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from hashlib import sha256
-from math import nan
 from typing import Any
 
 import numpy as np
 
 from modal.errors import MultipendulaError, SceneError
-from modal.report import finite, silent
+from modal.report import silent
 from modal.scene import Scene, describe
 from modal.scene.doors import checked, checked_index, checked_number
 from modal.scene.parameters import Variation, parse_variations, vary
@@ -29,16 +28,15 @@ from nonlinear.ensembles.endings import (
     slowest_period,
 )
 from nonlinear.ensembles.rhythm_borders import continued, rhythm_without_orbit
+from nonlinear.ensembles.rhythm_store import RhythmStore
 from nonlinear.ensembles.rhythms import Rhythm, RhythmEvent, RhythmGrid, RhythmMap, ValueRhythms
 from nonlinear.ensembles.sections import MEMBERS_MAX
 from nonlinear.ensembles.store import ChunkFolder
 from nonlinear.orbits.cycles import Beginning, beginnings, is_same_orbit, require_cycles
 from nonlinear.orbits.flow import ORBIT_TOLERANCE
-from nonlinear.orbits.stable import StableOrbits, stable_branches
-from nonlinear.synchronization.attractors import PERIODIC, Ending, rhythm_of
-from nonlinear.system import Motion, State
-
-SHAPE = ("kind", "returns", "slow_period", "drifting", "chimera")
+from nonlinear.orbits.stable import StableOrbits, stable_branches, stable_orbits
+from nonlinear.synchronization.attractors import Ending, rhythm_of
+from nonlinear.system import Motion
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +48,12 @@ class MapTask:
     starts: Motion
     limit: float
     engine: str
+    folder: ChunkFolder | None = None
+
+    @property
+    def store(self) -> RhythmStore:
+        """Where outcomes are remembered."""
+        return RhythmStore(self.scene, self.variation, self.folder)
 
     def __call__(self, value: float) -> tuple[EndingGroup, ...]:
         """The outcomes of the starts at a value."""
@@ -57,8 +61,16 @@ class MapTask:
 
     def groups(self, value: float, starts: Motion, **options: Any) -> tuple[EndingGroup, ...]:
         """The outcomes of these starts at a value; `options` are those of `groups_of`."""
-        here, orbit_of = vary(self.scene, {self.variation.path: value}), partial(self.orbit_of, value)
-        return groups_of(here, starts, self.limit, orbit_of, engine=self.engine, workers=1, **options)
+
+        def compute() -> tuple[EndingGroup, ...]:
+            here, orbit_of = vary(self.scene, {self.variation.path: value}), partial(self.orbit_of, value)
+            return groups_of(here, starts, self.limit, orbit_of, engine=self.engine, workers=1, **options)
+
+        return self.store.groups([value, options, starts], compute)
+
+    def branch(self, beginning: Beginning) -> StableOrbits:
+        """The branch of stable orbits from a beginning."""
+        return self.store.branch(beginning, partial(stable_orbits, beginning))
 
     def orbit_of(self, value: float, ending: Ending) -> Beginning | None:
         """The orbit near a periodic ending at a value, None if there is none."""
@@ -69,10 +81,14 @@ class MapTask:
         """The orbits near the averaged configurations at a value, whose basins may be small; of few pendula."""
         if sum(pendulum.count for pendulum in self.scene.pendulum) > 4:
             return ()
-        try:
-            return tuple(beginnings(self.scene, self.variation, value, None, ORBIT_TOLERANCE))
-        except MultipendulaError:
-            return ()
+
+        def compute() -> tuple[Beginning, ...]:
+            try:
+                return tuple(beginnings(self.scene, self.variation, value, None, ORBIT_TOLERANCE))
+            except MultipendulaError:
+                return ()
+
+        return self.store.beginnings(value, compute)
 
 
 @checked
@@ -108,9 +124,9 @@ def find_rhythms(
     checked_index("seed", seed, 0, 2**63)
     longest = checked_number("limit", limit, period) if limit is not None else LIMIT_PERIODS * period
     task = MapTask(scene, variation, rhythm_starts(scene, members, box, seed), longest, engine)
-    store = folder and _store(folder, task, seed)
+    task = replace(task, folder=_folder(folder, task, seed)) if folder else task
     parts = []
-    solved = map_by_crew(partial(_at_value, task, store or None), range(len(variation.values)), crew)
+    solved = map_by_crew(task, variation.values, crew)
     for done, part in enumerate(solved, 1):
         parts.append(part)
         report(done)
@@ -119,39 +135,22 @@ def find_rhythms(
     orbits = [[group.beginning for group in groups] for groups in parts]
     for number, more in zip(few, averaged, strict=True):
         orbits[number] += more
-    branches = stable_branches(variation, orbits, crew)
+    branches = stable_branches(variation, orbits, task.branch, crew)
     names = _branch_names(branches)
     values = [
         _value_of(value, groups, branches, names, members)
         for value, groups in zip(variation.values, parts, strict=True)
     ]
-    values, ends = continued(
-        task.groups, values, [end for branch in branches for end in (branch.birth, branch.death) if end]
-    )
+    known_ends = [end for branch in branches for end in (branch.birth, branch.death) if end]
+    values, ends = continued(task.groups, values, known_ends, crew)
     events = (*_orbit_events(branches, names), *ends)
     births = tuple(sorted(events, key=lambda event: event.value))
     return RhythmMap(scene, variation, tuple(values), births, members, box, longest, seed)
 
 
-def _at_value(task: MapTask, store: ChunkFolder | None, number: int) -> tuple[EndingGroup, ...]:
-    """The groups at a value from the folder if they are stored there, else computed and stored."""
-    value = task.variation.values[number]
-    if store is None:
-        return task(value)
-    if store.path(number).exists():
-        groups = store.content(number, _groups_from)
-        return tuple(
-            replace(group, beginning=task.orbit_of(value, group.ending)) if group.name == PERIODIC else group
-            for group in groups
-        )
-    groups = task(value)
-    header, columns = _header_and_arrays(groups)
-    store.write(number, header, columns)
-    return groups
-
-
-def _store(folder: str, task: MapTask, seed: int) -> ChunkFolder:
+def _folder(path: str, task: MapTask, seed: int) -> ChunkFolder:
     header = {
+        "format": 2,
         "scene": describe(task.scene),
         "vary": {"path": task.variation.path, "values": task.variation.values},
         "members": len(task.starts.links),
@@ -159,49 +158,7 @@ def _store(folder: str, task: MapTask, seed: int) -> ChunkFolder:
         "limit_s": task.limit,
         "seed": seed,
     }
-    return ChunkFolder(folder, "map", sha256(repr(header).encode()).hexdigest(), header)
-
-
-def _header_and_arrays(groups: Sequence[EndingGroup]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Groups as a header and arrays."""
-    header = {
-        "groups": [
-            {
-                "name": group.name,
-                "copies": group.copies,
-                "exponent": group.exponent,
-                "period_s": finite(group.ending.period),
-                "shape": [getattr(group.ending, name) for name in SHAPE],
-                "cart": [group.ending.state.cart, group.ending.state.cart_rate],
-            }
-            for group in groups
-        ]
-    }
-    columns: dict[str, Any] = {}
-    for number, group in enumerate(groups):
-        state = group.ending.state
-        columns[f"members_{number}"] = np.array(group.members)
-        for name in ("links", "link_rates", "supports", "support_rates"):
-            columns[f"{name}_{number}"] = getattr(state, name)
-    return header, columns
-
-
-def _groups_from(header: Mapping[str, Any], columns: Mapping[str, Any]) -> tuple[EndingGroup, ...]:
-    """The same groups again; their records are not stored."""
-    groups = []
-    for number, entry in enumerate(header["groups"]):
-        links, rates, supports, support_rates = (
-            columns[f"{name}_{number}"] for name in ("links", "link_rates", "supports", "support_rates")
-        )
-        state = State(links, rates, float(entry["cart"][0]), float(entry["cart"][1]), supports, support_rates)
-        period = nan if entry["period_s"] is None else float(entry["period_s"])
-        ending = Ending(
-            period=period, record=np.zeros((0, 0)), state=state, **dict(zip(SHAPE, entry["shape"], strict=True))
-        )
-        exponent = entry["exponent"] and (float(entry["exponent"][0]), float(entry["exponent"][1]))
-        members = tuple(columns[f"members_{number}"].astype(int).tolist())
-        groups.append(EndingGroup(entry["name"], members, ending, entry["copies"], exponent))
-    return tuple(groups)
+    return ChunkFolder(path, "map", sha256(repr(header).encode()).hexdigest(), header)
 
 
 @checked
@@ -214,7 +171,10 @@ def find_rhythm_grid(
     report: Callable[[float], object] = silent,
     **options: Any,
 ) -> RhythmGrid:
-    """The rhythms over two numbers, borders along the first; `options` are those of `find_rhythms`."""
+    """The rhythms over two numbers, borders along the first; `options` are those of `find_rhythms`.
+
+    Branches are named by their patterns alone: their numbers would depend on the row.
+    """
     if len(axes) != 2:
         raise SceneError([f"axes: a grid has two numbers, not {len(axes)}"])
     first, second = axes
@@ -227,7 +187,8 @@ def find_rhythm_grid(
         def progress(done: float, before: int = number * count) -> None:
             report(before + done)
 
-        maps.append(find_rhythms(row, first, members=members, folder=place, report=progress, **options))
+        row_map = find_rhythms(row, first, members=members, folder=place, report=progress, **options)
+        maps.append(row_map.by_pattern())
     return RhythmGrid(scene, (first, second), tuple(maps))
 
 

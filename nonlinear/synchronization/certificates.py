@@ -125,9 +125,12 @@ def critical_point(
 def special_point_beyond(
     scene: Scene, variation: Variation, state: RelativeEquilibrium, value: float, at: float
 ) -> Special | None:
-    """The first special point on the orbits that begin next to a configuration at a value, towards another value."""
+    """The first special point on the orbits that begin next to a configuration at a value, towards another value.
+
+    None if there is none, also where that is the same value.
+    """
     try:
-        return first_special_point(scene, variation, state, value, at)
+        return None if at == value else first_special_point(scene, variation, state, value, at)
     except ComputationError:
         return None
 

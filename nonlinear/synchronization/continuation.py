@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
-from itertools import groupby, pairwise
+from itertools import pairwise
 from math import exp, log
 from typing import NamedTuple
 
@@ -206,37 +206,24 @@ class Branches(TextResult):
     def _exact(self, number: int) -> ExactBranch:
         branch, pairs = self.branches[number], zip(self.changes, self.special_points, strict=True)
         points = [special for (_, branch_number), special in pairs if special and branch_number == number]
-        places = [(at, orbit.is_stable) for at, orbit in enumerate(branch.orbits) if orbit]
-        intervals = []
-        for is_stable, group in groupby(places, lambda place: place[1]):
-            run = [at for at, _ in group]
-            if not is_stable:
+        verdicts = zip(branch.values.tolist(), branch.orbits, branch.states, strict=True)
+        rows = [(value, orbit.is_stable, state) for value, orbit, state in verdicts if orbit]
+        first, last = (
+            (value, False, branch.states[0]) for value in (self.variation.values[0], self.variation.values[-1])
+        )
+        borders = []
+        for (low, was_stable, state), (high, is_stable, following) in pairwise((first, *rows, last)):
+            if was_stable == is_stable:
                 continue
-            ends = []
-            for at, side in ((run[0], -1), (run[-1], 1)):
-                beyond = [place for place, _ in places[::side] if side * (place - at) > 0]
-                end = self._end_of_stability(branch, at, beyond[0] if beyond else None, side, points)
-                points += [end] if end and end not in points else []
-                ends.append(value_of(end) if end else float(branch.values[at]))
-            intervals.append((ends[0], ends[1]))
-        return ExactBranch(tuple(intervals), tuple(sorted(points, key=value_of)))
-
-    def _end_of_stability(
-        self, branch: EquilibriumBranch, at: int, following: int | None, side: int, points: Sequence[Special]
-    ) -> Special | None:
-        """The special point at which stable orbits end to one `side` of that at an index, before the one `following`.
-
-        None at the end of the variation, and where none was found.
-        """
-        here, edge = float(branch.values[at]), self.variation.values[-1 if side > 0 else 0]
-        beyond = edge if following is None else float(branch.values[following])
-        if here == beyond:
-            return None
-        low, high = sorted((here, beyond))
-        within = [point for point in points if low <= value_of(point) <= high]
-        if within:
-            return min(within, key=lambda point: abs(value_of(point) - here))
-        return special_point_beyond(self.scene, self.variation, branch.states[at], here, beyond)
+            here, beyond = (low, high) if was_stable else (high, low)
+            within = [point for point in points if low <= value_of(point) <= high]
+            begin = state if was_stable else following
+            if not within and (special := special_point_beyond(self.scene, self.variation, begin, here, beyond)):
+                within = [special]
+                points.append(special)
+            borders.append(min(map(value_of, within), key=lambda value: abs(value - here), default=here))
+        intervals = tuple(zip(borders[::2], borders[1::2], strict=True))
+        return ExactBranch(intervals, tuple(sorted(points, key=value_of)))
 
 
 def value_of(special: Special) -> float:

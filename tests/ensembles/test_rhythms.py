@@ -331,14 +331,21 @@ def test_some_equal_pendula_as_one_and_others_not_are_a_chimera() -> None:
 
 
 def test_a_folder_goes_on_where_a_call_was_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What is kept is not computed again, and another question is refused."""
-    folder = str(tmp_path / "kept")
-    first = find_rhythms(METRONOMES, "support.mass=0.1:0.12:2", members=2, limit=120.0, folder=folder)
-    monkeypatch.setattr(MapTask, "__call__", lambda self, value: pytest.fail("computed again"))
-    again = find_rhythms(METRONOMES, "support.mass=0.1:0.12:2", members=2, limit=120.0, folder=folder)
-    assert again.report("json") == first.report("json")
+    """No run, no continuation of a beat and no branch is computed again; another question or format is refused."""
+    folder, question = tmp_path / "kept", {"members": 3, "limit": 206.0, "seed": 1, "folder": str(tmp_path / "kept")}
+    number = f"support.mass={LIGHT}:{HEAVY}:2"
+    first = find_rhythms(METRONOMES, number, **question)
+    assert first.report("json") == two_values().report("json")
+    assert len(list(folder.glob("part-run-*.npz"))) > 10  # of the beat's continuation
+    for name in ("groups_of", "stable_orbits", "beginnings"):
+        monkeypatch.setattr(f"nonlinear.ensembles.rhythm_maps.{name}", lambda *_, **__: pytest.fail("computed again"))
+    assert find_rhythms(METRONOMES, number, **question).report("json") == first.report("json")
     with pytest.raises(ValueError, match="holds another map"):
-        find_rhythms(METRONOMES, "support.mass=0.1:0.12:2", members=3, limit=120.0, folder=folder)
+        find_rhythms(METRONOMES, number, **question | {"members": 2})
+    header = json.loads((folder / "map.json").read_text())
+    (folder / "map.json").write_text(json.dumps({name: header[name] for name in header if name != "format"}))
+    with pytest.raises(ValueError, match="was written by another version"):
+        find_rhythms(METRONOMES, number, **question)
 
 
 def test_the_command_maps_and_refuses(capsys: pytest.CaptureFixture[str]) -> None:
@@ -381,6 +388,20 @@ def test_a_minority_is_not_the_most_frequent() -> None:
     assert heights == pytest.approx([0.3 * 0.005] * 4 + [0.7 * 0.005] * 4)
     _, high = scipy.stats.binomtest(3, 10).proportion_ci(method="wilson")
     assert f"at most {100 * (high - 0.3):.2g} percentage points" in text
+
+
+def test_borders_are_joined_by_pattern_and_nearness() -> None:
+    """A fold that begins below two others takes the first number in its row, and neither of their lines."""
+    variation, second = parse_variations(["support.mass=0.05:0.2:2", "support.damping=0.01:0.02:2"])
+    rows = []
+    for places in ([0.08, 0.11], [0.05, 0.082, 0.112]):
+        births = [RhythmEvent(f"in phase, branch {k}", True, "fold", at) for k, at in enumerate(places, start=1)]
+        row = RhythmMap(METRONOMES, variation, (), tuple(births), 10, 52.0, 100.0, 7)
+        rows.append(row.by_pattern())
+    lines = RhythmGrid(METRONOMES, (variation, second), tuple(rows)).borders()
+    assert lines == {
+        ("in phase", "fold", True): [[(0.08, 0.01), (0.082, 0.02)], [(0.11, 0.01), (0.112, 0.02)], [(0.05, 0.02)]]
+    }
 
 
 def test_a_map_without_averaged_thresholds_says_why() -> None:
