@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
@@ -11,6 +13,7 @@ import numpy as np
 import pytest
 import scipy
 
+from modal import Scene
 from modal.scene import load
 from modal.scene.parameters import parse_variations, vary
 from modal.types import Floats
@@ -22,6 +25,7 @@ from nonlinear.ensembles.endings import EndingGroup, _periodic_groups, exponent_
 from nonlinear.ensembles.rhythm_borders import continued
 from nonlinear.ensembles.rhythm_maps import MapTask
 from nonlinear.ensembles.rhythms import Rhythm, RhythmEvent, RhythmGrid, ValueRhythms, wilson
+from nonlinear.ensembles.store import ChunkFolder
 from nonlinear.orbits import follow_cycles, limit_cycles
 from nonlinear.orbits.cycles import beginnings
 from nonlinear.orbits.stable import stable_orbits
@@ -191,6 +195,10 @@ def test_the_death_of_a_beat_is_enclosed() -> None:
         assert (np.abs(run.y[1] - run.y[2]).max() > 0.1) == lasts, base
 
 
+BEATS = (("beat", 0.1), ("drifting", -0.1))
+"""Names of two beats, and the angle (rad) at which each returns in fakes of runs."""
+
+
 class FakeRuns:
     """A beat that lasts up to 0.3, if it begins from no further than a `reach` away; else runs are called otherwise."""
 
@@ -331,21 +339,54 @@ def test_some_equal_pendula_as_one_and_others_not_are_a_chimera() -> None:
 
 
 def test_a_folder_goes_on_where_a_call_was_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """No run, no continuation of a beat and no branch is computed again; another question or format is refused."""
-    folder, question = tmp_path / "kept", {"members": 3, "limit": 206.0, "seed": 1, "folder": str(tmp_path / "kept")}
-    number = f"support.mass={LIGHT}:{HEAVY}:2"
+    """No run and no branch is computed again; another question or format is refused."""
+    folder, number = tmp_path / "kept", "support.mass=0.1:0.12:2"
+    question = {"members": 2, "limit": 120.0, "folder": str(folder)}
     first = find_rhythms(METRONOMES, number, **question)
-    assert first.report("json") == two_values().report("json")
-    assert len(list(folder.glob("part-run-*.npz"))) > 10  # of the beat's continuation
+    assert {path.name.split("-")[1] for path in folder.glob("part-*")} == {"run", "averaged", "branch"}
     for name in ("groups_of", "stable_orbits", "beginnings"):
         monkeypatch.setattr(f"nonlinear.ensembles.rhythm_maps.{name}", lambda *_, **__: pytest.fail("computed again"))
     assert find_rhythms(METRONOMES, number, **question).report("json") == first.report("json")
     with pytest.raises(ValueError, match="holds another map"):
-        find_rhythms(METRONOMES, number, **question | {"members": 2})
+        find_rhythms(METRONOMES, number, **question | {"members": 3})
     header = json.loads((folder / "map.json").read_text())
     (folder / "map.json").write_text(json.dumps({name: header[name] for name in header if name != "format"}))
     with pytest.raises(ValueError, match="was written by another version"):
         find_rhythms(METRONOMES, number, **question)
+
+
+def test_continuations_are_stored_and_shared_among_a_crew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two beats that last up to 0.32 and down to 0.15: no run of theirs is repeated, and a crew ends at the same."""
+    calls = []
+
+    def groups_of(scene: Scene, starts: Motion, limit: float, orbit_of: object, **_: object) -> tuple[EndingGroup, ...]:
+        calls.append(scene.support.mass)
+        name = "beat" if starts.links[0, 0] > 0 else "drifting"
+        lasts = scene.support.mass <= 0.32 if name == "beat" else scene.support.mass >= 0.15
+        ending = Ending("torus", 1.0, np.zeros((0, 0)), State(starts.links[0], np.zeros(2)), drifting=name != "beat")
+        return (EndingGroup(name if lasts else "in phase", (0,), ending),)
+
+    monkeypatch.setattr("nonlinear.ensembles.rhythm_maps.groups_of", groups_of)
+    variation = parse_variations(["support.mass=0.1:0.4:4"])[0]
+    beat, drift = (Rhythm(name, 3, 10, state=State(np.full(2, side), np.zeros(2))) for name, side in BEATS)
+    values = [ValueRhythms(value, (), 0) for value in variation.values]
+    values[0], values[3] = values[0]._replace(rhythms=(beat,)), values[3]._replace(rhythms=(drift,))
+    chunks = ChunkFolder(tmp_path, "map", "a question", {})
+    task = MapTask(METRONOMES, variation, motion_of([beat.state]), 100.0, "auto", chunks)
+    complete, events = continued(task.groups, values, [])
+    assert [[rhythm.name for rhythm in value.rhythms] for value in complete] == [
+        ["beat"], ["beat", "drifting"], ["beat", "drifting"], ["drifting"]
+    ]  # fmt: skip
+    assert sorted(event.value for event in events) == pytest.approx([0.15, 0.32], abs=1e-4)
+    count, anew = len(calls), replace(task, folder=None)
+    again, ends = continued(task.groups, values, [])
+    assert len(calls) == count
+    with ThreadPoolExecutor(2) as crew:
+        together, ends_together = continued(anew.groups, values, [], crew)
+    assert len(calls) >= 2 * count
+    for others, events_of_others in ((again, ends), (together, ends_together)):
+        assert [event.record() for event in events_of_others] == [event.record() for event in events]
+        assert [value.counts() for value in others] == [value.counts() for value in complete]
 
 
 def test_the_command_maps_and_refuses(capsys: pytest.CaptureFixture[str]) -> None:
