@@ -105,10 +105,9 @@ class ChunkFolder:
             with whole_file(path) as stream:
                 stream.write(content)
         elif not _is(path, content):
-            is_old = _entry_of(path, "format") != header.get("format")
-            what = (
-                f"was written by another version, as another format of a {kind}" if is_old else f"holds another {kind}"
-            )
+            is_kind = _entry_of(path, self._key) is not None
+            is_old = is_kind and _entry_of(path, "format") != header.get("format")
+            what = f"holds a {kind} of another version" if is_old else f"holds another {kind}"
             raise SceneError([f"{self.folder}: {what}: remove it, or write to another folder"])
 
     @property

@@ -351,7 +351,7 @@ def test_a_folder_goes_on_where_a_call_was_killed(tmp_path: Path, monkeypatch: p
         find_rhythms(METRONOMES, number, **question | {"members": 3})
     header = json.loads((folder / "map.json").read_text())
     (folder / "map.json").write_text(json.dumps({name: header[name] for name in header if name != "format"}))
-    with pytest.raises(ValueError, match="was written by another version"):
+    with pytest.raises(ValueError, match="holds a map of another version"):
         find_rhythms(METRONOMES, number, **question)
 
 
