@@ -69,7 +69,7 @@ def branches_text(diagram: Branches) -> str:
             ReportColumn(_event_words, None, "event"),
         )
         parts += [ReportTable.of(columns, changes).written()]
-    parts += [fill(" ".join([AVERAGED, *_difference_words(diagram)]), line_width())]
+    parts += [fill(f"{AVERAGED} {_difference_words(diagram)}", line_width())]
     parts += ["\n".join(fill(words, line_width()) for words in _verdict_words(diagram))]
     return "\n\n".join(filter(None, parts)) + "\n"
 
@@ -87,13 +87,11 @@ def _changes(diagram: Branches) -> list[dict[str, Any]]:
         row = {"branch": number + 1, "event": change.kind, "averaged": change.value, "exact": exact}
         rows.append({**row, "distance": distance, "beat_rad_per_s": change.beat or None})
     for number, branch in enumerate(diagram.exact, start=1):
-        fates = dict.fromkeys((low for low, _ in branch.intervals), "becomes stable")
-        fates |= dict.fromkeys((high for _, high in branch.intervals), "loses stability")
-        for special in branch.points:
-            if special not in diagram.special_points:
-                value = value_of(special)
-                row = {"branch": number, "event": fates.get(value, special.kind), "averaged": None, "exact": value}
-                rows.append({**row, "distance": None, "beat_rad_per_s": None})
+        ends = {high for _, high in branch.intervals}
+        for value in (value_of(special) for special in branch.points if special not in diagram.special_points):
+            event = "loses stability" if value in ends else "becomes stable"
+            row = {"branch": number, "event": event, "averaged": None, "exact": value}
+            rows.append({**row, "distance": None, "beat_rad_per_s": None})
     return sorted(rows, key=lambda row: row["exact"] if row["averaged"] is None else row["averaged"])
 
 
@@ -103,22 +101,16 @@ def _event_words(row: dict[str, Any]) -> str:
     return str(row["event"]) + (f" (neighbours beat at {beat:.3g} rad/s)" if beat else "")
 
 
-def _difference_words(diagram: Branches) -> Iterator[str]:
+def _difference_words(diagram: Branches) -> str:
     """By how much orbits differ from averaged motions at most."""
-    differences = [difference for branch in diagram.branches if (difference := largest_differences(branch))]
-    if differences:
-        angle, omega = (f"{100 * max(parts):.2g} %" for parts in zip(*differences, strict=True))
-        yield f"The largest angles of these orbits are within {angle} of the averaged ones, their frequencies within"
-        yield f"{omega}."
-
-
-def largest_differences(branch: EquilibriumBranch) -> tuple[float, float] | None:
-    """The largest relative differences of orbits from averaged motions: of the largest angle and of the frequency."""
-    places = [at for at, orbit in enumerate(branch.orbits) if orbit]
-    pairs = [(branch.orbits[at], branch.angle[at], branch.omega[at]) for at in places]
-    angles = [abs(orbit.amplitude / angle - 1) for orbit, angle, _ in pairs if orbit]
-    frequencies = [abs(orbit.omega / omega - 1) for orbit, _, omega in pairs if orbit]
-    return (max(angles), max(frequencies)) if pairs else None
+    rows = [row for branch in diagram.branches for row in zip(branch.orbits, branch.angle, branch.omega, strict=True)]
+    differences = [(abs(orbit.amplitude / a - 1), abs(orbit.omega / omega - 1)) for orbit, a, omega in rows if orbit]
+    if not differences:
+        return ""
+    angle, omega = (f"{100 * max(parts):.2g} %" for parts in zip(*differences, strict=True))
+    return (
+        f"The largest angles of these orbits are within {angle} of the averaged ones, their frequencies within {omega}."
+    )
 
 
 def _verdict_words(diagram: Branches) -> Iterator[str]:
@@ -165,9 +157,6 @@ def branches_json(diagram: Branches) -> str:
             "pendula": branch.words,
             "stable_averaged": branch.intervals,
             "stable_exact": exact.intervals if any(branch.orbits) else None,
-            "largest_differences": dict(
-                zip(("angle", "omega"), largest_differences(branch) or (None,) * 2, strict=True)
-            ),
         }
         for number, branch, exact in zip(count(1), diagram.branches, diagram.exact, strict=False)
     ]
