@@ -10,7 +10,7 @@ from matplotlib.lines import Line2D
 
 from modal.errors import ComputationError
 from modal.plotting.layout import headline, key
-from modal.plotting.style import HUES, PREDICTED, ink
+from modal.plotting.style import HUES, PREDICTED, ink, secondary_colour
 from modal.scene import title_of
 from nonlinear.plotting.stability import (
     LABELS,
@@ -43,9 +43,7 @@ def branches_figure(branches: Branches) -> Figure:
         critical = [change.value for change in branch.changes]
         for axis, exact, curve in zip(figure.axes, line.curves, averaged, strict=True):
             axis.plot(line.values, exact, ".", color=ink(), ms=5, zorder=4, label="_computed")
-            axis.plot(
-                *smooth_curve(branch.values, curve), ls=PREDICTED, lw=1.0, color=ink(), zorder=4.5, label="_averaged"
-            )
+            axis.plot(*smooth_curve(branch.values, curve), color=secondary_colour(), ls=PREDICTED, lw=1.3, zorder=2)
             axis.plot(critical, np.interp(critical, branch.values, curve), **mark("x"))
     headline(figure, title_of(branches.scene), "steady oscillations by full and by averaged equations")
     key(figure, _handles(branches), columns=2)
@@ -70,7 +68,7 @@ def _exact(branches: Branches, number: int) -> DrawnBranch:
 def _handles(branches: Branches) -> list[Line2D]:
     lines = branch_keys([branch.words for branch in branches.branches])
     computed = Line2D([], [], ls="", marker=".", ms=5, color=ink(), label="computed value")
-    averaged = Line2D([], [], ls=PREDICTED, lw=1.0, color=ink(), label="averaged equations")
+    averaged = Line2D([], [], ls=PREDICTED, lw=1.3, color=secondary_colour(), label="averaged equations")
     handles = [*lines, *stability_keys(), computed, averaged]
     if any(branch.points for branch in branches.exact):
         handles.append(Line2D([], [], label="critical value", **mark()))
