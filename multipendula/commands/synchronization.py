@@ -39,8 +39,9 @@ def sync(options: argparse.Namespace) -> SynchronizationStudy | Branches | Popul
     For scenes with drives (van der Pol torques or escapements). Averaged equations predict the steady oscillations,
     and which of them this start ends in and when; a simulation of the full equations then measures the same. The
     verdict comes first: which mode wins, and from when on. With --vary every steady oscillation is followed along
-    one number of the scene instead (orbits --vary follows limit cycles of the full equations, sweep --loci the
-    frequencies of small motion). For equal pendula on the supports of a structure it says which population is
+    one number of the scene instead, by averaged equations, with the stability of the periodic orbit of the full
+    equations next to it (orbits --vary follows limit cycles of the full equations, sweep --loci the frequencies of
+    small motion). For equal pendula on the supports of a structure it says which population is
     locked, and to which; then follow the growth rates of the motions in which every population is one pendulum, and
     with --vary the values at which these become or cease to be stable. With --vary the oscillations found at one
     value, and their critical values, are shared among the --workers; each is followed from value to value by one.

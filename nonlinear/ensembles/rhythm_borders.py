@@ -8,16 +8,20 @@ way between values.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
 
+from modal.types import Crew, map_by_crew
 from nonlinear.ensembles.endings import UNDECIDED, EndingGroup
 from nonlinear.ensembles.rhythms import Rhythm, RhythmEvent, ValueRhythms
 from nonlinear.orbits.stable import KINDS
 from nonlinear.synchronization.attractors import rhythm_of
+
+OutcomesOf = Callable[..., Sequence[EndingGroup]]
 
 
 def name_of(group: EndingGroup) -> str:
@@ -33,26 +37,54 @@ def rhythm_without_orbit(group: EndingGroup, members: int) -> Rhythm:
 
 
 def continued(
-    outcomes: Callable[..., list[EndingGroup]], values: Sequence[ValueRhythms], ends: Sequence[tuple[str, float]]
+    outcomes: OutcomesOf,
+    values: Sequence[ValueRhythms],
+    ends: Sequence[tuple[str, float]],
+    crew: Crew | None = None,
 ) -> tuple[list[ValueRhythms], list[RhythmEvent]]:
     """The same values with the rhythms that last as far as there, and where those without orbits are born or die.
 
     `outcomes` tells what a state ends in at several values (`MapTask.outcomes`); `ends` are kinds and values of births
-    and deaths of orbits: a beat that ends next to a Neimark–Sacker point is that point's.
+    and deaths of orbits: a beat that ends next to a Neimark–Sacker point is that point's.  A `crew` continues all
+    rhythms to one side together.
     """
     complete, events = list(values), list[RhythmEvent]()
-    count = len(complete)
-    for order in (range(count), range(count)[::-1]):
-        for here, there in pairwise(order):
-            present = {rhythm.name for rhythm in complete[there].rhythms}
-            lost = {r.name: r for r in reversed(complete[here].rhythms) if r.state and r.name not in present}
-            for rhythm in lost.values():
-                way = RhythmContinuation(outcomes, rhythm, complete[here].value, complete[there].value)
-                if lasting := way.lasting_rhythm():
-                    complete[there] = complete[there]._replace(rhythms=(*complete[there].rhythms, lasting))
-                else:
-                    events.append(way.event(ends))
+    for order in (range(len(complete)), range(len(complete))[::-1]):
+        ways = list(_ways(complete, order))
+        follow = partial(_follow, outcomes, [each.value for each in complete], ends)
+        for (_, places), (lasting, event) in zip(ways, map_by_crew(follow, ways, crew), strict=True):
+            for place, rhythm in zip(places[1:], lasting, strict=False):
+                complete[place] = complete[place]._replace(rhythms=(*complete[place].rhythms, rhythm))
+            events += [event] if event else []
     return complete, events
+
+
+def _ways(values: Sequence[ValueRhythms], order: Sequence[int]) -> Iterator[tuple[Rhythm, list[int]]]:
+    """Rhythms without an orbit that are not seen at the next value: the place of the last and those beyond without."""
+    names = [{rhythm.name for rhythm in value.rhythms} for value in values]
+    for step, (here, there) in enumerate(pairwise(order), start=1):
+        lost = {r.name: r for r in reversed(values[here].rhythms) if r.state and r.name not in names[there]}
+        for rhythm in lost.values():
+            seen = next((place for place in order[step:] if rhythm.name in names[place]), None)
+            yield rhythm, [here, *order[step : None if seen is None else order.index(seen)]]
+
+
+def _follow(
+    outcomes: OutcomesOf,
+    values: Sequence[float],
+    ends: Sequence[tuple[str, float]],
+    way: tuple[Rhythm, list[int]],
+) -> tuple[list[Rhythm], RhythmEvent | None]:
+    """The rhythm at the values to which it lasts, and the event that ends it, None if it lasts at all of them."""
+    rhythm, places = way
+    lasting: list[Rhythm] = []
+    for near, target in pairwise(places):
+        continuation = RhythmContinuation(outcomes, rhythm, values[near], values[target])
+        following = continuation.lasting_rhythm()
+        if following is None:
+            return lasting, continuation.event(ends)
+        lasting.append(rhythm := following)
+    return lasting, None
 
 
 @dataclass
@@ -62,7 +94,7 @@ class RhythmContinuation:
     It was not seen at `stop`, where it goes over into the `successor`.
     """
 
-    outcomes: Callable[..., list[EndingGroup]]
+    outcomes: OutcomesOf
     rhythm: Rhythm
     near: float
     target: float
@@ -108,7 +140,7 @@ class RhythmContinuation:
         values = self.near + reach * np.arange(1, self.lanes + 1) / self.lanes
         return list(dict.fromkeys((np.maximum if self.is_birth else np.minimum)(values, self.target).tolist()))
 
-    def _groups_at(self, values: list[float]) -> list[EndingGroup]:
+    def _groups_at(self, values: list[float]) -> Sequence[EndingGroup]:
         assert self.rhythm.state
         return self.outcomes(values, self.rhythm.state, may_be_chaotic=self.rhythm.exponent is not None)
 

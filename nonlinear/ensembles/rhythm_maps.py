@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from hashlib import sha256
-from math import nan
 from typing import Any
 
 import numpy as np
 
 from modal.errors import MultipendulaError, SceneError
-from modal.report import finite, silent
+from modal.report import silent
 from modal.scene import Scene, describe
 from modal.scene.doors import checked, checked_index, checked_number
 from modal.scene.parameters import Variation, parse_variations, validate_variations, vary
@@ -31,16 +30,15 @@ from nonlinear.ensembles.endings import (
 from nonlinear.ensembles.question import COMPILED, ENSEMBLE_TOLERANCE
 from nonlinear.ensembles.return_maps import SectionMap, slowest_period
 from nonlinear.ensembles.rhythm_borders import continued, rhythm_without_orbit
+from nonlinear.ensembles.rhythm_store import RhythmStore
 from nonlinear.ensembles.rhythms import Rhythm, RhythmEvent, RhythmGrid, RhythmMap, ValueRhythms
 from nonlinear.ensembles.sections import MEMBERS_MAX
 from nonlinear.ensembles.store import ChunkFolder
 from nonlinear.orbits.cycles import Beginning, beginnings, is_same_orbit, require_cycles
 from nonlinear.orbits.flow import ORBIT_TOLERANCE
-from nonlinear.orbits.stable import StableOrbits, stable_branches
-from nonlinear.synchronization.attractors import PERIODIC, Ending, rhythm_of
+from nonlinear.orbits.stable import StableOrbits, stable_branches, stable_orbits
+from nonlinear.synchronization.attractors import Ending, rhythm_of
 from nonlinear.system import Motion, State, motion_of
-
-SHAPE = ("kind", "returns", "slow_period", "drifting", "chimera")
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,22 +50,40 @@ class MapTask:
     starts: Motion
     limit: float
     engine: str
+    folder: ChunkFolder | None = None
+
+    @property
+    def store(self) -> RhythmStore:
+        """Where outcomes are remembered."""
+        return RhythmStore(self.scene, self.variation, self.folder)
 
     def __call__(self, value: float) -> tuple[EndingGroup, ...]:
         """The outcomes of the starts at a value."""
-        outcomes = Outcomes(vary(self.scene, {self.variation.path: value}), partial(self.orbit_of, value))
-        place, members = np.zeros(len(self.starts.links), dtype=int), {"starts": self.starts, "check": 0}
-        settle([outcomes], place, self.limit, members, engine=self.engine, workers=1)
-        return outcomes.whole()
 
-    def outcomes(self, values: Sequence[float], state: State, *, may_be_chaotic: bool) -> list[EndingGroup]:
+        def compute() -> tuple[EndingGroup, ...]:
+            outcomes = Outcomes(vary(self.scene, {self.variation.path: value}), partial(self.orbit_of, value))
+            place, members = np.zeros(len(self.starts.links), dtype=int), {"starts": self.starts, "check": 0}
+            settle([outcomes], place, self.limit, members, engine=self.engine, workers=1)
+            return outcomes.whole()
+
+        return self.store.groups([value, self.starts], compute)
+
+    def outcomes(self, values: Sequence[float], state: State, *, may_be_chaotic: bool) -> tuple[EndingGroup, ...]:
         """What the motion from a state ends in at each of these values, run together."""
         path = self.variation.path
-        outcomes = [Outcomes(vary(self.scene, {path: value}), partial(self.orbit_of, value)) for value in values]
-        members = {"starts": motion_of([state] * len(values)), "vary": {path: np.array(values)}, "check": 0}
-        options: dict[str, Any] = {"engine": self.engine, "workers": 1, "may_be_chaotic": may_be_chaotic}
-        settle(outcomes, np.arange(len(values)), self.limit, members, **options)
-        return [each.whole()[0] for each in outcomes]
+
+        def compute() -> tuple[EndingGroup, ...]:
+            outcomes = [Outcomes(vary(self.scene, {path: value}), partial(self.orbit_of, value)) for value in values]
+            members = {"starts": motion_of([state] * len(values)), "vary": {path: np.array(values)}, "check": 0}
+            options: dict[str, Any] = {"engine": self.engine, "workers": 1, "may_be_chaotic": may_be_chaotic}
+            settle(outcomes, np.arange(len(values)), self.limit, members, **options)
+            return tuple(each.whole()[0] for each in outcomes)
+
+        return self.store.groups([values, may_be_chaotic, state], compute)
+
+    def branch(self, beginning: Beginning) -> StableOrbits:
+        """The branch of stable orbits from a beginning."""
+        return self.store.branch(beginning, partial(stable_orbits, beginning))
 
     def orbit_of(self, value: float, ending: Ending) -> Beginning | None:
         """The orbit near a periodic ending at a value, None if there is none."""
@@ -77,10 +93,14 @@ class MapTask:
         """The orbits near the averaged configurations at a value, whose basins may be small; of few pendula."""
         if sum(pendulum.count for pendulum in self.scene.pendulum) > 4:
             return ()
-        try:
-            return tuple(beginnings(self.scene, self.variation, value, None, ORBIT_TOLERANCE))
-        except MultipendulaError:
-            return ()
+
+        def compute() -> tuple[Beginning, ...]:
+            try:
+                return tuple(beginnings(self.scene, self.variation, value, None, ORBIT_TOLERANCE))
+            except MultipendulaError:
+                return ()
+
+        return self.store.beginnings(value, compute)
 
 
 @checked
@@ -122,9 +142,9 @@ def find_rhythms(
     if engine == "auto":
         engine = _engine_for(scene, starts[0], members * len(variation.values), min(longest, 512 * period))
     task = MapTask(scene, variation, starts, longest, engine)
-    store = folder and _store(folder, task, seed)
+    task = replace(task, folder=_folder(folder, task, seed)) if folder else task
     parts = []
-    solved = map_by_crew(partial(_at_value, task, store or None), range(len(variation.values)), crew)
+    solved = map_by_crew(task, variation.values, crew)
     for done, part in enumerate(solved, 1):
         parts.append(part)
         report(done)
@@ -133,15 +153,14 @@ def find_rhythms(
     orbits = [[group.beginning for group in groups] for groups in parts]
     for number, more in zip(few, averaged, strict=True):
         orbits[number] += more
-    branches = stable_branches(variation, orbits, crew)
+    branches = stable_branches(variation, orbits, task.branch, crew)
     names = _branch_names(branches)
     values = [
         _value_of(value, groups, branches, names, members)
         for value, groups in zip(variation.values, parts, strict=True)
     ]
-    values, ends = continued(
-        task.outcomes, values, [end for branch in branches for end in (branch.birth, branch.death) if end]
-    )
+    known_ends = [end for branch in branches for end in (branch.birth, branch.death) if end]
+    values, ends = continued(task.outcomes, values, known_ends, crew)
     events = (*_orbit_events(branches, names), *ends)
     births = tuple(sorted(events, key=lambda event: event.value))
     return RhythmMap(scene, variation, tuple(values), births, members, box, longest, seed)
@@ -153,25 +172,9 @@ def _engine_for(scene: Scene, start: State, count: int, duration: float) -> str:
     return engine if engine == COMPILED else "auto"
 
 
-def _at_value(task: MapTask, store: ChunkFolder | None, number: int) -> tuple[EndingGroup, ...]:
-    """The groups at a value from the folder if they are stored there, else computed and stored."""
-    value = task.variation.values[number]
-    if store is None:
-        return task(value)
-    if store.path(number).exists():
-        groups = store.content(number, _groups_from)
-        return tuple(
-            replace(group, beginning=task.orbit_of(value, group.ending)) if group.name == PERIODIC else group
-            for group in groups
-        )
-    groups = task(value)
-    header, columns = _header_and_arrays(groups)
-    store.write(number, header, columns)
-    return groups
-
-
-def _store(folder: str, task: MapTask, seed: int) -> ChunkFolder:
+def _folder(path: str, task: MapTask, seed: int) -> ChunkFolder:
     header = {
+        "format": 2,
         "scene": describe(task.scene),
         "vary": {"path": task.variation.path, "values": task.variation.values},
         "members": len(task.starts.links),
@@ -179,49 +182,7 @@ def _store(folder: str, task: MapTask, seed: int) -> ChunkFolder:
         "limit_s": task.limit,
         "seed": seed,
     }
-    return ChunkFolder(folder, "map", sha256(repr(header).encode()).hexdigest(), header)
-
-
-def _header_and_arrays(groups: Sequence[EndingGroup]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Groups as a header and arrays."""
-    header = {
-        "groups": [
-            {
-                "name": group.name,
-                "copies": group.copies,
-                "exponent": group.exponent,
-                "period_s": finite(group.ending.period),
-                "shape": [getattr(group.ending, name) for name in SHAPE],
-                "cart": [group.ending.state.cart, group.ending.state.cart_rate],
-            }
-            for group in groups
-        ]
-    }
-    columns: dict[str, Any] = {}
-    for number, group in enumerate(groups):
-        state = group.ending.state
-        columns[f"members_{number}"] = np.array(group.members)
-        for name in ("links", "link_rates", "supports", "support_rates"):
-            columns[f"{name}_{number}"] = getattr(state, name)
-    return header, columns
-
-
-def _groups_from(header: Mapping[str, Any], columns: Mapping[str, Any]) -> tuple[EndingGroup, ...]:
-    """The same groups again; their records are not stored."""
-    groups = []
-    for number, entry in enumerate(header["groups"]):
-        links, rates, supports, support_rates = (
-            columns[f"{name}_{number}"] for name in ("links", "link_rates", "supports", "support_rates")
-        )
-        state = State(links, rates, float(entry["cart"][0]), float(entry["cart"][1]), supports, support_rates)
-        period = nan if entry["period_s"] is None else float(entry["period_s"])
-        ending = Ending(
-            period=period, record=np.zeros((0, 0)), state=state, **dict(zip(SHAPE, entry["shape"], strict=True))
-        )
-        exponent = entry["exponent"] and (float(entry["exponent"][0]), float(entry["exponent"][1]))
-        members = tuple(columns[f"members_{number}"].astype(int).tolist())
-        groups.append(EndingGroup(entry["name"], members, ending, entry["copies"], exponent))
-    return tuple(groups)
+    return ChunkFolder(path, "map", sha256(repr(header).encode()).hexdigest(), header)
 
 
 @checked
@@ -234,7 +195,10 @@ def find_rhythm_grid(
     report: Callable[[float], object] = silent,
     **options: Any,
 ) -> RhythmGrid:
-    """The rhythms over two numbers, borders along the first; `options` are those of `find_rhythms`."""
+    """The rhythms over two numbers, borders along the first; `options` are those of `find_rhythms`.
+
+    Branches are named by their patterns alone: their numbers would depend on the row.
+    """
     if len(axes) != 2:
         raise SceneError([f"axes: a grid has two numbers, not {len(axes)}"])
     validate_variations(scene, axes)
@@ -248,7 +212,8 @@ def find_rhythm_grid(
         def progress(done: float, before: int = number * count) -> None:
             report(before + done)
 
-        maps.append(find_rhythms(row, first, members=members, folder=place, report=progress, **options))
+        row_map = find_rhythms(row, first, members=members, folder=place, report=progress, **options)
+        maps.append(row_map.by_pattern())
     return RhythmGrid(scene, (first, second), tuple(maps))
 
 

@@ -19,6 +19,7 @@ from math import degrees, nan, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy
 
 from modal.errors import MultipendulaError
 from modal.report import Displayed, Drawable, Form, ReportTable, Result, finite
@@ -131,6 +132,15 @@ class Rhythm(Displayed):
         }
 
 
+def pattern_of(name: str) -> str:
+    """The name of a rhythm without the number of its branch.
+
+    >>> pattern_of("in phase, branch 2"), pattern_of("antiphase, 2 against 1")
+    ('in phase', 'antiphase, 2 against 1')
+    """
+    return name.partition(", branch ")[0]
+
+
 class ValueRhythms(NamedTuple):
     """The rhythms at a value, the most frequent first, and the group in which each start ends, -1 for undecided."""
 
@@ -198,6 +208,15 @@ class RhythmMap(Drawable, Result):
     def intervals(self, name: str) -> list[tuple[float, float]]:
         """The 95 % intervals of these shares."""
         return [wilson(round(share * self.members), self.members) for share in self.shares(name)]
+
+    def by_pattern(self) -> RhythmMap:
+        """The same map with branches named by their patterns alone, without numbers."""
+        values = [
+            value._replace(rhythms=tuple(replace(rhythm, name=pattern_of(rhythm.name)) for rhythm in value.rhythms))
+            for value in self.values
+        ]
+        births = tuple(replace(event, name=pattern_of(event.name)) for event in self.births)
+        return replace(self, values=tuple(values), births=births)
 
     def records(self) -> Iterator[dict[str, Any]]:
         """A row for each rhythm at each value, and for undecided starts."""
@@ -368,23 +387,24 @@ class RhythmGrid(Drawable, Result):
     def borders(self) -> dict[tuple[str, str, bool], list[list[tuple[float, float]]]]:
         """Births and deaths that were computed, by rhythm, kind and which of them: lines through adjacent rows.
 
-        Each is a list of (first number, second number); of several in a row those nearest to each other are joined.
+        Each is a list of (first number, second number); of several in a row each goes on at one of the next, so that
+        the lines are shortest together.
         """
         lines: dict[tuple[str, str, bool], list[list[tuple[float, float]]]] = {}
-        previous = None
-        for value, row in zip(self.axes[1].values, self.maps, strict=True):
-            for event in row.births:
-                if event.kind == UNDECIDED:
-                    continue
-                chains = lines.setdefault((event.name, event.kind, event.is_birth), [])
+        for number, (value, row) in enumerate(zip(self.axes[1].values, self.maps, strict=True)):
+            previous = self.axes[1].values[number - 1]
+            for key in dict.fromkeys((event.name, event.kind, event.is_birth) for event in row.births):
+                places = [event.value for event in row.births if (event.name, event.kind, event.is_birth) == key]
+                chains = lines.setdefault(key, [])
                 open_chains = [chain for chain in chains if chain[-1][1] == previous]
-                gaps = [abs(chain[-1][0] - event.value) for chain in open_chains]
-                if gaps:
-                    open_chains[gaps.index(min(gaps))].append((event.value, value))
-                else:
-                    chains.append([(event.value, value)])
-            previous = value
-        return lines
+                gaps = [[abs(chain[-1][0] - place) for place in places] for chain in open_chains]
+                pairs = zip(*scipy.optimize.linear_sum_assignment(gaps), strict=True) if gaps else ()
+                nearest = {at: open_chains[chain] for chain, at in pairs}
+                for at, place in enumerate(places):
+                    chain = nearest.get(at, [])
+                    chain.append((place, value))
+                    chains += [chain] if len(chain) == 1 else []
+        return {key: chains for key, chains in lines.items() if key[1] != UNDECIDED}
 
     def records(self) -> Iterator[dict[str, Any]]:
         """The records of all rows, with the second number."""

@@ -39,10 +39,15 @@ CROSSING = "crossing_"
 
 def engine_of_folder(folder: str | os.PathLike[str] | None) -> str:
     """Return the engine with which a folder was begun; "" if its header does not say."""
+    return str(_entry_of(Path(folder or "") / HEADER, "engine") or "")
+
+
+def _entry_of(path: Path, key: str) -> object:
+    """An entry of a header, None if it does not say."""
     try:
-        return str(json.loads(text_of(Path(folder or "") / HEADER))["engine"])
-    except (ValueError, KeyError, TypeError, RecursionError):
-        return ""
+        return json.loads(text_of(path)).get(key)
+    except (ValueError, AttributeError, TypeError, RecursionError):
+        return None
 
 
 def _is(path: Path, content: bytes) -> bool:
@@ -100,34 +105,36 @@ class ChunkFolder:
             with whole_file(path) as stream:
                 stream.write(content)
         elif not _is(path, content):
-            words = f"holds another {kind}: remove it, or write to another folder"
-            raise SceneError([f"{self.folder}: {words}"])
+            is_kind = _entry_of(path, self._key) is not None
+            is_old = is_kind and _entry_of(path, "format") != header.get("format")
+            what = f"holds a {kind} of another version" if is_old else f"holds another {kind}"
+            raise SceneError([f"{self.folder}: {what}: remove it, or write to another folder"])
 
     @property
     def _key(self) -> str:
         return f"multipendula_{self.kind}"
 
-    def path(self, number: int) -> Path:
-        """The file of a chunk."""
-        return self.folder / f"part-{number:06d}.npz"
+    def path(self, name: int | str) -> Path:
+        """The file of a chunk of a number or a name."""
+        return self.folder / f"part-{name if isinstance(name, str) else f'{name:06d}'}.npz"
 
-    def write(self, number: int, header: Mapping[str, Any], columns: Mapping[str, Any]) -> None:
+    def write(self, name: int | str, header: Mapping[str, Any], columns: Mapping[str, Any]) -> None:
         """Write a chunk, safe from a crash when this returns."""
-        with whole_file(self.path(number)) as stream:
+        with whole_file(self.path(name)) as stream:
             stream.write(as_npz({self._key: self.fingerprint, **header}, {**columns}))
 
-    def content(self, number: int, made: Callable[[dict[str, Any], Columns], T]) -> T:
+    def content(self, name: int | str, made: Callable[[dict[str, Any], Columns], T]) -> T:
         """What is `made` of a chunk that is there; SceneError where it is damaged, or a chunk of another question."""
         try:
-            header, columns = from_npz(self.path(number))
+            header, columns = from_npz(self.path(name))
             if (fingerprint := header.get(self._key)) != self.fingerprint:
                 why = f"does not name its {self.kind}" if fingerprint is None else f"is a chunk of another {self.kind}"
                 raise SceneError([f"{why}: {AGAIN}"])
             return made(header, columns)
         except SceneError as error:
-            raise SceneError([f"{self.path(number)}: {problem}" for problem in error.problems]) from None
+            raise SceneError([f"{self.path(name)}: {problem}" for problem in error.problems]) from None
         except UNREADABLE as error:
-            raise SceneError([f"{self.path(number)}: is damaged ({type(error).__name__}): {AGAIN}"]) from None
+            raise SceneError([f"{self.path(name)}: is damaged ({type(error).__name__}): {AGAIN}"]) from None
 
 
 class Parts(ChunkFolder):

@@ -122,6 +122,6 @@ def finished_branch(
 ) -> Branch:
     """The branch of these points, of those between whose stability differs, and of those at values of the number."""
     points = refined_points(problem, points)
-    special = tuple(specials(problem, points))
     points = with_values(problem, points, variation) if variation else points
+    special = tuple(specials(problem, points))
     return Branch(origin, tuple(points), special, problem, variation, complete, linear)

@@ -9,7 +9,7 @@ multiplier pass 1 before γ' is 0.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import inf, nan
 
@@ -32,11 +32,15 @@ KINDS = {"torus": "Neimark–Sacker", "period doubling": "doubling"}
 
 @dataclass(frozen=True, eq=False, repr=False)
 class StableOrbits(Displayed):
-    """A stable orbit at the values of the number between its birth and its death, None if the range ends before."""
+    """A stable orbit at the values of the number between its birth and its death, None if the range ends before.
+
+    `unknowns` (K, n) are the solutions u of the orbits.
+    """
 
     what, shows = "StableOrbits", "birth: birth; death: death"
 
     orbits: tuple[Orbit, ...]
+    unknowns: Floats
     birth: tuple[str, float] | None
     death: tuple[str, float] | None
 
@@ -47,9 +51,12 @@ class StableOrbits(Displayed):
 
 
 def stable_branches(
-    variation: Variation, orbits: Sequence[Sequence[Beginning | None]], crew: Crew | None
+    variation: Variation,
+    orbits: Sequence[Sequence[Beginning | None]],
+    branch_of: Callable[[Beginning], StableOrbits],
+    crew: Crew | None,
 ) -> list[StableOrbits]:
-    """The stable orbits of all values, each followed once."""
+    """The stable orbits of all values, each followed once, by `stable_orbits` or what remembers them."""
     branches: list[StableOrbits] = []
     for value, here in zip(variation.values, orbits, strict=True):
         new: list[Beginning] = []
@@ -59,7 +66,7 @@ def stable_branches(
             known = [branch.at(value) for branch in branches] + [other.orbit for other in new]
             if not any(orbit and is_same_orbit(beginning.orbit, orbit) for orbit in known):
                 new.append(beginning)
-        branches += map_by_crew(stable_orbits, new, crew)
+        branches += map_by_crew(branch_of, new, crew)
     return branches
 
 
@@ -70,7 +77,8 @@ def stable_orbits(beginning: Beginning) -> StableOrbits:
     up, death = _follow_while_stable(beginning, 1.0)
     assert problem.variation
     points = with_values(problem, [*down[:0:-1], *up], problem.variation)
-    return StableOrbits(tuple(point.orbit for point in points), birth, death)
+    unknowns = np.array([point.u for point in points])
+    return StableOrbits(tuple(point.orbit for point in points), unknowns, birth, death)
 
 
 def _follow_while_stable(beginning: Beginning, direction: float) -> tuple[list[OrbitPoint], tuple[str, float] | None]:

@@ -33,65 +33,106 @@ from modal.plotting.style import (
 from modal.scene import Scene, title_of
 from modal.scene.parameters import Variation
 from modal.types import EPS, Floats
+from nonlinear.synchronization.continuation import value_of
 
 if TYPE_CHECKING:
-    from nonlinear.synchronization import Branches, EquilibriumBranch, MotionBranch, PopulationDiagram
+    from nonlinear.orbits import Orbit
+    from nonlinear.synchronization import Branches, MotionBranch, PopulationDiagram
 
 LABELS = ("largest angle (°)", "angular frequency ω (rad/s)", "growth rate (1/s)")
 """Of the panels of branches along a number."""
 SECTORS = {"own": "within its symmetry", "other": "towards the other motion"}
 """The names of perturbations by which a motion loses stability."""
+LINES: dict[bool, Any] = {True: COMPUTED, False: UNSTABLE}
+"""Of stable and of unstable parts."""
 
 
 def branches_figure(branches: Branches) -> Figure:
-    """Solid lines where a branch is stable, dash-dotted ones where it is not; dots are computed, circles critical.
+    """Orbits solid where stable, else dash-dotted, with their special points; averaged motions dashed, with crosses.
 
     Raise ComputationError for no branch and for more than HUES.
     """
     if not 1 <= len(branches.branches) <= HUES:
         raise ComputationError(f"{len(branches.branches)} configurations do not fit in a figure: from 1 to {HUES}")
-    lines = [_drawn(branch) for branch in branches.branches]
+    lines = [_exact(branches, number) for number in range(len(branches.branches))]
     figure = figure_along(branches.scene, branches.variation, LABELS, lines)
-    for line in lines:
-        for axis, curve in zip(figure.axes, line.curves, strict=True):
-            axis.plot(line.values, curve, ".", color=ink(), ms=5, zorder=4, label="_computed")
-    headline(figure, title_of(branches.scene), "steady oscillations by averaged equations")
-    computed = Line2D([], [], ls="", marker=".", ms=5, color=ink(), label="computed value")
-    critical = Line2D([], [], label="critical value", **mark())
-    names = branch_keys([branch.words for branch in branches.branches])
-    key(figure, [*names, *stability_keys(), computed, critical], columns=2)
+    for branch, line in zip(branches.branches, lines, strict=True):
+        averaged = [np.rad2deg(branch.angle), branch.omega, np.array([state.growth for state in branch.states])]
+        critical = [change.value for change in branch.changes]
+        for axis, exact, curve in zip(figure.axes, line.curves, averaged, strict=True):
+            axis.plot(line.values, exact, ".", color=ink(), ms=5, zorder=4, label="_computed")
+            axis.plot(*smooth_curve(branch.values, curve), color=secondary_colour(), ls=PREDICTED, lw=1.3, zorder=2)
+            axis.plot(critical, np.interp(critical, branch.values, curve), **mark("x"))
+    headline(figure, title_of(branches.scene), "steady oscillations by full and by averaged equations")
+    key(figure, _branch_handles(branches), columns=2)
     return figure
 
 
-def _drawn(branch: EquilibriumBranch) -> DrawnBranch:
-    growth = np.array([state.growth for state in branch.states])
-    curves = [np.rad2deg(branch.angle), branch.omega, growth]
-    critical = [change.value for change in branch.changes]
-    points = [("o", value, [float(np.interp(value, branch.values, curve)) for curve in curves]) for value in critical]
-    return DrawnBranch(branch.values, branch.is_stable, curves, points)
+def _exact(branches: Branches, number: int) -> DrawnBranch:
+    """The orbits next to a branch, from the first to the last; NaN where there is none."""
+    branch, points = branches.branches[number], branches.exact[number].points
+    places = np.flatnonzero([orbit is not None for orbit in branch.orbits])
+    part = slice(places[0], places[-1] + 1) if len(places) else slice(None)
+    values, orbits = branch.values[part], branch.orbits[part]
+    after = np.searchsorted(values, [value_of(point) for point in points]) - 1
+    marks = [
+        SpecialMark("o", point.orbit, value_of(point), heights_of(point.orbit), int(at))
+        for point, at in zip(points, after, strict=True)
+    ]
+    is_stable = [bool(orbit and orbit.is_stable) for orbit in orbits]
+    return DrawnBranch(values, is_stable, list(np.array([heights_of(orbit) for orbit in orbits]).T), marks)
 
 
-LINES: dict[bool, Any] = {True: COMPUTED, False: UNSTABLE}
-"""Of stable and of unstable parts."""
+def _branch_handles(branches: Branches) -> list[Line2D]:
+    lines = branch_keys([branch.words for branch in branches.branches])
+    computed = Line2D([], [], ls="", marker=".", ms=5, color=ink(), label="computed value")
+    averaged = Line2D([], [], ls=PREDICTED, lw=1.3, color=secondary_colour(), label="averaged equations")
+    handles = [*lines, *stability_keys(), computed, averaged]
+    if any(branch.points for branch in branches.exact):
+        handles.append(Line2D([], [], label="critical value", **mark()))
+    if branches.changes:
+        handles.append(Line2D([], [], label="averaged critical value", **mark("x")))
+    return handles
+
+
+class SpecialMark(NamedTuple):
+    """A special point next after the orbit of a number: the shape of its mark, its value, its place in every panel."""
+
+    shape: str
+    orbit: Orbit
+    value: float
+    places: Sequence[float]
+    after: int
 
 
 class DrawnBranch(NamedTuple):
-    """A branch at K values of a number: where it is stable, a curve (K,) for each panel, and its special points.
-
-    Each of these is the shape of its mark, its value and its place in every panel.
-    """
+    """A branch at K values of a number: where it is stable, a curve (K,) for each panel, and its special points."""
 
     values: Floats
     is_stable: Sequence[bool]
     curves: Sequence[Floats]
-    points: Sequence[tuple[str, float, Sequence[float]]]
+    points: Sequence[SpecialMark]
 
     def draw(self, axes: Sequence[Axes], number: int) -> None:
-        """Draw the branch by its number, its points above it."""
+        """Draw the branch by its number, through its special points, where its style changes."""
+        places = [point.after + 1 for point in self.points]
+        values = np.insert(self.values, places, [point.value for point in self.points])
+        is_stable = np.insert(self.is_stable, places, [self._is_stable_before(k) for k in range(len(places))])
         for k, (axis, curve) in enumerate(zip(axes, self.curves, strict=True)):
-            draw_branch(axis, self.values, curve, self.is_stable, number)
-            for shape, value, places in self.points:
-                axis.plot([value], [places[k]], **mark(shape))
+            heights = np.insert(curve, places, [point.places[k] for point in self.points])
+            draw_branch(axis, values, heights, is_stable.tolist(), number)
+            for point in self.points:
+                axis.plot([point.value], [point.places[k]], **mark(point.shape))
+
+    def _is_stable_before(self, number: int) -> bool:
+        """Whether the branch is stable up to one of its points.
+
+        Of several between two orbits, it changes at that whose largest multiplier is nearest to 1.
+        """
+        after = self.points[number].after
+        between = [k for k, point in enumerate(self.points) if point.after == after]
+        change = min(between, key=lambda k: abs(np.abs(self.points[k].orbit.floquet.others).max(initial=0.0) - 1))
+        return self.is_stable[max(0, min(after + (number > change), len(self.is_stable) - 1))]
 
 
 def figure_along(scene: Scene, variation: Variation, labels: Sequence[str], branches: Sequence[DrawnBranch]) -> Figure:
@@ -108,6 +149,16 @@ def figure_along(scene: Scene, variation: Variation, labels: Sequence[str], bran
     return figure
 
 
+def heights_of(orbit: Orbit | None) -> tuple[float, float, float]:
+    """Largest angle (°), frequency (rad/s) and growth rate (1/s; NaN if nothing can grow or decay); NaN of no orbit."""
+    from nonlinear.orbits import growth
+
+    if orbit is None:
+        return np.nan, np.nan, np.nan
+    rate = growth(orbit)
+    return float(np.rad2deg(orbit.amplitude)), orbit.omega, rate if np.isfinite(rate) else np.nan
+
+
 def draw_branch(axis: Axes, x: Floats, y: Floats, is_stable: Sequence[bool], number: int, *, steps: int = 12) -> None:
     """One branch, in smooth pieces of equal stability that meet; unstable ones are half as wide, and above.
 
@@ -115,7 +166,7 @@ def draw_branch(axis: Axes, x: Floats, y: Floats, is_stable: Sequence[bool], num
     """
     fates = np.array(is_stable)
     breaks = [0, *(np.flatnonzero(np.diff(fates)) + 1), len(fates)]
-    fine_x, fine_y = _smooth(x, y, steps)
+    fine_x, fine_y = smooth_curve(x, y, steps)
     for start, stop in pairwise(breaks):
         piece = slice(steps * max(start - 1, 0), steps * (stop - 1) + 1)
         fate = bool(fates[start])
@@ -123,7 +174,7 @@ def draw_branch(axis: Axes, x: Floats, y: Floats, is_stable: Sequence[bool], num
         axis.plot(fine_x[piece], fine_y[piece], **look, zorder=3 if fate else 3.5, label=f"_{number}")
 
 
-def _smooth(x: Floats, y: Floats, count: int) -> tuple[Floats, Floats]:
+def smooth_curve(x: Floats, y: Floats, count: int = 12) -> tuple[Floats, Floats]:
     """Both with points between along the curve, by cubics that turn only where the curve does [Fritsch1984]."""
     extents = [float(np.ptp(part[np.isfinite(part)])) if np.isfinite(part).any() else 0.0 for part in (x, y)]
     steps = np.nan_to_num(

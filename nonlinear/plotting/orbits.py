@@ -18,7 +18,16 @@ from modal.plotting.style import HUES, MARKED, PREDICTED, SOLVED_POINTS, seconda
 from modal.scene import Scene, title_of
 from modal.scene.parameters import Variation, vary
 from modal.types import Floats
-from nonlinear.plotting.branches import LABELS, DrawnBranch, branch_keys, figure_along, mark, stability_keys
+from nonlinear.plotting.branches import (
+    LABELS,
+    DrawnBranch,
+    SpecialMark,
+    branch_keys,
+    figure_along,
+    heights_of,
+    mark,
+    stability_keys,
+)
 
 if TYPE_CHECKING:
     from nonlinear.orbits import Branch, Orbit
@@ -74,7 +83,7 @@ def _backbones(branches: Sequence[Branch], mode: Mode) -> Figure:
 def _along(scene: Scene, branches: Sequence[Branch]) -> Figure:
     """Angle, frequency and growth rate along a number."""
     assert branches[0].variation is not None
-    drawn_branches = [_drawn(branch, branch.value, _value, _heights) for branch in branches]
+    drawn_branches = [_drawn(branch, branch.value, _value, heights_of) for branch in branches]
     return figure_along(scene, branches[0].variation, LABELS, drawn_branches)
 
 
@@ -86,17 +95,12 @@ def _drawn(
     branch: Branch, places: Floats, place: Callable[[Orbit], float], heights: Callable[[Orbit], Sequence[float]]
 ) -> DrawnBranch:
     """A branch over the `places` of its orbits, with a curve for each of the `heights`."""
-    points = [(MARKS[special.kind], place(special.orbit), heights(special.orbit)) for special in branch.special]
+    points = [
+        SpecialMark(MARKS[each.kind], each.orbit, place(each.orbit), heights(each.orbit), each.after)
+        for each in branch.special
+    ]
     curves = np.array([heights(orbit) for orbit in branch.orbits]).T
     return DrawnBranch(places, branch.is_stable, list(curves), points)
-
-
-def _heights(orbit: Orbit) -> tuple[float, float, float]:
-    """Largest angle (°), frequency (rad/s) and growth rate (1/s; NaN if nothing can grow or decay)."""
-    from nonlinear.orbits import growth
-
-    rate = growth(orbit)
-    return float(np.rad2deg(orbit.amplitude)), orbit.omega, rate if np.isfinite(rate) else np.nan
 
 
 def _resonance(scene: Scene, branches: Sequence[Branch]) -> Figure:
@@ -113,7 +117,8 @@ def _resonance(scene: Scene, branches: Sequence[Branch]) -> Figure:
         for special in branch.special:
             phase_before, orbit = phase[special.after], special.orbit
             phase_at = phase_before + np.angle(np.exp(1j * (orbit.phase - phase_before)))
-            points.append((MARKS[special.kind], _value(orbit), np.rad2deg([orbit.amplitude, phase_at]).tolist()))
+            heights = np.rad2deg([orbit.amplitude, phase_at]).tolist()
+            points.append(SpecialMark(MARKS[special.kind], orbit, _value(orbit), heights, special.after))
         curves = [np.rad2deg(branch.amplitude), np.rad2deg(phase)]
         DrawnBranch(branch.value, branch.is_stable, curves, points).draw([upper, lower], number)
     widest = max(float(np.rad2deg(branch.amplitude.max())) for branch in branches)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from itertools import chain, count, groupby, pairwise
 from math import degrees
 from textwrap import fill
 from typing import Any, NamedTuple
@@ -9,24 +11,34 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from modal.loci import span_of, state_columns
-from modal.report import ReportColumn, ReportTable, as_csv, as_json, line_width, with_unit
+from modal.report import NOTHING, ReportColumn, ReportTable, as_csv, as_json, finite, line_width, with_unit
 from modal.scene import Scene, describe
 from modal.scene.doors import checked
 from modal.scene.parameters import Variation
 from modal.types import Crew
-from nonlinear.synchronization.continuation import Branches, Change, EquilibriumBranch, follow_branches
+from nonlinear.orbits import growth
+from nonlinear.synchronization.certificates import certificate_refusal
+from nonlinear.synchronization.continuation import (
+    Branches,
+    EquilibriumBranch,
+    ExactBranch,
+    follow_branches,
+    value_of,
+)
 from nonlinear.synchronization.patterns import agreement
 from nonlinear.synchronization.population_report import ends_of, threshold_words
 from nonlinear.synchronization.thresholds import follow_populations, has_patterns
 
-LOCATED = (
-    "exact: where periodic orbits of the full equations turn or change their stability, by their Floquet multipliers."
+AVERAGED = (
+    "Frequency, angle, and where a configuration exists are those of the averaged equations. Its exact stability is "
+    "that of the periodic orbit of the full equations next to it, by its Floquet multipliers; exact critical values "
+    "are those at which these orbits turn or change their stability."
 )
-AVERAGED = "Frequency, angle and where a configuration exists and is stable are those of the averaged equations."
+VERDICTS = {True: "stable", False: "unstable"}
 
 
 def branches_text(diagram: Branches) -> str:
-    """One line per branch, counted from 1, then one per critical value."""
+    """One line per branch, counted from 1, then one per critical value, and where the two verdicts differ."""
     unit, where = diagram.variation.unit, span_of(diagram.variation, diagram.scene)
     head = f"{len(diagram.branches)} configurations for {where}"
     table = ReportTable.of(
@@ -38,67 +50,137 @@ def branches_text(diagram: Branches) -> str:
             ReportColumn(
                 lambda row: f"{row[1].values[0]:.5g} to {row[1].values[-1]:.5g}", None, with_unit("exists", unit)
             ),
-            ReportColumn(lambda row: _lasting(row[1]), None, with_unit("stable", unit)),
-        ),
-        enumerate(diagram.branches, start=1),
-    )
-    parts = [head, table.written() or "no steady motion", "", fill(AVERAGED, line_width())]
-    if diagram.changes:
-        table = ReportTable.of(
-            (
-                ReportColumn(lambda row: row[0][0].value, None, with_unit("averaged", unit), ".5g"),
-                ReportColumn(lambda row: row[1].orbit.value if row[1] else None, None, with_unit("exact", unit), ".7g"),
-                ReportColumn(lambda row: row[0][1] + 1, None, ""),
-                ReportColumn(lambda row: change_words(row[0][0]), None, "event"),
+            ReportColumn(lambda row: _lasting(row[1].intervals), None, with_unit("stable, averaged", unit)),
+            ReportColumn(
+                lambda row: _lasting(row[2].intervals) if any(row[1].orbits) else NOTHING,
+                None,
+                with_unit("stable, exact", unit),
             ),
-            zip(diagram.changes, diagram.special_points, strict=True),
+        ),
+        zip(count(1), diagram.branches, diagram.exact, strict=False),
+    )
+    parts = [head, table.written() or "no steady motion"]
+    if changes := _changes(diagram):
+        columns = (
+            ReportColumn(lambda row: row["averaged"], None, with_unit("averaged", unit), ".5g"),
+            ReportColumn(lambda row: row["exact"], None, with_unit("exact", unit), ".7g"),
+            ReportColumn(lambda row: row["distance"], None, with_unit("distance", unit), ".2g"),
+            ReportColumn(lambda row: row["branch"], None, ""),
+            ReportColumn(_event_words, None, "event"),
         )
-        parts += ["", table.written()]
-        if any(diagram.special_points):
-            parts += ["", fill(LOCATED, line_width())]
-    return "\n".join(parts) + "\n"
+        parts += [ReportTable.of(columns, changes).written()]
+    parts += [fill(f"{AVERAGED} {_difference_words(diagram)}", line_width())]
+    parts += ["\n".join(fill(words, line_width()) for words in _verdict_words(diagram))]
+    return "\n\n".join(filter(None, parts)) + "\n"
 
 
-def _lasting(branch: EquilibriumBranch) -> str:
-    return ", ".join(f"{low:.5g} to {high:.5g}" for low, high in branch.intervals) or "nowhere"
+def _lasting(intervals: Sequence[tuple[float, float]]) -> str:
+    return ", ".join(f"{low:.5g} to {high:.5g}" for low, high in intervals) or "nowhere"
+
+
+def _changes(diagram: Branches) -> list[dict[str, Any]]:
+    """The critical values, averaged and exact, None where none was found, ascending."""
+    rows = []
+    for (change, number), special in zip(diagram.changes, diagram.special_points, strict=True):
+        exact = value_of(special) if special else None
+        distance = None if exact is None else exact - change.value
+        row = {"branch": number + 1, "event": change.kind, "averaged": change.value, "exact": exact}
+        rows.append({**row, "distance": distance, "beat_rad_per_s": change.beat or None})
+    for number, branch in enumerate(diagram.exact, start=1):
+        ends = {high for _, high in branch.intervals}
+        for value in (value_of(special) for special in branch.points if special not in diagram.special_points):
+            event = "loses stability" if value in ends else "becomes stable"
+            row = {"branch": number, "event": event, "averaged": None, "exact": value}
+            rows.append({**row, "distance": None, "beat_rad_per_s": None})
+    return sorted(rows, key=lambda row: row["exact"] if row["averaged"] is None else row["averaged"])
+
+
+def _event_words(row: dict[str, Any]) -> str:
+    """The event at a critical value: loses stability (neighbours beat at 0.063 rad/s)."""
+    beat = row["beat_rad_per_s"]
+    return str(row["event"]) + (f" (neighbours beat at {beat:.3g} rad/s)" if beat else "")
+
+
+def _difference_words(diagram: Branches) -> str:
+    """By how much orbits differ from averaged motions at most."""
+    rows = [row for branch in diagram.branches for row in zip(branch.orbits, branch.angle, branch.omega, strict=True)]
+    differences = [(abs(orbit.amplitude / a - 1), abs(orbit.omega / omega - 1)) for orbit, a, omega in rows if orbit]
+    if not differences:
+        return ""
+    angle, omega = (f"{100 * max(parts):.2g} %" for parts in zip(*differences, strict=True))
+    return (
+        f"The largest angles of these orbits are within {angle} of the averaged ones, their frequencies within {omega}."
+    )
+
+
+def _verdict_words(diagram: Branches) -> Iterator[str]:
+    """Sentences on values at which averaged and exact verdicts differ, or no orbit was found."""
+    if reason := certificate_refusal(diagram.scene):
+        yield f"No exact verdicts: {reason}."
+        return
+    for number, branch in enumerate(diagram.branches):
+        pieces = _verdicts(branch, diagram.exact[number])
+        for (averaged, exact), group in groupby(pieces, lambda piece: piece[2:]):
+            ends = [end for low, high, *_ in group for end in (low, high)]
+            where = (
+                f"{number + 1}, {branch.words}, from {ends[0]:.6g} to {ends[-1]:.6g} {diagram.variation.unit}".rstrip()
+            )
+            if exact is None:
+                yield f"{where}: no periodic orbit was found next to it."
+            elif exact is not averaged:
+                yield f"{where}: {VERDICTS[averaged]} by averaged equations, but its orbit is {VERDICTS[exact]}."
+
+
+def _verdicts(branch: EquilibriumBranch, exact: ExactBranch) -> Iterator[tuple[float, float, bool, bool | None]]:
+    """Pieces of a branch between all its critical values, with the averaged and the exact verdict, None without one."""
+    first, last = branch.values[[0, -1]].tolist()
+    edges = {first, last, *chain(*branch.intervals), *map(value_of, exact.points)}
+    for low, high in pairwise(sorted(edge for edge in edges if first <= edge <= last)):
+        middle = (low + high) / 2
+        is_stable, has_stable_orbit = (
+            any(start <= middle <= end for start, end in intervals) for intervals in (branch.intervals, exact.intervals)
+        )
+        orbit = branch.orbit(int(np.abs(branch.values - middle).argmin()))
+        yield low, high, is_stable, has_stable_orbit if orbit else None
 
 
 def branches_csv(diagram: Branches) -> str:
-    """One row per branch and value: frequency, stability, largest angle, growth rate, and the pattern."""
+    """One row per branch and value: frequency, stability, angle, growth, of the orbit next to it as well; pattern."""
     return as_csv(_branch_rows(diagram))
 
 
 def branches_json(diagram: Branches) -> str:
-    """The same rows, and the critical values, averaged and exact, null where none was found."""
-    changes = [
+    """The same rows, every branch, and the critical values, averaged and exact, null where none was found."""
+    branches = [
         {
-            "branch": number + 1,
-            "event": change.kind,
-            "averaged": change.value,
-            "exact": special and special.orbit.value,
-            "beat_rad_per_s": change.beat or None,
+            "branch": number,
+            "pendula": branch.words,
+            "stable_averaged": branch.intervals,
+            "stable_exact": exact.intervals if any(branch.orbits) else None,
         }
-        for (change, number), special in zip(diagram.changes, diagram.special_points, strict=True)
+        for number, branch, exact in zip(count(1), diagram.branches, diagram.exact, strict=False)
     ]
     variation = {"vary": diagram.variation.path, "unit": diagram.variation.unit}
-    return as_json({"scene": describe(diagram.scene), **variation, "rows": _branch_rows(diagram), "changes": changes})
+    rows = {"rows": _branch_rows(diagram), "branches": branches, "changes": _changes(diagram)}
+    return as_json({"scene": describe(diagram.scene), **variation, **rows})
 
 
 def _branch_rows(diagram: Branches) -> list[dict[str, Any]]:
     rows = []
     for number, branch in enumerate(diagram.branches, start=1):
-        numbers = branch.values.tolist(), branch.is_stable, branch.omega.tolist(), branch.angle.tolist(), branch.states
-        for value, stable, omega, angle, state in zip(*numbers, strict=True):
+        numbers = branch.values.tolist(), branch.is_stable, branch.omega.tolist(), branch.angle.tolist()
+        for value, stable, omega, angle, state, orbit in zip(*numbers, branch.states, branch.orbits, strict=True):
             columns = state_columns(
                 diagram.variation, value, omega, stable=bool(stable), angle_deg=degrees(angle), growth=state.growth
             )
-            rows.append({**columns, "branch": number, "pendula": agreement(state)})
+            exact = {
+                "exact_omega_rad_per_s": orbit and orbit.omega,
+                "exact_stable": orbit and int(orbit.is_stable),
+                "exact_largest_angle_deg": orbit and degrees(orbit.amplitude),
+                "exact_growth_per_s": orbit and finite(growth(orbit)),
+            }
+            rows.append({**columns, **exact, "branch": number, "pendula": agreement(state)})
     return rows
-
-
-def change_words(change: Change) -> str:
-    """The event at a critical value: loses stability (neighbours beat at 0.063 rad/s)."""
-    return change.kind + (f" (neighbours beat at {change.beat:.3g} rad/s)" if change.beat else "")
 
 
 class AveragedThreshold(NamedTuple):

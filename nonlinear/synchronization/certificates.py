@@ -117,12 +117,22 @@ def critical_point(
         ):
             continue
         tried_states.add(k)
-        try:
-            if special := first_special_point(scene, variation, states[k], float(values[k]), at):
-                return special
-        except ComputationError:
-            continue
+        if special := special_point_beyond(scene, variation, states[k], float(values[k]), at):
+            return special
     return None
+
+
+def special_point_beyond(
+    scene: Scene, variation: Variation, state: RelativeEquilibrium, value: float, at: float
+) -> Special | None:
+    """The first special point on the orbits that begin next to a configuration at a value, towards another value.
+
+    None if there is none, also where that is the same value.
+    """
+    try:
+        return None if at == value else first_special_point(scene, variation, state, value, at)
+    except ComputationError:
+        return None
 
 
 def _coordinate(variation: Variation, value: float) -> float:

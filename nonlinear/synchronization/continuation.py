@@ -13,10 +13,11 @@ it the point where the periodic orbits of the full equations do the same (`nonli
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from functools import cache, cached_property, partial
+from dataclasses import dataclass, field
+from functools import cached_property, partial
 from itertools import pairwise
 from math import exp, log
+from typing import NamedTuple
 
 import numpy as np
 
@@ -39,7 +40,7 @@ from nonlinear.averaging import (
 )
 from nonlinear.orbits import Orbit, Special
 from nonlinear.orbits.cycles import is_same_orbit
-from nonlinear.synchronization.certificates import certified_orbit, critical_point
+from nonlinear.synchronization.certificates import certified_orbit, critical_point, special_point_beyond
 from nonlinear.synchronization.patterns import agreement
 
 DEATH_AMPLITUDE_RATIO = 0.1
@@ -74,7 +75,10 @@ class Change:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class EquilibriumBranch(Displayed):
-    """One configuration at K ascending values: those of the variation within its range and others between."""
+    """One configuration at K ascending values: those of the variation within its range and others between.
+
+    Angle, frequency and `is_stable` are those of averaged equations; `orbits` are the exact motions next to them.
+    """
 
     what = "Configuration along a number"
     shows = "variation: along; values: values; states: states"
@@ -82,10 +86,28 @@ class EquilibriumBranch(Displayed):
     variation: Variation
     values: Floats
     states: tuple[RelativeEquilibrium, ...]
+    _orbits: dict[int, Orbit | None] = field(default_factory=dict)
+
+    def orbit(self, at: int) -> Orbit | None:
+        """The periodic orbit of the full equations next to the state at an index, None if there is none; found once."""
+        if at not in self._orbits:
+            self._orbits[at] = orbit_beside(self.states[at])
+        return self._orbits[at]
+
+    @property
+    def orbits(self) -> tuple[Orbit | None, ...]:
+        """These orbits at all values."""
+        return tuple(map(self.orbit, range(len(self.states))))
+
+    def find_orbits(self, crew: Crew | None) -> None:
+        """Find all orbits together."""
+        indices = [at for at in range(len(self.states)) if at not in self._orbits]
+        orbits = map_by_crew(orbit_beside, [self.states[at] for at in indices], crew)
+        self._orbits.update(zip(indices, orbits, strict=True))
 
     @cached_property
     def is_stable(self) -> tuple[bool, ...]:
-        """Whether all perturbations decay, at every value."""
+        """Whether all perturbations decay by averaged equations, at every value."""
         return tuple(state.is_stable is True for state in self.states)
 
     @cached_property
@@ -105,7 +127,7 @@ class EquilibriumBranch(Displayed):
 
     @property
     def intervals(self) -> tuple[tuple[float, float], ...]:
-        """The intervals in which it is stable."""
+        """The intervals in which it is stable by averaged equations."""
         flips = [value for value, _ in self._flips()]
         edges = [*[self.values[0]] * self.is_stable[0], *flips, *[self.values[-1]] * self.is_stable[-1]]
         return tuple((float(low), float(high)) for low, high in zip(edges[::2], edges[1::2], strict=True))
@@ -144,6 +166,13 @@ class EquilibriumBranch(Displayed):
         )
 
 
+class ExactBranch(NamedTuple):
+    """The intervals in which the orbits next to a branch are stable, and the special points of these orbits."""
+
+    intervals: tuple[tuple[float, float], ...]
+    points: tuple[Special, ...]
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Branches(TextResult):
     """All branches that were found, those at the first value first."""
@@ -168,6 +197,38 @@ class Branches(TextResult):
         None if no such point was found next to it.
         """
         return tuple(_locate(self, at) for at in range(len(self.changes)))
+
+    @cached_property
+    def exact(self) -> tuple[ExactBranch, ...]:
+        """Where the orbits next to every branch are stable, and their special points."""
+        return tuple(map(self._exact, range(len(self.branches))))
+
+    def _exact(self, number: int) -> ExactBranch:
+        branch, pairs = self.branches[number], zip(self.changes, self.special_points, strict=True)
+        points = [special for (_, branch_number), special in pairs if special and branch_number == number]
+        verdicts = zip(branch.values.tolist(), branch.orbits, branch.states, strict=True)
+        rows = [(value, orbit.is_stable, state) for value, orbit, state in verdicts if orbit]
+        first, last = (
+            (value, False, branch.states[0]) for value in (self.variation.values[0], self.variation.values[-1])
+        )
+        borders = []
+        for (low, was_stable, state), (high, is_stable, following) in pairwise((first, *rows, last)):
+            if was_stable == is_stable:
+                continue
+            here, beyond = (low, high) if was_stable else (high, low)
+            within = [point for point in points if low <= value_of(point) <= high]
+            begin = state if was_stable else following
+            if not within and (special := special_point_beyond(self.scene, self.variation, begin, here, beyond)):
+                within = [special]
+                points.append(special)
+            borders.append(min(map(value_of, within), key=lambda value: abs(value - here), default=here))
+        intervals = tuple(zip(borders[::2], borders[1::2], strict=True))
+        return ExactBranch(intervals, tuple(sorted(points, key=value_of)))
+
+
+def value_of(special: Special) -> float:
+    """The value of the number at a special point."""
+    return float(special.orbit.value or 0.0)
 
 
 @formerly(variation="vary")
@@ -203,6 +264,8 @@ def follow_branches(
         result.__dict__["special_points"] = tuple(
             map_by_crew(partial(_locate, result), range(len(result.changes)), crew)
         )
+        for branch in result.branches:
+            branch.find_orbits(crew)
     return result
 
 
@@ -212,28 +275,30 @@ def _follow(walk: Walk, value: float, state: RelativeEquilibrium) -> tuple[Relat
     return state, EquilibriumBranch(walk.variation, np.array(values), states)
 
 
+def orbit_beside(state: RelativeEquilibrium) -> Orbit | None:
+    """The periodic orbit of the full equations next to a configuration."""
+    return certified_orbit(state.averaged.scene, state)
+
+
 def _beside_distinct_orbits(branches: Sequence[EquilibriumBranch]) -> list[EquilibriumBranch]:
     """The branches, without those whose periodic orbits are the ones of another branch before them."""
-    orbit_of = cache(lambda state: certified_orbit(state.averaged.scene, state))
     distinct: list[EquilibriumBranch] = []
     for branch in branches:
-        if not any(_has_orbits_of(branch, other, orbit_of) for other in distinct):
+        if not any(_has_orbits_of(branch, other) for other in distinct):
             distinct.append(branch)
     return distinct
 
 
-def _has_orbits_of(
-    branch: EquilibriumBranch, other: EquilibriumBranch, orbit_of: Callable[[RelativeEquilibrium], Orbit | None]
-) -> bool:
+def _has_orbits_of(branch: EquilibriumBranch, other: EquilibriumBranch) -> bool:
     """Whether a branch has the orbits of another, at the first and the last of its values of the variation."""
-    states, others = (dict(zip(each.values.tolist(), each.states, strict=True)) for each in (branch, other))
-    values = [value for value in branch.variation.values if value in states]
+    places, others = ({value: at for at, value in enumerate(each.values.tolist())} for each in (branch, other))
+    values = [value for value in branch.variation.values if value in places]
     if not values or not set(values) <= set(others):
         return False
-    pairs = [(states[value], others[value]) for value in (values[0], values[-1])]
-    if any(agreement(state) != agreement(neighbour) for state, neighbour in pairs):
+    pairs = [(places[value], others[value]) for value in (values[0], values[-1])]
+    if any(agreement(branch.states[at]) != agreement(other.states[there]) for at, there in pairs):
         return False
-    orbits = ((orbit_of(state), orbit_of(neighbour)) for state, neighbour in pairs)
+    orbits = ((branch.orbit(at), other.orbit(there)) for at, there in pairs)
     return all(orbit and neighbour and is_same_orbit(orbit, neighbour) for orbit, neighbour in orbits)
 
 

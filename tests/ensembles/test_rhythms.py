@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
@@ -26,6 +28,7 @@ from nonlinear.ensembles.return_maps import is_orbit_of
 from nonlinear.ensembles.rhythm_borders import continued
 from nonlinear.ensembles.rhythm_maps import MapTask
 from nonlinear.ensembles.rhythms import Rhythm, RhythmEvent, RhythmGrid, ValueRhythms, wilson
+from nonlinear.ensembles.store import ChunkFolder
 from nonlinear.orbits import follow_cycles, limit_cycles
 from nonlinear.orbits.cycles import beginnings
 from nonlinear.orbits.stable import stable_orbits
@@ -38,7 +41,7 @@ from nonlinear.synchronization import (
     study_synchronization,
 )
 from nonlinear.synchronization.attractors import Ending, _is_chimera
-from nonlinear.system import State, motion_of
+from nonlinear.system import Motion, State, motion_of
 
 METRONOMES = load("metronomes")
 LIGHT, HEAVY = 0.065, 0.1
@@ -193,6 +196,10 @@ def test_the_death_of_a_beat_is_enclosed() -> None:
             _rates, (0, 80.0), y, "DOP853", np.linspace(70.0, 80.0, 200), args=(base,), rtol=1e-7, atol=1e-8
         )
         assert (np.abs(run.y[1] - run.y[2]).max() > 0.1) == lasts, base
+
+
+BEATS = (("beat", 0.1), ("drifting", -0.1))
+"""Names of two beats, and the angle (rad) at which each returns in fakes of runs."""
 
 
 class FakeRuns:
@@ -398,14 +405,56 @@ def test_some_equal_pendula_as_one_and_others_not_are_a_chimera() -> None:
 
 
 def test_a_folder_goes_on_where_a_call_was_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What is kept is not computed again, and another question is refused."""
-    folder = str(tmp_path / "kept")
-    first = find_rhythms(METRONOMES, "support.mass=0.1:0.12:2", members=2, limit=120.0, folder=folder)
-    monkeypatch.setattr(MapTask, "__call__", lambda self, value: pytest.fail("computed again"))
-    again = find_rhythms(METRONOMES, "support.mass=0.1:0.12:2", members=2, limit=120.0, folder=folder)
-    assert again.report("json") == first.report("json")
+    """No run and no branch is computed again; another question or format is refused."""
+    folder, number = tmp_path / "kept", "support.mass=0.1:0.12:2"
+    question = {"members": 2, "limit": 120.0, "folder": str(folder)}
+    first = find_rhythms(METRONOMES, number, **question)
+    assert {path.name.split("-")[1] for path in folder.glob("part-*")} == {"run", "averaged", "branch"}
+    for name in ("settle", "stable_orbits", "beginnings"):
+        monkeypatch.setattr(f"nonlinear.ensembles.rhythm_maps.{name}", lambda *_, **__: pytest.fail("computed again"))
+    assert find_rhythms(METRONOMES, number, **question).report("json") == first.report("json")
     with pytest.raises(ValueError, match="holds another map"):
-        find_rhythms(METRONOMES, "support.mass=0.1:0.12:2", members=3, limit=120.0, folder=folder)
+        find_rhythms(METRONOMES, number, **question | {"members": 3})
+    header = json.loads((folder / "map.json").read_text())
+    (folder / "map.json").write_text(json.dumps({name: header[name] for name in header if name != "format"}))
+    with pytest.raises(ValueError, match="holds a map of another version"):
+        find_rhythms(METRONOMES, number, **question)
+
+
+def test_continuations_are_stored_and_shared_among_a_crew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two beats that last up to 0.32 and down to 0.15: no run of theirs is repeated, and a crew ends at the same."""
+    calls = []
+
+    def settle(outcomes: list[Outcomes], place: object, limit: float, members: dict[str, Motion], **_: object) -> None:
+        for each, state in zip(outcomes, members["starts"], strict=True):
+            mass = each.scene.support.mass
+            calls.append(mass)
+            name = "beat" if state.links[0] > 0 else "drifting"
+            lasts = mass <= 0.32 if name == "beat" else mass >= 0.15
+            ending = Ending("torus", 1.0, np.zeros((0, 0)), state, drifting=name != "beat")
+            each.groups.append(EndingGroup(name if lasts else "in phase", (0,), ending))
+
+    monkeypatch.setattr("nonlinear.ensembles.rhythm_maps.settle", settle)
+    variation = parse_variations(["support.mass=0.1:0.4:4"])[0]
+    beat, drift = (Rhythm(name, 3, 10, state=State(np.full(2, side), np.zeros(2))) for name, side in BEATS)
+    values = [ValueRhythms(value, (), 0) for value in variation.values]
+    values[0], values[3] = values[0]._replace(rhythms=(beat,)), values[3]._replace(rhythms=(drift,))
+    chunks = ChunkFolder(tmp_path, "map", "a question", {})
+    task = MapTask(METRONOMES, variation, motion_of([beat.state]), 100.0, "auto", chunks)
+    complete, events = continued(task.outcomes, values, [])
+    assert [[rhythm.name for rhythm in value.rhythms] for value in complete] == [
+        ["beat"], ["beat", "drifting"], ["beat", "drifting"], ["drifting"]
+    ]  # fmt: skip
+    assert sorted(event.value for event in events) == pytest.approx([0.15, 0.32], abs=1e-4)
+    count, anew = len(calls), replace(task, folder=None)
+    again, ends = continued(task.outcomes, values, [])
+    assert len(calls) == count
+    with ThreadPoolExecutor(2) as crew:
+        together, ends_together = continued(anew.outcomes, values, [], crew)
+    assert len(calls) >= 2 * count
+    for others, events_of_others in ((again, ends), (together, ends_together)):
+        assert [event.record() for event in events_of_others] == [event.record() for event in events]
+        assert [value.counts() for value in others] == [value.counts() for value in complete]
 
 
 def test_the_command_maps_and_refuses(capsys: pytest.CaptureFixture[str]) -> None:
@@ -450,6 +499,20 @@ def test_a_minority_is_not_the_most_frequent() -> None:
     assert heights == pytest.approx([0.3 * 0.005] * 4 + [0.7 * 0.005] * 4)
     _, high = scipy.stats.binomtest(3, 10).proportion_ci(method="wilson")
     assert f"at most {100 * (high - 0.3):.2g} percentage points" in text
+
+
+def test_borders_are_joined_by_pattern_and_nearness() -> None:
+    """A fold that begins below two others takes the first number in its row, and neither of their lines."""
+    variation, second = parse_variations(["support.mass=0.05:0.2:2", "support.damping=0.01:0.02:2"])
+    rows = []
+    for places in ([0.08, 0.11], [0.05, 0.082, 0.112]):
+        births = [RhythmEvent(f"in phase, branch {k}", True, "fold", at) for k, at in enumerate(places, start=1)]
+        row = RhythmMap(METRONOMES, variation, (), tuple(births), 10, 52.0, 100.0, 7)
+        rows.append(row.by_pattern())
+    lines = RhythmGrid(METRONOMES, (variation, second), tuple(rows)).borders()
+    assert lines == {
+        ("in phase", "fold", True): [[(0.08, 0.01), (0.082, 0.02)], [(0.11, 0.01), (0.112, 0.02)], [(0.05, 0.02)]]
+    }
 
 
 def test_a_map_without_averaged_thresholds_says_why() -> None:

@@ -26,6 +26,7 @@ from nonlinear.orbits import (
     limit_cycles,
     periodic_orbit,
 )
+from nonlinear.orbits.report import special_words
 from nonlinear.simulation import simulate
 from nonlinear.synchronization import agreement
 from nonlinear.system import AppliedForces, State
@@ -168,7 +169,7 @@ def test_simulation_confirms_the_critical_detuning_from_both_sides() -> None:
 
 
 def test_branches_leave_at_a_branch_point_where_two_clocks_in_phase_lose_their_stability() -> None:
-    (variation,) = parse_variations(["support.mass=26.5:27:2"])
+    (variation,) = parse_variations(["support.mass=26.5:27:4"])
     branches = follow_cycles(load("huygens"), variation, longest=1.0)
     branch, special = next((branch, special) for branch in branches for special in branch.special)
     assert special.kind == "branch point"
@@ -177,6 +178,7 @@ def test_branches_leave_at_a_branch_point_where_two_clocks_in_phase_lose_their_s
         neighbour.is_stable for neighbour in (branch.orbits[special.after], branch.orbits[special.after + 1])
     )
     assert below is not above
+    assert "where it becomes stable" in special_words(branch, special)
     leaving = leaving_branch(branch, special, max_orbits=2)
     orbit = leaving.orbits[-1]
     angles = orbit.amplitudes

@@ -59,6 +59,21 @@ def test_limit_cycles_are_drawn_along_their_number_and_written() -> None:
     assert b"support.mass" in stream.getvalue() or len(stream.getvalue()) > 10_000
 
 
+def test_the_line_changes_its_style_at_the_torus() -> None:
+    """Huygens' clocks in phase beat on a beam lighter than 5.3505 kg; the orbits computed there are far from it."""
+    scene = load("huygens")
+    branches = follow_cycles(scene, parse_variations(["support.mass=5.2:6:3"])[0])
+    number, (torus,) = next(
+        (k, points) for k, branch in enumerate(branches) if (points := [s for s in branch.special if s.kind == "torus"])
+    )
+    places = np.rad2deg(torus.orbit.amplitude), torus.orbit.omega
+    for axis, place in zip(orbits_figure(scene, branches).axes[:2], places, strict=True):
+        parts = {line.get_ls(): np.array(line.get_xydata()) for line in axis.lines if line.get_label() == f"_{number}"}
+        assert parts.keys() == {"-", "-."}
+        meeting = [part[part[:, 0].argsort()[at]] for part, at in ((parts["-"], 0), (parts["-."], -1))]
+        assert np.allclose(meeting, [torus.orbit.value, place], rtol=1e-12)
+
+
 def test_a_resonance_is_drawn_beside_its_linear_response_and_backbone() -> None:
     scene = load("shaken-pendulum")
     branches = follow_forced_orbits(scene, parse_variations(["support.motion.frequency_hz=0.52:0.55:2"])[0])

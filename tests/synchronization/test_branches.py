@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-from dataclasses import replace
 from functools import lru_cache
 from io import BytesIO, StringIO
 from math import sqrt
@@ -329,26 +328,21 @@ def test_what_leaves_another_branch_begins_there() -> None:
 # ------------------------------------------------------------------------------------------- in print and drawn
 
 
-@lru_cache
-def example() -> Branches:
-    """Those of the metronomes, without periodic orbits next to them."""
-    branches = replace(fed())
-    branches.__dict__["special_points"] = (None,) * len(branches.changes)
-    return branches
-
-
 def test_what_is_printed_is_what_was_found() -> None:
-    branches = example()
+    branches = fed()
     text = branches_text(branches)
     for branch in branches.branches:
         assert branch.words in text
-        assert ", ".join(f"{low:.5g} to {high:.5g}" for low, high in branch.intervals) in text
+    for intervals in [each.intervals for group in (branches.branches, branches.exact) for each in group]:
+        assert ", ".join(f"{low:.5g} to {high:.5g}" for low, high in intervals) in text
     for change, _ in branches.changes:
         assert f"{change.value:.5g}" in text
     rows = list(csv.DictReader(StringIO(branches_csv(branches))))
     record = json.loads(branches_json(branches))
     assert [str(row["branch"]) for row in record["rows"]] == [row["branch"] for row in rows]
     assert [change["averaged"] for change in record["changes"]] == [change.value for change, _ in branches.changes]
+    assert all(change["distance"] == change["exact"] - change["averaged"] for change in record["changes"])
+    assert record["branches"][1]["stable_averaged"] != record["branches"][1]["stable_exact"]
     assert len(rows) == sum(len(branch.values) for branch in branches.branches)
     head = [
         "support.damping_N_s_per_m",
@@ -356,6 +350,10 @@ def test_what_is_printed_is_what_was_found() -> None:
         "stable",
         "largest_angle_deg",
         "growth_per_s",
+        "exact_omega_rad_per_s",
+        "exact_stable",
+        "exact_largest_angle_deg",
+        "exact_growth_per_s",
         "branch",
         "pendula",
     ]
@@ -366,10 +364,13 @@ def test_what_is_printed_is_what_was_found() -> None:
         assert [row["stable"] == "1" for row in of_branch] == list(branch.is_stable)
         assert all(float(row["growth_per_s"]) < 0 for row in of_branch if row["stable"] == "1")
         assert all(float(row["growth_per_s"]) > -1e-4 for row in of_branch if row["stable"] == "0")
+        rates = [(row["exact_stable"], float(row["exact_growth_per_s"])) for row in of_branch if row["exact_stable"]]
+        assert len(rates) > len(of_branch) / 2
+        assert all((rate < 0) == (stable == "1") for stable, rate in rates)
 
 
 def test_what_is_drawn_is_what_was_found() -> None:
-    branches = example()
+    branches = fed()
     figure = branches_figure(branches)
     figure.canvas.draw()
     upper, lower, rates = figure.axes
@@ -378,12 +379,18 @@ def test_what_is_drawn_is_what_was_found() -> None:
         "damping of the cart (N s/m)",
         "log",
     )
-    for branch in branches.branches:
-        for low, high in branch.intervals:
+    for branch, exact in zip(branches.branches, branches.exact, strict=True):
+        for low, high in exact.intervals:
             full = [line.get_xdata() for line in lower.lines if line.get_ls() == "-"]
-            assert any(abs(x[0] / low - 1) < 1e-3 and abs(x[-1] / high - 1) < 1e-3 for x in full)
-    rings = np.concatenate([line.get_xdata() for line in lower.lines if line.get_marker() == "o"])
-    assert sorted(rings) == [change.value for change, _ in branches.changes]
+            assert any(abs(x[0] / low - 1) < 1e-9 and abs(x[-1] / high - 1) < 1e-9 for x in full)
+        dashed = [line.get_data() for line in lower.lines if line.get_ls() == "--"]
+        assert any(np.isin(branch.values, x).all() and np.isin(branch.omega, y).all() for x, y in dashed)
+    marks = {
+        shape: sorted(float(x) for line in lower.lines if line.get_marker() == shape for x in line.get_xdata())
+        for shape in "ox"
+    }
+    assert marks["o"] == [special.orbit.value for special in branches.exact[1].points]
+    assert marks["x"] == [change.value for change, _ in branches.changes]
     stream = BytesIO()
     save(branches_figure(branches), stream, "svg")
     assert b"<svg" in stream.getvalue()
@@ -392,7 +399,7 @@ def test_what_is_drawn_is_what_was_found() -> None:
 
 
 def test_words_and_refusals() -> None:
-    branches = example()
+    branches = fed()
     assert [branch.words for branch in branches.branches] == ["antiphase", "in phase"]
     with pytest.raises(SceneError, match="nothing drives"):
         follow_branches(modal.load("paper-cart-2"), parse_variations(["support.mass=1:2:3"])[0])

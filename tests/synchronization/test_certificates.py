@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from functools import cache
 
 import floquet
@@ -10,7 +11,7 @@ import pytest
 
 from modal import load
 from modal.scene.parameters import parse_variations, vary
-from nonlinear.averaging import predict, relative_equilibria
+from nonlinear.averaging import average, predict, relative_equilibria
 from nonlinear.integration import Trajectory
 from nonlinear.orbits import follow_cycles, last_swing
 from nonlinear.simulation import resume, simulate
@@ -23,6 +24,7 @@ from nonlinear.synchronization import (
     sync_record,
     sync_text,
 )
+from nonlinear.synchronization.branch_report import branches_json
 from nonlinear.synchronization.certificates import certified_orbit, orbit_at_the_end
 from nonlinear.synchronization.study import Theory, joined, study_synchronization
 from nonlinear.system import State
@@ -95,6 +97,25 @@ def test_critical_values_are_located_on_the_full_equations() -> None:
     assert averaged != pytest.approx(exact - 1e-5, rel=1e-4)
     assert averaged == pytest.approx(exact - 1e-5, rel=0.2)
     assert f"{exact:.7g}" in branches_text(branches)
+
+
+def test_what_averages_deny_and_multipliers_confirm_is_said_with_its_border() -> None:
+    """Antiphase of metronomes lasts up to 8.549° by own equations, by averaged ones nowhere in this range."""
+    variation = "pendulum[*].links[*].drive.angle_deg=8.53:8.6:2"
+    branches = follow_branches(floquet.metronomes(8.53).scene, variation)
+    number = next(k for k, branch in enumerate(branches.branches) if branch.words == "antiphase")
+    branch, ((low, high),) = branches.branches[number], branches.exact[number].intervals
+    assert (branch.intervals, low) == ((), 8.53)
+    for angle, lasts in ((high - 1e-3, True), (high + 1e-3, False)):
+        pair = floquet.metronomes(angle)
+        states = relative_equilibria(average(pair.scene))
+        antiphase = next(state for state in states if agreement(state) == "antiphase")
+        assert (floquet.near(pair, antiphase).growth < 0) is lasts
+    words = f"antiphase, from 8.53 to {high:.6g} °: unstable by averaged equations, but its orbit is stable."
+    assert words in branches_text(branches)
+    (change,) = json.loads(branches_json(branches))["changes"]
+    assert change["event"] == "loses stability"
+    assert (change["averaged"], change["exact"]) == (None, high)
 
 
 LOW = State(np.radians([2.0, 7.0]), np.zeros(2))
