@@ -56,12 +56,15 @@ def branches_figure(branches: Branches) -> Figure:
         raise ComputationError(f"{len(branches.branches)} configurations do not fit in a figure: from 1 to {HUES}")
     lines = [_exact(branches, number) for number in range(len(branches.branches))]
     figure = figure_along(branches.scene, branches.variation, LABELS, lines)
-    for branch, line in zip(branches.branches, lines, strict=True):
+    highest = max(float(np.rad2deg(branch.angle.max())) for branch in branches.branches)
+    figure.axes[0].set_ylim(top=max(figure.axes[0].get_ylim()[1], 1.05 * highest))
+    for number, (branch, line) in enumerate(zip(branches.branches, lines, strict=True)):
+        hue = secondary_colour() if any(branch.orbits) else colour(number)
         averaged = [np.rad2deg(branch.angle), branch.omega, np.array([state.growth for state in branch.states])]
         critical = [change.value for change in branch.changes]
         for axis, exact, curve in zip(figure.axes, line.curves, averaged, strict=True):
             axis.plot(line.values, exact, ".", color=ink(), ms=5, zorder=4, label="_computed")
-            axis.plot(*smooth_curve(branch.values, curve), color=secondary_colour(), ls=PREDICTED, lw=1.3, zorder=2)
+            axis.plot(*smooth_curve(branch.values, curve), color=hue, ls=PREDICTED, lw=1.3, zorder=2)
             axis.plot(critical, np.interp(critical, branch.values, curve), **mark("x"))
     headline(figure, title_of(branches.scene), "steady oscillations by full and by averaged equations")
     key(figure, _branch_handles(branches), columns=2)

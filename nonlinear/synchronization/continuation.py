@@ -208,9 +208,7 @@ class Branches(TextResult):
         points = [special for (_, branch_number), special in pairs if special and branch_number == number]
         verdicts = zip(branch.values.tolist(), branch.orbits, branch.states, strict=True)
         rows = [(value, orbit.is_stable, state) for value, orbit, state in verdicts if orbit]
-        first, last = (
-            (value, False, branch.states[0]) for value in (self.variation.values[0], self.variation.values[-1])
-        )
+        first, last = ((value, False, None) for value in (self.variation.values[0], self.variation.values[-1]))
         borders = []
         for (low, was_stable, state), (high, is_stable, following) in pairwise((first, *rows, last)):
             if was_stable == is_stable:
@@ -218,9 +216,10 @@ class Branches(TextResult):
             here, beyond = (low, high) if was_stable else (high, low)
             within = [point for point in points if low <= value_of(point) <= high]
             begin = state if was_stable else following
-            if not within and (special := special_point_beyond(self.scene, self.variation, begin, here, beyond)):
-                within = [special]
-                points.append(special)
+            if state and following and begin and not within:  # at an end of the branch it has been sought before
+                special = special_point_beyond(self.scene, self.variation, begin, here, beyond)
+                points += [special] if special else []
+                within = [special] if special else []
             borders.append(min(map(value_of, within), key=lambda value: abs(value - here), default=here))
         intervals = tuple(zip(borders[::2], borders[1::2], strict=True))
         return ExactBranch(intervals, tuple(sorted(points, key=value_of)))
