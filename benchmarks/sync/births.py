@@ -114,11 +114,11 @@ def sides_at(p, y):
     return sides
 
 
-def repeating(p: Clocks, y: np.ndarray) -> int:
-    """After how many passages, up to 8, a state on the section comes back, 1 where it does not."""
+def repeating(p: Clocks, y: np.ndarray, largest: float) -> int:
+    """After how many passages, up to 8, a state on the section comes back, 1 where the `largest` gap is exceeded."""
     later = (returned(p, y, p.period / STEPS, sides_at(p, y), passages)[0] for passages in range(1, 9))
     gaps = [np.abs(after - y)[: len(p.mass)].max() for after in later]
-    return next((passages for passages, gap in enumerate(gaps, 1) if gap < 1e-5), 1)
+    return next((passages for passages, gap in enumerate(gaps, 1) if gap < largest), 1)
 
 
 class FixedPoint(NamedTuple):
@@ -189,7 +189,9 @@ def orbits_at(p: Clocks, random: np.random.Generator, largest_deg: float) -> Ite
         y = np.concatenate((size * np.cos(phase), -size * omega * np.sin(phase), (0.0, 0.0)))
         y, _ = returned(p, y, p.period / STEPS, sides_at(p, y), PERIODS)
         is_swinging = np.all(np.isfinite(y)) and y[n] > 0.05 * np.radians(largest_deg) * omega
-        point = fixed_point(p, y, repeating(p, y)) if is_swinging else None
+        point = fixed_point(p, y, repeating(p, y, 1e-5)) if is_swinging else None
+        # a slowly decaying motion of another number of swings may hide that it repeats after fewer
+        point = point and fixed_point(p, point.y, repeating(p, point.y, 1e-7))
         if point and point.is_stable and np.abs(point.y - y).max() < 0.2 * np.abs(y).max():
             yield point
 

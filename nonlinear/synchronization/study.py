@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property, partial
-from math import pi
+from math import ceil, pi
 from typing import Any
 
 import numpy as np
@@ -226,6 +226,17 @@ def usual_duration(scene: Scene, theory: Theory | None, motions: Sequence[Symmet
     return min(duration, PERIODS_MAX * period)
 
 
+def longest_duration(scene: Scene, theory: Theory | None, usual: float) -> float:
+    """Seconds after which a run of this `usual` duration is not prolonged: four times that, or as the slow flow took.
+
+    Where averaged motion has not settled after many times the usual duration, the run is not expected to.
+    """
+    if theory is None:
+        return 4 * usual
+    longest = PERIODS_MAX * 2 * pi / float(theory.prediction.averaged.omega.min())
+    return max(4 * usual, min(float(theory.prediction.motion.times[-1]), longest))
+
+
 @checked
 def study_synchronization(
     scene: Scene,
@@ -238,8 +249,8 @@ def study_synchronization(
 ) -> SynchronizationStudy:
     """Predict, simulate for `duration` seconds (by default as long as the prediction needs) and measure.
 
-    A run without a duration is prolonged, at most to four times its length, until it has settled: in a beat, or where
-    the prediction alone is not certain within 5 % of a stable periodic orbit, by whose multipliers it stays there.
+    A run without a duration is prolonged until it has settled, at most to `longest_duration`: in a beat, or where the
+    prediction alone is not certain within 5 % of a stable periodic orbit, by whose multipliers it stays there.
 
     `start` replaces the initial condition of the scene file, `options` are those of `simulate`; `predicting` is called
     with the part of the prediction that is done, `report` with the simulated time and the duration.  A start that ends
@@ -264,15 +275,17 @@ def study_synchronization(
     modes = theory and theory.prediction.averaged.modes
     is_certain = theory is not None and not theory.doubts
     trajectory = _completed(simulate(scene, length, start=start, report=partial(_forward, report, length), **options))
-    for longer in [0] if duration else [2, 4, 0]:
+    longest = duration or longest_duration(scene, theory, length)
+    while True:
         survival, unmeasured_reason = _attempt(partial(find_survival, trajectory, modes))
         orbit = None if is_certain or survival is None else orbit_at_the_end(trajectory)
         is_enough = is_certain or theory is None or theory.is_family
         has_ended = survival is None or survival.is_at_rest or survival.beat or (survival.is_steady and is_enough)
-        if not longer or orbit or has_ended:
+        passed = float(trajectory.times[-1])
+        if orbit or has_ended or passed >= longest * (1 - 1e-9):
             break
-        more, seconds = float(np.ptp(trajectory.times)), partial(_forward, report, longer * length)
-        samples = len(trajectory.times)
+        more = min(passed, longest - passed)
+        samples, seconds = 1 + ceil((len(trajectory.times) - 1) * more / passed), partial(_forward, report, passed + more)
         trajectory = joined(trajectory, _completed(resume(trajectory, more, output=samples, report=seconds)))
     phases = phases_of(trajectory)
     populations = population_phases(phases), motions, motionless
