@@ -27,7 +27,14 @@ from nonlinear.simulation import resume, simulate
 from nonlinear.synchronization.certificates import orbit_at_the_end
 from nonlinear.synchronization.modal_energy import find_survival
 from nonlinear.synchronization.phases import phases_of
-from nonlinear.synchronization.study import SynchronizationStudy, Theory, joined, theory_of_scene, usual_duration
+from nonlinear.synchronization.study import (
+    SynchronizationStudy,
+    Theory,
+    joined,
+    longest_duration,
+    theory_of_scene,
+    usual_duration,
+)
 from nonlinear.system import State
 
 WITHIN = 0.06  # the largest difference of a share that is no other motion: that of `sync` with a margin for the oracle
@@ -184,7 +191,7 @@ def judged(scene: Scene, theory: Theory) -> SynchronizationStudy:
     shorter one has multipliers that show as much.
     """
     prediction = theory.prediction
-    longest = 4 * usual_duration(scene, theory)
+    longest = longest_duration(scene, theory, usual_duration(scene, theory))
     length = min(SHORTEST_PERIODS * 2 * pi / float(prediction.averaged.omega.min()), longest)
     trajectory = simulate(scene, length, start=prediction.start)
     while True:
