@@ -130,13 +130,16 @@ class SynchronizationStudy(TextResult):
         """Whether the simulated survivor is the predicted one with its share of the energy, within 5 %.
 
         None if one of them is missing, or the run too short: where it has not settled, or the predicted one has not
-        locked by its end. A beat is what is predicted where no mode wins.
+        locked by its end. A beat is what is predicted where no mode wins, and the predicted share occurs in it.
         """
         if self.theory is None or self.survival is None or self.theory.prediction.motion.dies:
             return None
         prediction = self.theory.prediction
         if self.survival.beat:
-            return self.leads and not prediction.is_won
+            beating = self.survival.times >= self.survival.times[-1] - self.survival.beat.period
+            share = self.survival.share[beating][:, self.survival.row == prediction.row + 1]
+            off = max(float(share.min()) - prediction.share, prediction.share - float(share.max()))
+            return not prediction.is_won and off <= SHARE_DIFFERENCE_MAX
         if self.locks_later:
             return None
         alike = self.leads and abs(prediction.share - self.survival.survivor_share) <= SHARE_DIFFERENCE_MAX
