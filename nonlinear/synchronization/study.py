@@ -288,7 +288,8 @@ def study_synchronization(
         if orbit or has_ended or passed >= longest * (1 - 1e-9):
             break
         more = min(passed, longest - passed)
-        samples, seconds = 1 + ceil((len(trajectory.times) - 1) * more / passed), partial(_forward, report, passed + more)
+        samples = 1 + ceil((len(trajectory.times) - 1) * more / passed)
+        seconds = partial(_forward, report, passed + more)
         trajectory = joined(trajectory, _completed(resume(trajectory, more, output=samples, report=seconds)))
     phases = phases_of(trajectory)
     populations = population_phases(phases), motions, motionless
