@@ -191,7 +191,7 @@ def judged(scene: Scene, theory: Theory) -> SynchronizationStudy:
     shorter one has multipliers that show as much.
     """
     prediction = theory.prediction
-    longest = longest_duration(scene, theory, usual_duration(scene, theory))
+    longest = longest_duration(theory, usual_duration(scene, theory))
     length = min(SHORTEST_PERIODS * 2 * pi / float(prediction.averaged.omega.min()), longest)
     trajectory = simulate(scene, length, start=prediction.start)
     while True:

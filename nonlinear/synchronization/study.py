@@ -229,10 +229,10 @@ def usual_duration(scene: Scene, theory: Theory | None, motions: Sequence[Symmet
     return min(duration, PERIODS_MAX * period)
 
 
-def longest_duration(scene: Scene, theory: Theory | None, usual: float) -> float:
-    """Seconds after which a run of this `usual` duration is not prolonged: four times that, or as the slow flow took.
+def longest_duration(theory: Theory | None, usual: float) -> float:
+    """Seconds after which a run is not prolonged: four times its `usual` duration, or as long as the slow flow took.
 
-    Where averaged motion has not settled after many times the usual duration, the run is not expected to.
+    The second, which is longer where averaged motion settles slowly, counts up to 5,000 periods of the slowest mode.
     """
     if theory is None:
         return 4 * usual
@@ -278,7 +278,7 @@ def study_synchronization(
     modes = theory and theory.prediction.averaged.modes
     is_certain = theory is not None and not theory.doubts
     trajectory = _completed(simulate(scene, length, start=start, report=partial(_forward, report, length), **options))
-    longest = duration or longest_duration(scene, theory, length)
+    longest = duration or longest_duration(theory, length)
     while True:
         survival, unmeasured_reason = _attempt(partial(find_survival, trajectory, modes))
         orbit = None if is_certain or survival is None else orbit_at_the_end(trajectory)

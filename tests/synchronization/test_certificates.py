@@ -131,6 +131,7 @@ def test_a_run_may_end_on_one_of_a_family_of_orbits() -> None:
     orbit = orbit_at_the_end(run)
     assert orbit is not None
     assert orbit.floquet.is_of_family
+    assert np.abs(orbit.floquet.others).max() == pytest.approx(1.0, abs=1e-9)
     first = simulate(run.scene, 0.3 * orbit.period, start=orbit.state).final
     links, rates = orbit.state.links.copy(), orbit.state.link_rates.copy()
     links[2:], rates[2:] = first.links[2:], first.link_rates[2:]
