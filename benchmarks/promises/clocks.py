@@ -4,8 +4,8 @@ Two to four clocks with escapements hang from one cart, equal or unequal, some o
 their escapement.  The oracle has its own equations of motion, its own integrator and its own kicks, runs at least
 twice as long, and divides the energy among modes of its own.  Two promises are tried: a survivor without a doubt has
 the claimed share of the energy at the end, and a run "as predicted" has it at the end of that run.  A third is tried
-where the prediction is contradicted: a run that settles on a stable orbit stays there.  How many sets are certain,
-contradicted and doubted is counted.
+where the prediction is contradicted: a run that settles on a stable orbit stays there.  A fourth is that a run which
+beats goes on between the same two shares.  How many sets are certain, contradicted, beating and doubted is counted.
 """
 
 from __future__ import annotations
@@ -27,7 +27,14 @@ from nonlinear.simulation import resume, simulate
 from nonlinear.synchronization.certificates import orbit_at_the_end
 from nonlinear.synchronization.modal_energy import find_survival
 from nonlinear.synchronization.phases import phases_of
-from nonlinear.synchronization.study import SynchronizationStudy, Theory, joined, theory_of_scene, usual_duration
+from nonlinear.synchronization.study import (
+    SynchronizationStudy,
+    Theory,
+    joined,
+    longest_duration,
+    theory_of_scene,
+    usual_duration,
+)
 from nonlinear.system import State
 
 WITHIN = 0.06  # the largest difference of a share that is no other motion: that of `sync` with a margin for the oracle
@@ -184,7 +191,7 @@ def judged(scene: Scene, theory: Theory) -> SynchronizationStudy:
     shorter one has multipliers that show as much.
     """
     prediction = theory.prediction
-    longest = 4 * usual_duration(scene, theory)
+    longest = longest_duration(theory, usual_duration(scene, theory))
     length = min(SHORTEST_PERIODS * 2 * pi / float(prediction.averaged.omega.min()), longest)
     trajectory = simulate(scene, length, start=prediction.start)
     while True:
@@ -194,7 +201,8 @@ def judged(scene: Scene, theory: Theory) -> SynchronizationStudy:
             survival, unmeasured = None, str(error)
         orbit = orbit_at_the_end(trajectory) if survival and theory.doubts else None
         study = SynchronizationStudy(scene, theory, "", trajectory, phases_of(trajectory), survival, unmeasured, orbit)
-        if not study.doubts or (study.agrees is False and orbit) or length >= longest:
+        has_ended = not study.doubts or (study.agrees is False and orbit) or (survival and survival.beat)
+        if has_ended or length >= longest:
             return study
         more = min(length, longest - length)
         trajectory, length = joined(trajectory, resume(trajectory, more)), length + more
@@ -218,7 +226,11 @@ def trials(seed: int) -> Iterator[Trial]:
     oracle = Oracle(scene, prediction.start, (duration, settled))
     omega = float(prediction.averaged.modes[prediction.row].omega)
     about = f"{len(scene.pendulum)} clocks, mode {prediction.number}"
-    if not study.doubts:
+    if survival.beat:
+        share = oracle.share(settled, float(survival.mode.omega))
+        error = max(survival.beat.low - share, share - survival.beat.high, 0.0)
+        yield Trial(f"beats, and says so: {about}", error, WITHIN)
+    elif not study.doubts:
         yield Trial(f"certain: {about}", abs(oracle.share(settled, omega) - prediction.share), WITHIN)
     elif study.agrees is False and study.orbit:
         settled_omega = float(survival.mode.omega)
@@ -226,7 +238,7 @@ def trials(seed: int) -> Iterator[Trial]:
         yield Trial(f"contradicted, and settled elsewhere: {about}", error, WITHIN)
     else:
         yield Trial(f"doubted, {study.verdict}: {about}", 0.0, WITHIN)
-    if study.agrees:
+    if study.agrees and not survival.beat:
         yield Trial(f"as predicted: {about}", abs(oracle.share(duration, omega) - prediction.share), WITHIN)
 
 

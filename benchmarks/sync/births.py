@@ -7,7 +7,8 @@ the length of a pendulum is varied.  At 7 values starts run by the equations wri
 method, kicks at the times of passing) to the passages of the first pendulum, where Newton's method with differences
 finds fixed points of the return.  Those that are stable are followed over 61 values; where one ceases to be, by a
 multiplier at 1, −1 or on the unit circle, or is lost, a rhythm dies or is born.  The map, of the 7 values, must have
-each such end within a step of the sweep, and at each of its values each stable orbit, by its period.
+each such end within a step of the sweep, and at each of its values each stable orbit, by its period.  Where it has
+more ends, its orbit is followed to them by the equations written here.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from modal import Bob, Cart, Pendulum, Scene
 from modal.scene import Escapement, VanDerPol
 from modal.scene.parameters import Variation, parse_variations, vary
 from nonlinear.ensembles import RhythmMap, find_rhythms, workers_at
+from nonlinear.ensembles.rhythms import RhythmEvent
 
 FINE, EVERY = 61, 10  # values of the sweep, and each of how many is one of the map
 STEPS, PERIODS, STARTS = 128, 250, 12  # steps a period, periods a start runs, starts at a value of the map
@@ -86,10 +88,9 @@ def clocks_of(scene: Scene) -> Clocks:
 
 @njit
 def returned(p, y, h, sides, times):
-    """The state after so many passages of the first pendulum to the right, and the last time from one to the next."""
-    n, time, last = len(p.mass), 0.0, 0.0
+    """The state after so many passages of the first pendulum to the right, and the time of the last."""
+    n, time = len(p.mass), 0.0
     for _ in range(times):
-        time = 0.0
         for _ in range(20 * STEPS):
             before, y = y, kicked(p, y, h, sides)
             time += h
@@ -99,8 +100,7 @@ def returned(p, y, h, sides, times):
             part = -y[0] / y[n]
             y, time = stepped(p, y, part), time + part
         y[0] = 0.0
-        last = time
-    return y, last
+    return y, time
 
 
 @njit
@@ -114,12 +114,20 @@ def sides_at(p, y):
     return sides
 
 
+def repeating(p: Clocks, y: np.ndarray, largest: float) -> int:
+    """After how many passages, up to 8, a state on the section comes back, 1 where the `largest` gap is exceeded."""
+    later = (returned(p, y, p.period / STEPS, sides_at(p, y), passages)[0] for passages in range(1, 9))
+    gaps = [np.abs(after - y)[: len(p.mass)].max() for after in later]
+    return next((passages for passages, gap in enumerate(gaps, 1) if gap < largest), 1)
+
+
 class FixedPoint(NamedTuple):
-    """Of the return: the state, its period (s) and the multipliers without that along the orbit."""
+    """Of so many returns: the state, its period (s) and the multipliers without that along the orbit."""
 
     y: np.ndarray
     period: float
     multipliers: np.ndarray
+    passages: int
 
     @property
     def is_stable(self) -> bool:
@@ -135,8 +143,8 @@ class FixedPoint(NamedTuple):
         return "doubling" if largest.real < 0 else "fold or branch point"
 
 
-def fixed_point(p: Clocks, y: np.ndarray) -> FixedPoint | None:
-    """The fixed point of the return near a state on the section, None where Newton's method finds none."""
+def fixed_point(p: Clocks, y: np.ndarray, passages: int) -> FixedPoint | None:
+    """The fixed point of so many returns near a state on the section, None where Newton's method finds none."""
     n, h, length = len(p.mass), p.period / STEPS, p.first[0] / p.mass[0]
     unit = np.concatenate((np.ones(n), np.full(n, 2 * pi / p.period), length * np.array([1, 2 * pi / p.period])))
     columns = [i for i in range(1, 2 * n + 2) if i != 2 * n or p.base_spring]
@@ -147,7 +155,7 @@ def fixed_point(p: Clocks, y: np.ndarray) -> FixedPoint | None:
     def image(z: np.ndarray) -> tuple[np.ndarray, float]:
         state = y.copy()
         state[columns] = z * unit[columns]
-        after, period = returned(p, state, h, sides_at(p, state), 1)
+        after, period = returned(p, state, h, sides_at(p, state), passages)
         return after[columns] / unit[columns], period
 
     z = y[columns] / unit[columns]
@@ -159,7 +167,7 @@ def fixed_point(p: Clocks, y: np.ndarray) -> FixedPoint | None:
             return None
         if np.abs(gap).max() < CLOSED:
             y[columns] = z * unit[columns]
-            return FixedPoint(y, image(z)[1], np.linalg.eigvals(slopes))
+            return FixedPoint(y, image(z)[1], np.linalg.eigvals(slopes), passages)
         z = z - np.linalg.solve(slopes - np.eye(len(z)), gap)
     return None
 
@@ -181,7 +189,9 @@ def orbits_at(p: Clocks, random: np.random.Generator, largest_deg: float) -> Ite
         y = np.concatenate((size * np.cos(phase), -size * omega * np.sin(phase), (0.0, 0.0)))
         y, _ = returned(p, y, p.period / STEPS, sides_at(p, y), PERIODS)
         is_swinging = np.all(np.isfinite(y)) and y[n] > 0.05 * np.radians(largest_deg) * omega
-        point = fixed_point(p, y) if is_swinging else None
+        point = fixed_point(p, y, repeating(p, y, 1e-5)) if is_swinging else None
+        # a slowly decaying motion of another number of swings may hide that it repeats after fewer
+        point = point and fixed_point(p, point.y, repeating(p, point.y, 1e-7))
         if point and point.is_stable and np.abs(point.y - y).max() < 0.2 * np.abs(y).max():
             yield point
 
@@ -198,9 +208,8 @@ def followed(
     points, place = {begin: point}, begin
     while 0 <= (following := place + direction) < len(parts):
         before = points.get(place - direction, points[place])
-        near = fixed_point(parts[following], 2 * points[place].y - before.y) or fixed_point(
-            parts[following], points[place].y
-        )
+        guesses = 2 * points[place].y - before.y, points[place].y
+        near = next(filter(None, (fixed_point(parts[following], y, point.passages) for y in guesses)), None)
         if near is None or not is_near(near, points[place], 0.3):
             return points, (place, following, "lost")
         if not near.is_stable:
@@ -229,6 +238,34 @@ def swept(scene: Scene, variation: Variation, largest_deg: float) -> tuple[list[
     return branches, ends
 
 
+def is_confirmed(event: RhythmEvent, rhythms: RhythmMap, scene: Scene, fine: Variation) -> bool:
+    """Whether the orbit that the map follows to a birth or death is stable here too, and ends there."""
+    numbers = [
+        number
+        for number, at in enumerate(rhythms.values)
+        if (at.value > event.value) is event.is_birth and any(rhythm.name == event.name for rhythm in at.rhythms)
+    ]
+    if not numbers:
+        return False
+    number = min(numbers) if event.is_birth else max(numbers)
+    orbit = next(rhythm.orbit for rhythm in rhythms.values[number].rhythms if rhythm.name == event.name)
+    # the widest pendulum is the first here: another may be at rest, and never pass
+    order, state = np.argsort(-orbit.amplitudes), orbit.state
+    parts = [
+        Clocks(*(part[order] if np.ndim(part) else part for part in clocks_of(vary(scene, {fine.path: value}))))
+        for value in fine.values
+    ]
+    p = parts[EVERY * number]
+    y = np.concatenate((state.links[order], state.link_rates[order], (state.cart, state.cart_rate)))
+    y, _ = returned(p, y, p.period / STEPS, sides_at(p, y), 1)
+    point = fixed_point(p, y, round(orbit.period / p.period))
+    if point is None or not point.is_stable or abs(point.period / orbit.period - 1) > PERIOD_ERROR:
+        return False
+    _, end = followed(parts, EVERY * number, point, -1 if event.is_birth else 1)
+    step = fine.values[1] - fine.values[0]
+    return end is not None and all(abs(fine.values[place] - event.value) < 2 * step for place in end[:2])
+
+
 def missed_of(scene: Scene, variation: Variation, rhythms: RhythmMap, largest_deg: float) -> dict[str, object]:
     """Ends and orbits of the sweep, and those that the map does not have."""
     branches, ends = swept(scene, variation, largest_deg)
@@ -242,7 +279,10 @@ def missed_of(scene: Scene, variation: Variation, rhythms: RhythmMap, largest_de
     }
     missed_ends = sorted(ends - {end for end, _ in same})
     others = [event for event in computed if event not in {event for _, event in same}]
-    extra = [(event.name, event.is_birth, event.kind, event.value) for event in others]
+    extra = [
+        (event.name, event.is_birth, event.kind, event.value, is_confirmed(event, rhythms, scene, variation))
+        for event in others
+    ]
     pairs, missed_orbits = 0, []
     for number, at in enumerate(rhythms.values):
         periods = [rhythm.orbit.period for rhythm in at.rhythms if rhythm.orbit]
@@ -292,7 +332,8 @@ def main() -> None:
     arguments = parser.parse_args()
     lines = arguments.record.read_text().splitlines() if arguments.record and arguments.record.exists() else []
     records = {record["seed"]: record for record in map(json.loads, lines)}
-    print("| scene | births and deaths | missed | orbits at 7 values | missed |\n|---|---:|---:|---:|---:|")
+    columns = ("scene", "births and deaths", "missed", "more in the map", "confirmed", "orbits at 7 values", "missed")
+    print(f"| {' | '.join(columns)} |\n|---|{'---:|' * (len(columns) - 1)}")
     seeds = range(arguments.first, arguments.first + (1 if arguments.quick else arguments.scenes))
     for seed in seeds:
         if seed not in records:
@@ -301,7 +342,8 @@ def main() -> None:
                 with arguments.record.open("a") as file:
                     file.write(json.dumps(records[seed]) + "\n")
         at = records[seed]
-        counts = (len(at["ends"]), len(at["missed_ends"]), at["orbits"], len(at["missed_orbits"]))
+        more = [len(at["extra"]), sum(is_true for *_, is_true in at["extra"])]
+        counts = (len(at["ends"]), len(at["missed_ends"]), *more, at["orbits"], len(at["missed_orbits"]))
         print(f"| {seed}: {at['about']} | {' | '.join(map(str, counts))} |", flush=True)
     sys.exit(any(records[seed]["missed_ends"] or records[seed]["missed_orbits"] for seed in seeds))
 

@@ -374,12 +374,14 @@ def exchange(equations: AveragedEquations, z: Complexes, order: Ints) -> Complex
 
 
 def spread_evenly(equations: AveragedEquations, z: Complexes) -> Complexes:
-    """Amplitudes (C,) of pendula that swing as wide as in z (C,), one after the other in time."""
+    """Amplitudes (C,) of pendula that all swing as wide as the widest in z (C,), one after the other in time."""
     first, places = equations.system.first, _places(equations)
     links = equations.link_shapes @ z
+    widest = np.abs(links).max()
     for p, place in enumerate(places):
-        lead = links[place][np.abs(links[place]).argmax()]
-        links[place] *= np.exp(2j * np.pi * p / len(places) - 1j * np.angle(lead))
+        shape = links[place] if np.abs(links[place]).max() > AMPLITUDE_DIFFERENCE_MIN * widest else np.ones(len(place))
+        lead = shape[np.abs(shape).argmax()]
+        links[place] = widest / lead * np.exp(2j * np.pi * p / len(places)) * shape
     return np.asarray(links @ equations.dual[first:])
 
 

@@ -67,12 +67,14 @@ def periodic_orbit(
     force: Force | None = None,
     tolerance: float = ORBIT_TOLERANCE,
     segments: int = 2,
+    rcond: float | None = None,
 ) -> Orbit:
     """Find the periodic orbit close to a motion from a start, by Newton's method.
 
     Under a `force`, a function of the time (s) that gives the generalized forces (cart first, then all links: N, N m),
     the `period` (s) is kept; otherwise it is the first guess, and the link that moves furthest turns back at the start.
-    Raise ComputationError if the method finds none.
+    Directions whose singular values are below `rcond`, relative, are left as guessed: along a family of orbits.  Raise
+    ComputationError if the method finds none.
     """
     checked_number("tolerance", tolerance, TOLERANCE_MIN, TOLERANCE_MAX)
     checked_index("segments", segments, 1, SEGMENTS_MAX)
@@ -81,22 +83,26 @@ def periodic_orbit(
     probe = shooting(scene, tolerance=tolerance, segments=segments, force=force)
     y = probe.first.equations.begin(start)
     if force is not None:
-        return solve_orbit(replace(probe, clock=Clock(period)), y, period)
+        return solve_orbit(replace(probe, clock=Clock(period)), y, period, rcond=rcond)
     y, leader = turning(probe, y, period)
-    return solve_orbit(replace(probe, leader=leader), y, period)
+    return solve_orbit(replace(probe, leader=leader), y, period, rcond=rcond)
 
 
-def solve_orbit(problem: Shooting, y: Floats, period: float, value: float | None = None) -> Orbit:
+def solve_orbit(
+    problem: Shooting, y: Floats, period: float, value: float | None = None, rcond: float | None = None
+) -> Orbit:
     """The orbit close to the motion from y; raise ComputationError if Newton's method finds none."""
-    return problem.orbit(solution(problem, y, period, value))
+    return problem.orbit(solution(problem, y, period, value, rcond))
 
 
-def solution(problem: Shooting, y: Floats, period: float, value: float | None = None) -> Floats:
+def solution(
+    problem: Shooting, y: Floats, period: float, value: float | None = None, rcond: float | None = None
+) -> Floats:
     """The unknowns of that orbit; a varied number keeps its value."""
     flow = problem.flow_at(value)
     u = problem.unknown(spread(problem, flow, y, period), period, value)
     row = np.eye(len(u))[-1] if problem.variation else None
-    solved_for = correct(problem, u, row)
+    solved_for = correct(problem, u, row, rcond)
     if solved_for is None:
         raise ComputationError("no periodic orbit was found near this motion")
     return solved_for[0]

@@ -146,6 +146,11 @@ class Floquet(Displayed):
         return bool(np.all(np.abs(self.others) < 1))
 
     @property
+    def is_of_family(self) -> bool:
+        """Whether others than the neutral ones are 1 where energy is lost, as along a continuous family of orbits."""
+        return not self.conservative and bool(np.any(np.abs(self.others - 1) < CIRCLE_EXCESS_MAX))
+
+    @property
     def meeting(self) -> tuple[float, float]:
         """Test functions det(R − 1) and det(R + 1) of the reduced map R: each changes sign where one meets 1 or −1."""
         size = np.eye(len(self.quotient_map))

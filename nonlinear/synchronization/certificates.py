@@ -19,6 +19,8 @@ from nonlinear.averaging import RelativeEquilibrium, swinging
 from nonlinear.integration import Trajectory
 from nonlinear.orbits import Orbit, Special, cycle_of, first_special_point, last_swing, periodic_orbit
 from nonlinear.orbits.cycles import is_same_orbit
+from nonlinear.orbits.floquet import CIRCLE_EXCESS_MAX, PAIR_SPLIT_MIN
+from nonlinear.orbits.orbit import ORBIT_RESIDUAL_MAX
 from nonlinear.synchronization.patterns import own_amplitudes
 from nonlinear.system import State
 
@@ -63,16 +65,22 @@ def orbit_at_the_end(trajectory: Trajectory, within: float = 0.05) -> Orbit | No
     """The stable periodic orbit in which a run ends, None if its end is not `within` this part of one.
 
     Newton's method begins at the last state, so that a motion which converges slowly need not be waited for; the
-    multipliers of the orbit show that it does converge.
+    multipliers of the orbit show that it does converge.  The orbit may be one of a family, as of two pairs of clocks in
+    antiphase with any phase between the pairs: multipliers are 1 along the family, to which neighbours converge.
     """
     if certificate_refusal(trajectory.scene):
         return None
-    try:
-        period = last_swing(trajectory.times, trajectory.motion)
-        orbit = periodic_orbit(trajectory.scene, trajectory.final, period)
-    except ComputationError:
-        return None
-    return orbit if orbit.is_stable and _distance(orbit, trajectory.final) <= within * orbit.amplitude else None
+    for rcond in (None, PAIR_SPLIT_MIN):  # the second along families
+        try:
+            period = last_swing(trajectory.times, trajectory.motion)
+            orbit = periodic_orbit(trajectory.scene, trajectory.final, period, rcond=rcond)
+        except ComputationError:
+            continue
+        is_closed = orbit.residual < ORBIT_RESIDUAL_MAX < orbit.amplitude
+        is_stable = np.abs(orbit.floquet.others).max(initial=0.0) < 1 + CIRCLE_EXCESS_MAX
+        if is_closed and is_stable and _distance(orbit, trajectory.final) <= within * orbit.amplitude:
+            return orbit
+    return None
 
 
 def _distance(orbit: Orbit, state: State) -> float:

@@ -113,13 +113,18 @@ class Survival(Displayed):
 
     @cached_property
     def _rises(self) -> Floats:
-        """When the share of the others rises through the middle of its range in the late part of the run (s)."""
+        """When the share of the others, in the late part of the run, rises from its lowest quarter to its highest (s).
+
+        It ripples in between: each mode whose frequency differs a little adds a faster beat to a slow one.
+        """
         start = int(np.searchsorted(self.times, self.times[-1] / 2))
         late = self._others[start:]
         if not np.all(np.isfinite(late)) or np.ptp(late) < LOCKED:
             return self.times[:0]
-        is_above = late > (late.min() + late.max()) / 2
-        return np.asarray(self.times[start:][1:][is_above[1:] & ~is_above[:-1]])
+        place = (late - late.min()) / np.ptp(late)
+        outer = np.flatnonzero((place < 1 / 4) | (place > 3 / 4))
+        is_above = place[outer] > 3 / 4
+        return np.asarray(self.times[start:][outer[1:][is_above[1:] & ~is_above[:-1]]])
 
     @cached_property
     def beat(self) -> Beat | None:

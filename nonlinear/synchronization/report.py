@@ -160,9 +160,10 @@ def _winner(study: SynchronizationStudy) -> Iterator[str]:
 def _orbit_at_the_end(study: SynchronizationStudy) -> Iterator[str]:
     """The periodic motion in which the run ends, where the prediction alone was not certain."""
     if study.orbit:
+        family = "one of a continuous family, " if study.orbit.floquet.is_of_family else ""
         yield (
-            f"The run settles on a periodic motion of {study.orbit.period:.6g} s ({rhythm_of(study.orbit)}), stable in "
-            f"the full equations: {_multipliers(study.orbit)}."
+            f"The run settles on a periodic motion of {study.orbit.period:.6g} s ({rhythm_of(study.orbit)}), {family}"
+            f"stable in the full equations: {_multipliers(study.orbit)}."
         )
 
 
@@ -501,6 +502,12 @@ def _orbit_record(orbit: Orbit) -> dict[str, Any]:
     }
 
 
+def _final_orbit_record(orbit: Orbit) -> dict[str, Any]:
+    """Of the orbit in which a run ends: by its multipliers it attracts, alone or with others of a family."""
+    family = orbit.floquet.is_of_family
+    return {"name": rhythm_of(orbit), **_orbit_record(orbit), "stable": True, "family": family}
+
+
 def _prediction_record(study: SynchronizationStudy, theory: Theory) -> dict[str, Any]:
     prediction = theory.prediction
     dies = prediction.motion.dies
@@ -526,7 +533,7 @@ def _simulation_record(study: SynchronizationStudy) -> dict[str, Any]:
     return {
         "duration_s": float(trajectory.times[-1]),
         "verdict": study.verdict or None,
-        "orbit": study.orbit and {"name": rhythm_of(study.orbit), **_orbit_record(study.orbit)},
+        "orbit": study.orbit and _final_orbit_record(study.orbit),
         **(_survival_record(study.survival) if study.survival else {"no_modes": study.unmeasured_reason}),
         "own_mode": phases.leading + 1,
         "order_parameter": float(phases.order[late, phases.leading].mean()),

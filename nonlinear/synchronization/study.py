@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property, partial
-from math import pi
+from math import ceil, pi
 from typing import Any
 
 import numpy as np
@@ -130,13 +130,16 @@ class SynchronizationStudy(TextResult):
         """Whether the simulated survivor is the predicted one with its share of the energy, within 5 %.
 
         None if one of them is missing, or the run too short: where it has not settled, or the predicted one has not
-        locked by its end. A beat is what is predicted where no mode wins.
+        locked by its end. A beat is what is predicted where no mode wins, and the predicted share occurs in it.
         """
         if self.theory is None or self.survival is None or self.theory.prediction.motion.dies:
             return None
         prediction = self.theory.prediction
         if self.survival.beat:
-            return self.leads and not prediction.is_won
+            beating = self.survival.times >= self.survival.times[-1] - self.survival.beat.period
+            share = self.survival.share[beating][:, self.survival.row == prediction.row + 1]
+            off = max(float(share.min()) - prediction.share, prediction.share - float(share.max()))
+            return not prediction.is_won and off <= SHARE_DIFFERENCE_MAX
         if self.locks_later:
             return None
         alike = self.leads and abs(prediction.share - self.survival.survivor_share) <= SHARE_DIFFERENCE_MAX
@@ -226,6 +229,17 @@ def usual_duration(scene: Scene, theory: Theory | None, motions: Sequence[Symmet
     return min(duration, PERIODS_MAX * period)
 
 
+def longest_duration(theory: Theory | None, usual: float) -> float:
+    """Seconds after which a run is not prolonged: four times its `usual` duration, or as long as the slow flow took.
+
+    The second, which is longer where averaged motion settles slowly, counts up to 5,000 periods of the slowest mode.
+    """
+    if theory is None:
+        return 4 * usual
+    longest = PERIODS_MAX * 2 * pi / float(theory.prediction.averaged.omega.min())
+    return max(4 * usual, min(float(theory.prediction.motion.times[-1]), longest))
+
+
 @checked
 def study_synchronization(
     scene: Scene,
@@ -238,8 +252,8 @@ def study_synchronization(
 ) -> SynchronizationStudy:
     """Predict, simulate for `duration` seconds (by default as long as the prediction needs) and measure.
 
-    A run without a duration is prolonged, at most to four times its length, until it has settled: in a beat, or where
-    the prediction alone is not certain within 5 % of a stable periodic orbit, by whose multipliers it stays there.
+    A run without a duration is prolonged until it has settled, at most to `longest_duration`: in a beat, or where the
+    prediction alone is not certain within 5 % of a stable periodic orbit, by whose multipliers it stays there.
 
     `start` replaces the initial condition of the scene file, `options` are those of `simulate`; `predicting` is called
     with the part of the prediction that is done, `report` with the simulated time and the duration.  A start that ends
@@ -264,15 +278,18 @@ def study_synchronization(
     modes = theory and theory.prediction.averaged.modes
     is_certain = theory is not None and not theory.doubts
     trajectory = _completed(simulate(scene, length, start=start, report=partial(_forward, report, length), **options))
-    for longer in [0] if duration else [2, 4, 0]:
+    longest = duration or longest_duration(theory, length)
+    while True:
         survival, unmeasured_reason = _attempt(partial(find_survival, trajectory, modes))
         orbit = None if is_certain or survival is None else orbit_at_the_end(trajectory)
         is_enough = is_certain or theory is None or theory.is_family
         has_ended = survival is None or survival.is_at_rest or survival.beat or (survival.is_steady and is_enough)
-        if not longer or orbit or has_ended:
+        passed = float(trajectory.times[-1])
+        if orbit or has_ended or passed >= longest * (1 - 1e-9):
             break
-        more, seconds = float(np.ptp(trajectory.times)), partial(_forward, report, longer * length)
-        samples = len(trajectory.times)
+        more = min(passed, longest - passed)
+        samples = 1 + ceil((len(trajectory.times) - 1) * more / passed)
+        seconds = partial(_forward, report, passed + more)
         trajectory = joined(trajectory, _completed(resume(trajectory, more, output=samples, report=seconds)))
     phases = phases_of(trajectory)
     populations = population_phases(phases), motions, motionless

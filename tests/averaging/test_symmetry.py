@@ -21,6 +21,8 @@ from nonlinear.averaging import (
 from nonlinear.averaging.equilibria import count_copies, exchange, kinds
 from nonlinear.ensembles.endings import Outcomes, orbit_near, settle
 from nonlinear.synchronization import rhythm_of
+from nonlinear.orbits import Orbit
+from nonlinear.orbits.cycles import cycle_of
 from nonlinear.system import State, motion_of
 
 LENGTHS = (0.249044, 0.249067, 0.250278)
@@ -113,6 +115,29 @@ def test_unequal_pendula_have_both_states_listed() -> None:
     assert first == pytest.approx([20.1, 18.1, 17.3], abs=0.06)
     assert second == pytest.approx([18.2, 20.1, 17.2], abs=0.06)
     assert not is_same_motion(*[state for state in states if abs(links(state).sum()) < 0.1])
+
+
+def test_unequal_clocks_rotate_both_ways() -> None:
+    """None of their other steady motions has three wide swings: in each of these one clock hardly swings."""
+    drive = {"kind": "escapement", "impulse": 0.0021, "angle_deg": 2.0}
+    link = {"kind": "bob", "mass": 1.0, "damping": 0.018, "drive": drive}
+    support = {"kind": "cart", "mass": 10.0, "damping": 8.0}
+    pendula = [{"links": [{**link, "length": length}]} for length in (0.252, 0.2511, 0.2522)]
+    scene = scene_from({"gravity": 9.81, "support": support, "pendulum": pendula})
+    turns = set()
+    for state in relative_equilibria(average(scene)):
+        angles = links(state)
+        if state.is_stable and np.abs(angles).min() > 0.5 * np.abs(angles).max():
+            cycle = links_of_cycle(cycle_of(scene, state))
+            assert np.abs(cycle) == pytest.approx(np.abs(angles), rel=0.05)
+            assert np.angle(cycle[1:] / cycle[0]) == pytest.approx(np.angle(angles[1:] / angles[0]), abs=0.1)
+            turns.add(tuple(np.sign(np.angle(cycle[1:] / cycle[0])).tolist()))
+    assert turns == {(1.0, -1.0), (-1.0, 1.0)}
+
+
+def links_of_cycle(orbit: Orbit) -> Complexes:
+    """The fundamentals of the angles of an orbit of the full equations, as complex amplitudes (L,)."""
+    return np.asarray(2 * np.fft.fft(orbit.coordinates[:, 1:], axis=0)[1] / len(orbit.coordinates))
 
 
 def started(equilibrium: RelativeEquilibrium, order: Ints, turn: float) -> State:

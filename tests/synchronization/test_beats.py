@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 from math import pi
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -89,6 +90,18 @@ def test_agreement_asks_for_the_share() -> None:
     assert study.survival.survivor_share < 0.7
     assert study.agrees is False
     assert study.theory.prediction.doubts_of_start
+
+
+@pytest.mark.parametrize(("share", "is_won", "agrees"), [(0.6, False, True), (0.6, True, False), (0.9, False, False)])
+def test_a_beat_is_predicted_where_the_predicted_share_occurs_in_it(share: float, is_won: bool, agrees: bool) -> None:
+    """The share of the second mode goes from 30 to 70 %, whichever mode has most at the last moment."""
+    survived = survival(6.2, 7.4)
+    theory = SimpleNamespace(prediction=SimpleNamespace(motion=SimpleNamespace(dies=False), row=1))
+    theory.prediction.share, theory.prediction.is_won = share, is_won
+    for phase in (0.0, 3.0):
+        others = 0.5 + 0.2 * np.cos(2 * np.pi * (survived.times - survived.times[-1]) / 8.5 + phase)
+        beating = replace(survived, energy=np.stack((1 - others, others), axis=1))
+        assert replace(beat(), theory=theory, survival=beating).agrees is agrees
 
 
 def test_a_beat_is_named_with_the_two_lines_of_its_spectrum() -> None:
@@ -190,6 +203,11 @@ def test_the_quiet_part_of_a_beat_is_no_lock_and_the_beat_is_measured() -> None:
     assert beats.beat is not None
     assert beats.beat.period == pytest.approx(8.5, rel=0.02)
     assert (beats.beat.low, beats.beat.high) == pytest.approx((0.889, 0.999), abs=2e-3)
+    rippled = others + 0.01 * np.cos(2 * np.pi * times / 0.3)
+    assert (np.diff(np.sign(rippled - 0.06)) > 0).sum() > 1.5 * 80 / 8.5
+    rippling = replace(beats, energy=np.stack((1 - rippled, rippled), axis=1)).beat
+    assert rippling is not None
+    assert rippling.period == pytest.approx(8.5, rel=0.02)
     fades = replace(beats, energy=np.stack((1 - others * np.exp(-times / 8), others * np.exp(-times / 8)), axis=1))
     assert fades.beat is None
     assert fades.is_settled

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from modal import load
+from modal.scene import scene_from
 from modal.scene.parameters import parse_variations, vary
 from nonlinear.averaging import average, predict, relative_equilibria
 from nonlinear.integration import Trajectory
@@ -138,6 +139,37 @@ def test_the_orbit_at_the_end_is_that_in_which_a_long_run_repeats() -> None:
     assert orbit.period == pytest.approx(last_swing(late.times, late.motion), rel=1e-4)
     widest = np.abs(late.motion.links[-2000:]).max(axis=0)
     assert widest == pytest.approx(orbit.amplitudes, rel=1e-2)
+
+
+def test_a_run_may_end_on_one_of_a_family_of_orbits() -> None:
+    """Of two pairs of clocks in antiphase each keeps its pace: with the second pair at another phase both go on."""
+    drive = {"kind": "escapement", "impulse": 0.00154, "angle_deg": 2.0}
+    link = {"kind": "bob", "mass": 1.45, "length": 0.25, "damping": 0.0065, "drive": drive}
+    starts = [{"angles_deg": [angle]} for angle in (8.4, -8.0, 3.0, -3.4)]
+    support = {"kind": "cart", "mass": 10.3, "damping": 0.11, "stiffness": 0.73}
+    pendula = [{"links": [link], "start": start} for start in starts]
+    run = simulate(scene_from({"gravity": 9.81, "support": support, "pendulum": pendula}), 150.0)
+    orbit = orbit_at_the_end(run)
+    assert orbit is not None
+    assert orbit.floquet.is_of_family
+    assert np.abs(orbit.floquet.others).max() == pytest.approx(1.0, abs=1e-9)
+    first = simulate(run.scene, 0.3 * orbit.period, start=orbit.state).final
+    links, rates = orbit.state.links.copy(), orbit.state.link_rates.copy()
+    links[2:], rates[2:] = first.links[2:], first.link_rates[2:]
+    other = State(links, rates)
+    end = simulate(run.scene, orbit.period, start=other, tolerance=1e-11).final
+    assert end.links == pytest.approx(links, abs=1e-8)
+    assert end.link_rates == pytest.approx(rates, abs=1e-7)
+    assert abs(end.cart) < 1e-8
+
+
+def test_an_undecided_run_goes_on_as_long_as_the_slow_flow_took(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("nonlinear.synchronization.study.usual_duration", lambda *_: 0.5)
+    clock = study_synchronization(clocks(0.5).scene, start=LOW)
+    assert clock.verdict == "settles"
+    assert clock.theory is not None
+    assert 4 * 0.5 < clock.trajectory.times[-1] <= clock.theory.prediction.motion.times[-1]
+    assert np.all(np.diff(clock.trajectory.times) > 0)
 
 
 def test_where_the_run_ends_on_its_orbit_a_start_below_the_kicks_is_no_doubt() -> None:
