@@ -65,14 +65,20 @@ def border_words(maps: Sequence[RhythmMap], name: str, kind: str, is_birth: bool
 
 
 def _mark(axis: Axes, marks: Sequence[tuple[float, str, str]]) -> None:
-    """Vertical lines with words above the axes, each row of words a little lower."""
+    """Vertical lines with words above the axes, each in a row of its own."""
     low, high = axis.get_xlim()
-    rows = min(3, len(marks))
-    for number, (value, words, dashes) in enumerate(sorted(marks)):
-        height = 1.01 + 0.045 * (rows - 1 - number % 3)
+    for number, (value, words, dashes) in enumerate(sorted(marks, reverse=True)):
         axis.axvline(value, color=ink() if dashes == "-" else secondary_colour(), lw=0.9, ls=dashes)
         side = "right" if value > (low + high) / 2 else "left"
-        axis.text(value, height, words, transform=axis.get_xaxis_transform(), fontsize="small", ha=side, va="bottom")
+        place, above = (value, 1.0), (0.0, 2.0 + 11.0 * number)
+        options: dict[str, Any] = {
+            "xytext": above,
+            "textcoords": "offset points",
+            "fontsize": "small",
+            "ha": side,
+            "va": "bottom",
+        }
+        axis.annotate(f"{value:.6g}: {words}", place, xycoords=axis.get_xaxis_transform(), **options)
 
 
 def grid_figure(grid: RhythmGrid) -> Figure:
