@@ -281,7 +281,13 @@ def _mark(axis: Axes, marks: Sequence[tuple[float, str, str]]) -> None:
         axis.axvline(value, color=ink() if dashes == "-" else secondary_colour(), lw=0.9, ls=dashes)
         side = "right" if axis.transLimits.transform((value, 0))[0] > 0.5 else "left"
         text = axis.text(
-            value, 1, f" {words} ", transform=axis.get_xaxis_transform(), fontsize="small", ha=side, va="bottom"
+            value,
+            1,
+            f" {value:.6g}: {words} ",
+            transform=axis.get_xaxis_transform(),
+            fontsize="small",
+            ha=side,
+            va="bottom",
         )
         low, high = text.get_window_extent().intervalx
         free = (row for row, spans in enumerate(rows) if all(low > end or high < begin for begin, end in spans))

@@ -20,9 +20,9 @@ from nonlinear.averaging import (
 )
 from nonlinear.averaging.equilibria import count_copies, exchange, kinds
 from nonlinear.ensembles.endings import Outcomes, orbit_near, settle
-from nonlinear.synchronization import rhythm_of
 from nonlinear.orbits import Orbit
 from nonlinear.orbits.cycles import cycle_of
+from nonlinear.synchronization import rhythm_of
 from nonlinear.system import State, motion_of
 
 LENGTHS = (0.249044, 0.249067, 0.250278)
