@@ -140,7 +140,7 @@ def find_rhythms(
         longest = checked_number("limit", limit, period)
     starts = rhythm_starts(scene, members, box, seed)
     if engine == "auto":
-        engine = _engine_for(scene, starts[0], members * len(variation.values), min(longest, 512 * period))
+        engine = _engine_for(scene, starts[0], members * len(variation.values), min(longest, 4 * returns.first_round))
     task = MapTask(scene, variation, starts, longest, engine)
     task = replace(task, folder=_folder(folder, task, seed)) if folder else task
     parts = []
