@@ -25,7 +25,7 @@ from nonlinear.ensembles.return_maps import OrbitSearch, ReturnMap, SectionMap, 
 from nonlinear.ensembles.running import Ensemble, Report, ensemble
 from nonlinear.orbits.cycles import Beginning, beginnings, is_same_orbit
 from nonlinear.orbits.flow import ORBIT_TOLERANCE
-from nonlinear.postprocessing.returns import clustered, natural_rate, natural_units
+from nonlinear.postprocessing.returns import JUDGED_STROBES, clustered, natural_rate, natural_units
 from nonlinear.synchronization.attractors import AT_REST, OPEN, PERIODIC, TORUS, Ending
 from nonlinear.synchronization.phases import own_shapes
 from nonlinear.system import Motion, State, motion_of, system_of
@@ -340,7 +340,7 @@ def _add_chaotic_groups(outcomes: Sequence[Outcomes], measured: Callable[[list[i
 
 
 def _is_open(ending: Ending) -> bool:
-    return ending.kind == OPEN and _is_finite(ending)
+    return ending.kind == OPEN and _is_finite(ending) and len(ending.record) >= JUDGED_STROBES
 
 
 def _is_finite(ending: Ending) -> bool:
