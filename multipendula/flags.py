@@ -337,7 +337,11 @@ FORMER_COMMANDS = {
     "shock": "vibration SCENE --record CSV",
 }
 """The present equivalents of former commands."""
-ELSEWHERE = {"find_bifurcations": "sweep --strobe", "scene_numbers": "table SCENE --places"}
+ELSEWHERE = {
+    "find_bifurcations": "sweep --strobe",
+    "find_rhythms": "sync --map",
+    "scene_numbers": "table SCENE --places",
+}
 """The command-line equivalents of functions that messages name."""
 SYNONYMS = {
     **dict.fromkeys(

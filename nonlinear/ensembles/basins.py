@@ -204,7 +204,7 @@ def _attractors(scene: Scene, axes: tuple[Variation, ...], limit: float | None, 
     started = with_starts(scene, axes)
     outcomes = Outcomes(started, partial(orbit_near, started))
     default = outcomes.returns.rounds * outcomes.returns.first_round
-    limit = default if limit is None else checked_number("duration", limit)
+    limit = default if limit is None else checked_number("duration", limit, 0.0)
     place = np.zeros(prod(len(axis.values) for axis in axes), dtype=int)
     first = settle([outcomes], place, limit, {"vary": axes}, **options).require("start")
     groups = _named([group for group in outcomes.whole() if group.name != UNDECIDED])

@@ -25,7 +25,7 @@ from nonlinear.ensembles.return_maps import OrbitSearch, ReturnMap, SectionMap, 
 from nonlinear.ensembles.running import Ensemble, Report, ensemble
 from nonlinear.orbits.cycles import Beginning, beginnings, is_same_orbit
 from nonlinear.orbits.flow import ORBIT_TOLERANCE
-from nonlinear.postprocessing.returns import clustered, natural_rate, natural_units
+from nonlinear.postprocessing.returns import JUDGED_STROBES, clustered, natural_rate, natural_units
 from nonlinear.synchronization.attractors import AT_REST, OPEN, PERIODIC, TORUS, Ending
 from nonlinear.synchronization.phases import own_shapes
 from nonlinear.system import Motion, State, motion_of, system_of
@@ -164,11 +164,10 @@ class Outcomes:
         return clustered(records, repeats, turns, self.returns.gap)[0]
 
     def whole(self) -> tuple[EndingGroup, ...]:
-        """All groups, the most frequent first; of a scene that is driven in time in the order of `_rank`."""
+        """All groups, the most frequent first; of a scene that is driven in time by period, turns and largest angle."""
         groups = [self._with_copies(group) if group.beginning else group for group in self.groups]
-        groups.sort(key=lambda group: -len(group.members))
-        if self.scene.is_forced:
-            groups = _in_order(groups)
+        frequent = sorted(groups, key=lambda group: -len(group.members))
+        groups = _in_order(groups) if self.scene.is_forced else frequent
         if rest := tuple(self.others):
             groups.append(EndingGroup(UNDECIDED, rest, self.endings[rest[0]]))
         return tuple(groups)
@@ -207,7 +206,7 @@ def settle(
         progress = _progress_of(report, number, len(lengths), len(place), len(left))
         run = returns.run(length, folder=where, report=progress, share=share, **(options | members)).require()
         rounds.append(run)
-        if share and not run.is_complete:
+        if share and sum(chunk.size for chunk in run.chunks) < run.size:
             return rounds[0]
         running: list[int] = []
         for at, each in enumerate(outcomes):
@@ -281,23 +280,18 @@ def _in_order(groups: list[EndingGroup]) -> list[EndingGroup]:
 
 
 def _settled_groups(endings: dict[int, Ending]) -> Iterator[EndingGroup]:
-    """Motions at rest, and tori by name and slow period."""
+    """Motions at rest, and tori by name and slow period, to a hundredth of it."""
     resting = [k for k in endings if endings[k].kind == AT_REST]
     if resting:
         yield EndingGroup(AT_REST, tuple(resting), endings[resting[0]])
     tori = [k for k in endings if endings[k].kind == TORUS]
     while tori:
         first = endings[tori[0]]
-        members = [
-            k for k in tori if endings[k].name == first.name and _near(endings[k].slow_period, first.slow_period)
-        ]
+        alike = [k for k in tori if endings[k].name == first.name]
+        periods = [endings[k].slow_period or 0.0 for k in alike]
+        members = np.array(alike)[np.isclose(periods, first.slow_period or 0.0, rtol=1e-2)].tolist()
         tori = [k for k in tori if k not in members]
         yield EndingGroup(first.name, tuple(members), first)
-
-
-def _near(period: float | None, other: float | None) -> bool:
-    """Whether two slow periods differ by no more than a hundredth."""
-    return bool(np.isclose(period or 0.0, other or 0.0, rtol=1e-2))
 
 
 def distinct_states(states: Iterable[State]) -> int:
@@ -340,7 +334,7 @@ def _add_chaotic_groups(outcomes: Sequence[Outcomes], measured: Callable[[list[i
 
 
 def _is_open(ending: Ending) -> bool:
-    return ending.kind == OPEN and _is_finite(ending)
+    return ending.kind == OPEN and _is_finite(ending) and len(ending.record) >= JUDGED_STROBES
 
 
 def _is_finite(ending: Ending) -> bool:

@@ -148,7 +148,9 @@ def _passages_of(run: Ensemble) -> dict[int, Returns]:
     members, begins = np.unique(owner[order], return_index=True)
     columns = [run.column("crossing_time_s"), *run.states("crossing_")]
     parts = (np.split(column[order], begins[1:]) for column in columns)
-    return {k: Returns(times, tuple(states)) for k, times, *states in zip(members.tolist(), *parts, strict=True)}
+    return {
+        k: Returns(times, tuple(states)) for k, times, *states in zip(members.tolist(), *parts, strict=False)
+    }  # none for none
 
 
 def is_orbit_of(ending: Ending, orbit: Orbit) -> bool:

@@ -84,11 +84,6 @@ class Ensemble(Displayed):
         """The engine that integrated them."""
         return self.question.engine
 
-    @property
-    def is_complete(self) -> bool:
-        """Whether no chunk is missing."""
-        return sum(chunk.size for chunk in self.chunks) == self.size
-
     @cached_property
     def columns(self) -> tuple[str, ...]:
         """The names of all stored output."""

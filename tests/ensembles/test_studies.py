@@ -301,6 +301,12 @@ def test_rounds_go_on_where_calls_and_shares_stopped(tmp_path: Path, monkeypatch
     assert shown == sorted(shown)
 
 
+def test_runs_too_short_for_a_passage_are_undecided() -> None:
+    grid = [f"pendulum[{p}].start.angles_deg[0]=-3,20" for p in range(2)]
+    basins = find_basins(METRONOMES, 1e-6, vary=grid, workers=1, engine="numpy", check=0)
+    assert (basins.names, basins.values.tolist()) == (("undecided",), [[0.0, 0.0], [0.0, 0.0]])
+
+
 def test_attractors_of_one_name_are_told_by_their_angles(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("nonlinear.ensembles.basins.name_of", lambda group: group.name)
     ending = Ending("periodic", 1.0, np.zeros((0, 0)), State(np.zeros(2), np.zeros(2)))
