@@ -192,8 +192,12 @@ class RhythmMap(Drawable, Result):
             return (), str(error)
 
     def distance(self, threshold: AveragedThreshold) -> float | None:
-        """From a threshold of averaged equations to the nearest computed birth or death; None if there is none."""
-        exact = [event.value for event in self.births if event.kind != UNDECIDED]
+        """From a threshold of averaged equations to the nearest computed birth or death of a motion of its pattern.
+
+        None if there is none.
+        """
+        events = (event for event in self.births if event.kind != UNDECIDED)
+        exact = [event.value for event in events if threshold.words.startswith(event.name.partition(",")[0])]
         return min((value - threshold.value for value in exact), key=abs, default=None)
 
     @property
@@ -294,9 +298,11 @@ class RhythmMap(Drawable, Result):
         """A sentence about a threshold of averaged equations, and how far the exact one is."""
         distance = self.distance(threshold)
         clauses = [f"Averaged, at {self._with_unit(threshold.value, 5)}: {threshold.words}", threshold.reason]
-        if distance is not None:
+        if distance is None:
+            clauses.append("no exact one was found")
+        else:
             side = "above" if distance > 0 else "below"
-            clauses.append(f"the nearest exact value lies {self._with_unit(abs(distance), 2)} {side}")
+            clauses.append(f"the nearest exact one lies {self._with_unit(abs(distance), 2)} {side}")
         return "; ".join(filter(None, clauses)) + "."
 
     def event_words(self, event: RhythmEvent) -> str:
@@ -327,6 +333,8 @@ class RhythmMap(Drawable, Result):
 
     def _footnotes(self) -> Iterator[str]:
         yield _sampling_words([self])
+        if any(event.between for event in self.births):
+            yield "A motion that was continued, and lost between two values, may exist further on if its basin is thin."
         if reason := self._averaging[1]:
             yield f"No averaged thresholds: {reason}."
         slow = [(r.name, r.slow_period, v.value) for v in self.values for r in v.rhythms if r.slow_period]
