@@ -186,14 +186,14 @@ def test_limits_that_do_not_fit_are_refused(
 
 
 def test_export_response_and_shaper_take_one_input(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    for scene, name in (
-        ("crane-hook", "cart_acceleration"),
-        ("clocks-double", "cart_force"),
-        ("tower", "floor1_force"),
+    for scene, name, words in (
+        ("crane-hook", "cart_acceleration", "cart acceleration"),
+        ("clocks-double", "cart_force", "force on the cart"),
+        ("tower", "floor1_force", "floor1 force"),
     ):
         assert main(("export", scene, "-o", str(tmp_path / "model.json"))) == 0
         assert f"input {name} (" in capsys.readouterr().out
         assert main(("response", scene)) == 0
-        assert f"peaks of the response to {name} (" in capsys.readouterr().out
+        assert f"peaks of the response to {words} (" in capsys.readouterr().out
         assert main(("shaper", scene)) == 0
         assert f"# {name}: " in capsys.readouterr().out
