@@ -77,17 +77,17 @@ class Summary:
              2     1.2
         """
         facts = "; ".join(f"{visible(name)} {visible(value)}".strip() for name, value in self.facts)
-        told = wrap(facts, WIDTH - 2, max_lines=3, placeholder=" …", break_on_hyphens=False)
-        lines = [visible(self.title), *(f"  {line}" for line in [*told, *self._grid()])]
+        words = wrap(facts, WIDTH - 2, max_lines=3, placeholder=" …", break_on_hyphens=False)
+        lines = [visible(self.title), *(f"  {line}" for line in [*words, *self._grid()])]
         return "\n".join(
             line if breadth(line) <= WIDTH else f"{next(cut(line, WIDTH - 1))}…" for line in lines[:PROMPT_LINES]
         )
 
     def html(self) -> str:
         """For a notebook: escaped, without colours, wide tables in a box that scrolls."""
-        told = [f"<tr><th{START}>{html(name)}</th><td{START}>{html(value)}</td></tr>" for name, value in self.facts]
+        rows = [f"<tr><th{START}>{html(name)}</th><td{START}>{html(value)}</td></tr>" for name, value in self.facts]
         parts = [f"<p><strong>{html(self.title)}</strong></p>"]
-        parts += [f"<table{APART}>", *told, "</table>"] if told else []
+        parts += [f"<table{APART}>", *rows, "</table>"] if rows else []
         return scrolled(*parts, self.table())
 
     def _cells(self, count: int) -> tuple[list[str], list[list[str]], int]:
@@ -199,8 +199,8 @@ def tabulated(title: str, facts: Facts, columns: Mapping[str, Any], words: Itera
     rows = ([brief(values[k]) for _, values in shown] for k in range(count))
     texts = frozenset(k for k, (name, _) in enumerate(shown) if name in set(words))
     left = len(columns) - len(shown)
-    told = [*facts, ("also", f"{left} more columns")] if left else facts
-    return Summary(title, told, [name for name, _ in shown], rows, count, texts)
+    all_facts = [*facts, ("also", f"{left} more columns")] if left else facts
+    return Summary(title, all_facts, [name for name, _ in shown], rows, count, texts)
 
 
 def by_column(records: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
@@ -229,8 +229,8 @@ def summary_of(result: Any) -> Summary:
 
 def _facts(result: Displayed) -> Iterator[tuple[str, str]]:
     for words in result.shows.split("; "):
-        name, _, told = words.partition(": ")
-        heading, _, unit = told.partition(", ")
+        name, _, description = words.partition(": ")
+        heading, _, unit = description.partition(", ")
         value = getattr(result, name)
         if value is not None and value is not False and not (isinstance(value, Sequence) and not value):
             yield heading, f"{'' if value is True else brief(value)} {unit}".strip()

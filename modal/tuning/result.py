@@ -391,18 +391,18 @@ EQUAL_PEAKS = 1e-6
 """Tolerance: relative, of peaks that are listed as equally high: of their written digits."""
 
 
-def tuned_record(tuned: Tuned, curves: bool = True) -> dict[str, Any]:
+def tuned_record(result: Tuned, curves: bool = True) -> dict[str, Any]:
     """Everything about a result for JSON."""
-    objective = tuned.objective
+    objective = result.objective
     record: dict[str, Any] = {
-        "title": tuned.given.title,
-        "objective": [_aim_record(tuned, k) for k in range(len(objective.aims))],
-        "before": finite(tuned.before),
-        "after": finite(tuned.after),
-        "robust": tuned.robust,
-        "limits": [_limit_record(tuned, k) for k in range(len(objective.limits))],
-        "numbers": records_of(NUMBER, _numbers(tuned)),
-        "starts": tuned.starts,
+        "title": result.given.title,
+        "objective": [_aim_record(result, k) for k in range(len(objective.aims))],
+        "before": finite(result.before),
+        "after": finite(result.after),
+        "robust": result.robust,
+        "limits": [_limit_record(result, k) for k in range(len(objective.limits))],
+        "numbers": records_of(NUMBER, _numbers(result)),
+        "starts": result.starts,
         "valleys": [
             {
                 "numbers": valley.numbers.tolist(),
@@ -410,18 +410,18 @@ def tuned_record(tuned: Tuned, curves: bool = True) -> dict[str, Any]:
                 "limits_kept": valley.kept,
                 "settled": valley.certain,
             }
-            for valley in tuned.valleys
+            for valley in result.valleys
         ],
-        "exact": tuned.certain,
-        "last_gain": tuned.open,
-        "rules": [_rule_record(rule) for rule in tuned.rules],
+        "exact": result.certain,
+        "last_gain": result.open,
+        "rules": [_rule_record(rule) for rule in result.rules],
         "worst_case": {
             "masses": MASS_SHARE,
-            "before": finite(tuned.worst_before),
-            "after": finite(tuned.worst.value),
-            "factors": {with_numbers(place): factor for place, factor in tuned.worst.factors.items()},
+            "before": finite(result.worst_before),
+            "after": finite(result.worst.value),
+            "factors": {with_numbers(place): factor for place, factor in result.worst.factors.items()},
         },
-        "dampers": records_of(LOAD, tuned.loads),
+        "dampers": records_of(LOAD, result.loads),
     }
     if curves:
         record["curves"] = [
@@ -432,25 +432,25 @@ def tuned_record(tuned: Tuned, curves: bool = True) -> dict[str, Any]:
                 "before": list(map(finite, curve.before.tolist())),
                 "after": list(map(finite, curve.after.tolist())),
             }
-            for curve in tuned.curves()
+            for curve in result.curves()
         ]
     return record
 
 
-def tuned_json(tuned: Tuned, further_keys: dict[str, Any] | None = None) -> str:
+def tuned_json(result: Tuned, further_keys: dict[str, Any] | None = None) -> str:
     """Return the same as text, with further details of the result."""
-    return as_json({**tuned_record(tuned), **(further_keys or {})})
+    return as_json({**tuned_record(result), **(further_keys or {})})
 
 
-def _aim_record(tuned: Tuned, k: int) -> dict[str, Any]:
-    aim, pieces = tuned.objective.aims[k], tuned.pieces_after[k]
+def _aim_record(result: Tuned, k: int) -> dict[str, Any]:
+    aim, pieces = result.objective.aims[k], result.pieces_after[k]
     quantity = aim.quantity
     record: dict[str, Any] = {
         "quantity": quantity.name,
         "maximized": aim.maximized,
         "weight": quantity.weight,
-        "unit": tuned.unit(quantity),
-        **_change(tuned, k),
+        "unit": result.unit(quantity),
+        **_change(result, k),
     }
     if quantity.kind == "peak":
         order = np.argsort(pieces.at, kind="stable")
@@ -462,15 +462,15 @@ def _aim_record(tuned: Tuned, k: int) -> dict[str, Any]:
     return record
 
 
-def _limit_record(tuned: Tuned, k: int) -> dict[str, Any]:
-    limit = tuned.objective.limits[k]
-    return {"quantity": limit.quantity.name, "most": limit.most, **_change(tuned, len(tuned.objective.aims) + k)}
+def _limit_record(result: Tuned, k: int) -> dict[str, Any]:
+    limit = result.objective.limits[k]
+    return {"quantity": limit.quantity.name, "most": limit.most, **_change(result, len(result.objective.aims) + k)}
 
 
-def _change(tuned: Tuned, k: int) -> dict[str, float | None]:
+def _change(result: Tuned, k: int) -> dict[str, float | None]:
     """The value of quantity k before and after."""
-    quantity = tuned.objective.quantities.quantities[k]
-    sides = {"before": tuned.pieces_before, "after": tuned.pieces_after}
+    quantity = result.objective.quantities.quantities[k]
+    sides = {"before": result.pieces_before, "after": result.pieces_after}
     return {name: finite(extreme(quantity, pieces[k])) for name, pieces in sides.items()}
 
 
@@ -507,8 +507,8 @@ class _Number(NamedTuple):
     value: float
 
 
-def _numbers(tuned: Tuned) -> list[_Number]:
-    return list(map(_Number, tuned.objective.free, tuned.worths, tuned.objective.free_numbers(tuned.z).tolist()))
+def _numbers(result: Tuned) -> list[_Number]:
+    return list(map(_Number, result.objective.free, result.worths, result.objective.free_numbers(result.z).tolist()))
 
 
 def _rule_record(rule: Rule) -> dict[str, Any]:
@@ -540,79 +540,86 @@ LOAD = (
 """The quantities of a damper."""
 
 
-def tuned_text(tuned: Tuned, further_text: str = "") -> str:
+def tuned_text(result: Tuned, further_text: str = "") -> str:
     """Return the result as text."""
-    numbers = ReportTable.of(NUMBER, _numbers(tuned)).written()
-    worth = WORTH + SHIFTS * any(number.unknown.is_shift for number in tuned.objective.free)
-    parts = [_objective_table(tuned), numbers, worth, "\n".join(_sentences(tuned)), _rules_table(tuned), further_text]
-    return titled(title_of(tuned.given), "tuned", parts, "text")
+    numbers = ReportTable.of(NUMBER, _numbers(result)).written()
+    worth = WORTH + SHIFTS * any(number.unknown.is_shift for number in result.objective.free)
+    parts = [
+        _objective_table(result),
+        numbers,
+        worth,
+        "\n".join(_sentences(result)),
+        _rules_table(result),
+        further_text,
+    ]
+    return titled(title_of(result.given), "tuned", parts, "text")
 
 
-def _objective_table(tuned: Tuned) -> str:
+def _objective_table(result: Tuned) -> str:
     headings = ["", "quantity", "unit", "before", "after", "peaks (Hz)"]
-    rows, objective = [], tuned.objective
+    rows, objective = [], result.objective
     ways = [
         f"{'maximize' if aim.maximized else 'minimize'}{f' ×{aim.quantity.weight:g}' * (aim.quantity.weight != 1)}"
         for aim in objective.aims
     ]
     ways += [f"at most {limit.most:g}" for limit in objective.limits]
     for k, (way, quantity) in enumerate(zip(ways, objective.quantities.quantities, strict=True)):
-        piece, peaks = tuned.pieces_after[k], ""
+        piece, peaks = result.pieces_after[k], ""
         if quantity.kind == "peak" and k < len(objective.aims):
             largest = piece.values.max()
             equal = sorted(piece.at[piece.inside & (piece.values >= largest * (1 - EQUAL_PEAKS))].tolist())
             peaks = ", ".join(f"{at / tau:.5g}" for at in equal)
-        values = [f"{extreme(quantity, pieces[k]):.8g}" for pieces in (tuned.pieces_before, tuned.pieces_after)]
-        rows.append([way, quantity.words, tuned.unit(quantity), *values, peaks])
+        values = [f"{extreme(quantity, pieces[k]):.8g}" for pieces in (result.pieces_before, result.pieces_after)]
+        rows.append([way, quantity.words, result.unit(quantity), *values, peaks])
     if not any(row[-1] for row in rows):
         rows, headings = [row[:-1] for row in rows], headings[:-1]
     return grid(rows, headings)
 
 
-def _sentences(tuned: Tuned) -> Iterator[str]:
-    objective = tuned.objective
-    ends, first = tuned.valleys, tuned.valleys[0].value
+def _sentences(result: Tuned) -> Iterator[str]:
+    objective = result.objective
+    ends, first = result.valleys, result.valleys[0].value
     values = ", ".join(f"{valley.value:.6g}" for valley in ends)
     alike = [valley for valley in ends if abs(valley.value - first) <= COARSE * abs(first)]
-    if tuned.starts == 1:
+    if result.starts == 1:
         yield "Only one start had a finite value."
     elif len(ends) == 1:
-        yield f"All {tuned.starts} starts converged to the same minimum."
+        yield f"All {result.starts} starts converged to the same minimum."
     elif all(valley.certain for valley in ends):
         equal = f"; {len(alike)} of them are equally low" * (len(alike) > 1)
-        yield f"{tuned.starts} starts converged to {len(ends)} minima: {values}{equal}."
+        yield f"{result.starts} starts converged to {len(ends)} minima: {values}{equal}."
     else:
-        yield f"{tuned.starts} starts ended at {values}; the best is kept."
-    if not tuned.certain:
+        yield f"{result.starts} starts ended at {values}; the best is kept."
+    if not result.certain:
         yield (
             "Newton's method did not converge: modes may coincide here, where the objective has no second "
-            f"derivatives. The last restart still improved it by {percent(tuned.open)}."
+            f"derivatives. The last restart still improved it by {percent(result.open)}."
         )
-    for aim, pieces in zip(objective.aims, tuned.pieces_after, strict=False):
+    for aim, pieces in zip(objective.aims, result.pieces_after, strict=False):
         if aim.quantity.kind == "peak" and not aim.maximized and not pieces.hertz(int(pieces.values.argmax())):
             yield f"{capital(aim.quantity.words)} is largest at 0 Hz, where no damper acts; no peak is higher."
     at_bounds = [
         number.words
-        for number, z, low, high in zip(objective.free, tuned.z, objective.low, objective.high, strict=True)
+        for number, z, low, high in zip(objective.free, result.z, objective.low, objective.high, strict=True)
         if min(z - low, high - z) < EDGE
     ]
     if at_bounds:
         yield f"At its bound: {', '.join(at_bounds)}."
-    worst = tuned.worst
+    worst = result.worst
     if worst.factors:
-        words = "Tuned for the worst case" if tuned.robust else "Worst case"
-        values = f"{worst.value:.6g}, before {tuned.worst_before:.6g}"
-        yield f"{words} of all masses ±{percent(MASS_SHARE)}: {values} ({worst.words(tuned.given)})."
-    for load in tuned.loads:
+        words = "Tuned for the worst case" if result.robust else "Worst case"
+        values = f"{worst.value:.6g}, before {result.worst_before:.6g}"
+        yield f"{words} of all masses ±{percent(MASS_SHARE)}: {values} ({worst.words(result.given)})."
+    for load in result.loads:
         per, where = (f" per {load.per}", f" at {load.at_hz:.4g} Hz") if load.per else (" RMS", "")
         what = "torque" if load.unit == "rad" else "force"
         effort = f"{what} {load.effort:.5g} {load.effort_unit}{per}"
-        damper = capital(number_words(tuned.given, load.path))
+        damper = capital(number_words(result.given, load.path))
         yield f"{damper}: stroke {load.stroke:.5g} {load.unit}{per}{where}, {effort}."
 
 
-def _rules_table(tuned: Tuned) -> str:
-    if not tuned.rules:
+def _rules_table(result: Tuned) -> str:
+    if not result.rules:
         return ""
     headings = ("pendulum", "μ", "mode", "rule", "f", "ζ", "objective")
     rows, notes = [], []
@@ -620,12 +627,12 @@ def _rules_table(tuned: Tuned) -> str:
     def add(names: Sequence[str], rule: str, f: float, zeta: float, value: str) -> None:
         rows.append([*names, rule, f"{f:.8f}", f"{zeta:.8f}", value])
 
-    for rule in tuned.rules:
+    for rule in result.rules:
         absorber, again = rule.absorber, ("", "", "")
         words = f"{absorber.omega / tau:.5g} Hz, ζ {absorber.damping_ratio:.4g}"
-        name = number_words(tuned.given, f"pendulum[{absorber.pendulum}].count").rpartition(" of ")[2]
+        name = number_words(result.given, f"pendulum[{absorber.pendulum}].count").rpartition(" of ")[2]
         names = (name, f"{absorber.mu:.6g}", words)
-        add(names, "this optimum", absorber.f, absorber.zeta, f"{tuned.after:.8g}")
+        add(names, "this optimum", absorber.f, absorber.zeta, f"{result.after:.8g}")
         add(again, "Den Hartog", *absorber.den_hartog, f"{rule.value:.8g}" if np.isfinite(rule.value) else "")
         if absorber.alone:
             add(again, "exact if ζ were 0" if absorber.damping_ratio > EQUAL_PEAKS else "exact", *absorber.exact, "")

@@ -209,19 +209,19 @@ def settle(
         if share and sum(chunk.size for chunk in run.chunks) < run.size:
             return rounds[0]
         running: list[int] = []
-        for at, each in enumerate(outcomes):
+        for at, case in enumerate(outcomes):
             rows = np.flatnonzero(place[left] == at)
-            judged = each.returns.endings(run, rows)
-            running += each.add_round(dict(zip(left[rows].tolist(), judged, strict=True)))
+            judged = case.returns.endings(run, rows)
+            running += case.add_round(dict(zip(left[rows].tolist(), judged, strict=True)))
         if not running:
             break
         left = np.array(sorted(running))
         states = [outcomes[place[k]].endings[k].state for k in left]
         members = {"starts": motion_of(states), "check": 0, **_numbers_at(lists, left)}
-    for each in outcomes:
-        each.groups += _settled_groups(each.others)
+    for case in outcomes:
+        case.groups += _settled_groups(case.others)
     if may_be_chaotic and isinstance(returns, SectionMap) and not share:
-        states_of = {k: ending.state for each in outcomes for k, ending in each.endings.items()}
+        states_of = {k: ending.state for case in outcomes for k, ending in case.endings.items()}
 
         def measured(some: list[int]) -> Exponent:
             begin, numbers = motion_of([states_of[k] for k in some]), _numbers_at(lists, np.array(some))
@@ -243,9 +243,9 @@ def _progress_of(report: Report, number: int, rounds: int, size: int, left: int)
     """The report of a round, in which half of the rest of all members is done, in the last one all of it."""
     if rounds == 1:
         return report
-    begun = size * (1 - 0.5**number)
-    each = (size - begun) / left * (1.0 if number + 1 == rounds else 0.5)
-    return lambda done: report(begun + each * done)
+    start = size * (1 - 0.5**number)
+    step = (size - start) / left * (1.0 if number + 1 == rounds else 0.5)
+    return lambda count: report(start + step * count)
 
 
 def _numbers_at(vary: Mapping[str, Floats] | None, members: Ints) -> dict[str, Any]:
@@ -310,15 +310,15 @@ def _add_chaotic_groups(outcomes: Sequence[Outcomes], measured: Callable[[list[i
     Of more than a `few` of a kind only so many are measured, and the others where these differ.
     """
     kinds = [
-        (each, name, [k for k, ending in each.others.items() if _is_open(ending) and ending.chimera is is_chimera])
-        for each in outcomes
+        (case, name, [k for k, ending in case.others.items() if _is_open(ending) and ending.chimera is is_chimera])
+        for case in outcomes
         for is_chimera, name in ((True, "chimera"), (False, CHAOTIC))
     ]
     representatives = [k for *_, members in kinds for k in members[:few]]
     if not representatives:
         return
     common = measured(representatives)
-    for each, name, members in kinds:
+    for case, name, members in kinds:
         exponent = common.of([representatives.index(k) for k in members[:few]])
         chaotic = exponent.members > exponent.floor
         if len(members) > few and chaotic.any() and not chaotic.all():
@@ -330,7 +330,7 @@ def _add_chaotic_groups(outcomes: Sequence[Outcomes], measured: Callable[[list[i
         if exponent.is_positive:
             numbers = tuple(members if chaotic.all() else np.array(members)[chaotic].tolist())
             interval = exponent.value, exponent.half_width
-            each.groups.append(EndingGroup(name, numbers, each.endings[numbers[0]], 1, interval))
+            case.groups.append(EndingGroup(name, numbers, case.endings[numbers[0]], 1, interval))
 
 
 def _is_open(ending: Ending) -> bool:

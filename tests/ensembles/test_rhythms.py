@@ -32,7 +32,7 @@ from nonlinear.ensembles.store import ChunkFolder
 from nonlinear.orbits import follow_cycles, limit_cycles
 from nonlinear.orbits.cycles import beginnings
 from nonlinear.orbits.stable import stable_orbits
-from nonlinear.postprocessing.returns import _left_of, returns_of
+from nonlinear.postprocessing.returns import JUDGED_STROBES, _left_of, returns_of
 from nonlinear.synchronization import (
     ending_of,
     ending_orbit,
@@ -306,7 +306,7 @@ def test_exponents_of_eight_stand_for_those_that_agree(regular: tuple[int, ...],
     """If one of eight is regular, all twenty are measured."""
     state = State(np.zeros(2), np.zeros(2))
     state.links[0] = 1.0
-    open_endings = {k: Ending("open", 1.0, np.zeros((0, 0)), state, chimera=True) for k in range(20)}
+    open_endings = {k: Ending("open", 1.0, np.zeros((JUDGED_STROBES, 4)), state, chimera=True) for k in range(20)}
     outcomes, sizes = Outcomes(METRONOMES, lambda ending: None, open_endings), list[int]()
 
     def measured(members: list[int]) -> Exponent:
