@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from math import ceil, nan, pi
+from math import ceil, inf, nan, pi
 from typing import Any
 
 import numpy as np
@@ -21,14 +21,14 @@ from modal.scene import Scene
 from modal.scene.parameters import Variation
 from modal.types import Floats, Ints
 from nonlinear.chaos.lyapunov import BLOCKS, TRANSIENT, Exponent
-from nonlinear.ensembles.return_maps import OrbitSearch, ReturnMap, SectionMap, StroboscopicMap, unwound
+from nonlinear.ensembles.return_maps import OrbitSearch, ReturnMap, SectionMap, StroboscopicMap
 from nonlinear.ensembles.running import Ensemble, Report, ensemble
 from nonlinear.orbits.cycles import Beginning, beginnings, is_same_orbit
 from nonlinear.orbits.flow import ORBIT_TOLERANCE
 from nonlinear.postprocessing.returns import JUDGED_STROBES, clustered, natural_rate, natural_units
 from nonlinear.synchronization.attractors import AT_REST, OPEN, PERIODIC, TORUS, Ending
 from nonlinear.synchronization.phases import own_shapes
-from nonlinear.system import Motion, State, motion_of, system_of
+from nonlinear.system import Motion, State, motion_of, system_of, unwound
 
 UNDECIDED, CHAOTIC = "undecided", "chaotic"
 EQUAL_ANGLES_GAP = 1e-2
@@ -133,9 +133,10 @@ class Outcomes:
 
     def add_round(self, judged: dict[int, Ending]) -> list[int]:
         """Take the endings that a round showed, and return the starts that run on."""
+        before = dict(self.endings)
         self.endings |= judged
         self._add_periodic(judged)
-        return [k for k, ending in self.others.items() if k in judged and _runs_on(ending)]
+        return [k for k, ending in self.others.items() if k in judged and _runs_on(ending, before.get(k))]
 
     def _add_periodic(self, endings: dict[int, Ending]) -> None:
         """Add periodic motions to the groups whose returns or whose orbit they have, and to new ones."""
@@ -253,8 +254,14 @@ def _numbers_at(vary: Mapping[str, Floats] | None, members: Ints) -> dict[str, A
     return {"vary": {path: numbers[members] for path, numbers in vary.items()}} if vary else {}
 
 
-def _runs_on(ending: Ending) -> bool:
-    """Whether a motion has to run on: neither at rest nor a torus."""
+def _runs_on(ending: Ending, before: Ending | None) -> bool:
+    """Whether a motion has to run on: neither at rest nor a torus, seen `before` too with the same slow period.
+
+    A motion that leaves a torus slowly looks like one, but its slow period changes from round to round.
+    """
+    if ending.kind == TORUS:
+        periods = [each.slow_period or inf for each in (ending, before or ending)]
+        return before is None or before.kind != TORUS or abs(periods[0] - periods[1]) > 1e-3 * periods[0]
     return ending.kind in (OPEN, PERIODIC) and _is_finite(ending)
 
 

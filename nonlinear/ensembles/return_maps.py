@@ -35,7 +35,7 @@ from nonlinear.postprocessing.returns import (
 from nonlinear.simulation import simulate
 from nonlinear.synchronization.attractors import AT_REST, CLOSING_GAP, OPEN, PERIODIC, Ending, ending_of
 from nonlinear.synchronization.phases import own_shapes
-from nonlinear.system import State, system_of
+from nonlinear.system import State, system_of, unwound
 
 OrbitSearch = Callable[[Ending], Beginning | None]
 """Finds the orbit of a periodic ending."""
@@ -160,11 +160,6 @@ def is_orbit_of(ending: Ending, orbit: Orbit) -> bool:
 
 
 ReturnMap = SectionMap | StroboscopicMap
-
-
-def unwound(state: State) -> State:
-    """The same state with all links turned back by whole turns, to angles from −180° to 180°."""
-    return replace(state, links=state.links - 2 * pi * np.round(state.links / (2 * pi)))
 
 
 def name_of_driven(ending: Ending, largest_deg: float) -> str:

@@ -44,7 +44,7 @@ def continued(
 ) -> tuple[list[ValueRhythms], list[RhythmEvent]]:
     """The same values with the rhythms that last as far as there, and where those without orbits are born or die.
 
-    `outcomes` tells what a state ends in at several values (`MapTask.outcomes`); `ends` are kinds and values of births
+    `outcomes` tells what a rhythm ends in at several values (`MapTask.outcomes`); `ends` are kinds and values of births
     and deaths of orbits: a beat that ends next to a Neimark–Sacker point is that point's.  A `crew` continues all
     rhythms to one side together.
     """
@@ -116,7 +116,7 @@ class RhythmContinuation:
         reach = self.target - self.near
         for _ in range(self.rounds):
             begun, values = self.near, self._values_ahead(reach)
-            groups = self._groups_at(values)
+            groups = self.outcomes(values, self.rhythm, self.near)
             lasting = [k for k, group in enumerate(groups) if name_of(group) == self.rhythm.name]
             following = lasting[-1] + 1 if lasting else 0
             if lasting:
@@ -139,10 +139,6 @@ class RhythmContinuation:
         """Evenly spaced values to so far ahead, none beyond the target."""
         values = self.near + reach * np.arange(1, self.lanes + 1) / self.lanes
         return list(dict.fromkeys((np.maximum if self.is_birth else np.minimum)(values, self.target).tolist()))
-
-    def _groups_at(self, values: list[float]) -> Sequence[EndingGroup]:
-        assert self.rhythm.state
-        return self.outcomes(values, self.rhythm.state, may_be_chaotic=self.rhythm.exponent is not None)
 
     def event(self, ends: Sequence[tuple[str, float]]) -> RhythmEvent:
         """The birth or death on the way."""

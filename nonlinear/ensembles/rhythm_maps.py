@@ -37,8 +37,9 @@ from nonlinear.ensembles.store import ChunkFolder
 from nonlinear.orbits.cycles import Beginning, beginnings, is_same_orbit, require_cycles
 from nonlinear.orbits.flow import ORBIT_TOLERANCE
 from nonlinear.orbits.stable import StableOrbits, stable_branches, stable_orbits
+from nonlinear.simulation import simulate
 from nonlinear.synchronization.attractors import Ending, rhythm_of
-from nonlinear.system import Motion, State, motion_of
+from nonlinear.system import Motion, State
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,18 +69,23 @@ class MapTask:
 
         return self.store.groups([value, self.starts], compute)
 
-    def outcomes(self, values: Sequence[float], state: State, *, may_be_chaotic: bool) -> tuple[EndingGroup, ...]:
-        """What the motion from a state ends in at each of these values, run together."""
-        path = self.variation.path
+    def outcomes(self, values: Sequence[float], rhythm: Rhythm, near: float) -> tuple[EndingGroup, ...]:
+        """What a rhythm that is known `near` ends in at each of these values, run together.
+
+        The starts are spread over its slow period: what is lost from one of them may last from another.
+        """
+        path, is_chaotic = self.variation.path, rhythm.exponent is not None
 
         def compute() -> tuple[EndingGroup, ...]:
             outcomes = [Outcomes(vary(self.scene, {path: value}), partial(self.orbit_of, value)) for value in values]
-            members = {"starts": motion_of([state] * len(values)), "vary": {path: np.array(values)}, "check": 0}
-            options: dict[str, Any] = {"engine": self.engine, "workers": 1, "may_be_chaotic": may_be_chaotic}
+            span = rhythm.slow_period or self.limit / 64
+            motion = simulate(vary(self.scene, {path: near}), span, start=rhythm.state, output=len(values) + 1).motion
+            members = {"starts": motion.at(slice(1, None)), "vary": {path: np.array(values)}, "check": 0}
+            options: dict[str, Any] = {"engine": self.engine, "workers": 1, "may_be_chaotic": is_chaotic}
             settle(outcomes, np.arange(len(values)), self.limit, members, **options)
             return tuple(each.whole()[0] for each in outcomes)
 
-        return self.store.groups([values, may_be_chaotic, state], compute)
+        return self.store.groups([values, near, is_chaotic, rhythm.state], compute)
 
     def branch(self, beginning: Beginning) -> StableOrbits:
         """The branch of stable orbits from a beginning."""
@@ -126,6 +132,9 @@ def find_rhythms(
     """
     variation = parse_variations([vary])[0] if isinstance(vary, str) else vary
     require_cycles(scene, variation)
+    if ".start." in variation.path:
+        words = "the starts of a map are drawn at random, the same at every value: map those of the scene by `basins`"
+        raise SceneError([f"vary {variation.path}: {words}"])
     checked_index("members", members, 1, MEMBERS_MAX)
     returns = SectionMap(scene)
     box = (

@@ -192,12 +192,12 @@ class RhythmMap(Drawable, Result):
             return (), str(error)
 
     def distance(self, threshold: AveragedThreshold) -> float | None:
-        """From a threshold of averaged equations to the nearest computed birth or death of a motion of its pattern.
-
-        None if there is none.
-        """
-        events = (event for event in self.births if event.kind != UNDECIDED)
-        exact = [event.value for event in events if threshold.words.startswith(event.name.partition(",")[0])]
+        """From a threshold of averaged equations to the nearest exact one of such a motion; None if there is none."""
+        exact = []
+        for event in self.births:
+            change = self.change_words(event.name, event.kind, is_birth=event.is_birth)
+            if threshold.words == f"{event.name.partition(',')[0]} {change}" and event.kind != UNDECIDED:
+                exact.append(event.value)
         return min((value - threshold.value for value in exact), key=abs, default=None)
 
     @property
@@ -451,8 +451,8 @@ class RhythmGrid(Drawable, Result):
 
 
 def _most_words(at: ValueRhythms, members: int) -> str:
-    """The most frequent outcome at a value, with its share (%), and how many are undecided."""
+    """The most frequent outcomes at a value, with their share (%), and how many are undecided."""
     frequent = [(name, count) for name, count in at.counts().most_common() if count]
-    first = next((name for name, _ in frequent if name != UNDECIDED), UNDECIDED)
-    words = [f"{name} {100 * count / members:.3g}" for name, count in frequent if name in (first, UNDECIDED)]
-    return f"{words[0]} ({words[1]})" if len(words) > 1 else words[0]
+    largest = max((count for name, count in frequent if name != UNDECIDED), default=0)
+    words = [f"{name} {100 * count / members:.3g}" for name, count in frequent if name == UNDECIDED or count == largest]
+    return f"{words[0]} ({', '.join(words[1:])})" if len(words) > 1 else words[0]

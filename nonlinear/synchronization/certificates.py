@@ -22,7 +22,7 @@ from nonlinear.orbits.cycles import is_same_orbit
 from nonlinear.orbits.floquet import CIRCLE_EXCESS_MAX, PAIR_SPLIT_MIN
 from nonlinear.orbits.orbit import ORBIT_RESIDUAL_MAX
 from nonlinear.synchronization.patterns import own_amplitudes
-from nonlinear.system import State
+from nonlinear.system import State, unwound
 
 CERTIFIED_LINKS_MAX = 24
 """Limit: "limit cycles are computed of up to 24" links."""
@@ -70,15 +70,16 @@ def orbit_at_the_end(trajectory: Trajectory, within: float = 0.05) -> Orbit | No
     """
     if certificate_refusal(trajectory.scene):
         return None
+    final = unwound(trajectory.final)
     for rcond in (None, PAIR_SPLIT_MIN):  # the second along families
         try:
             period = last_swing(trajectory.times, trajectory.motion)
-            orbit = periodic_orbit(trajectory.scene, trajectory.final, period, rcond=rcond)
+            orbit = periodic_orbit(trajectory.scene, final, period, rcond=rcond)
         except ComputationError:
             continue
         is_closed = orbit.residual < ORBIT_RESIDUAL_MAX < orbit.amplitude
         is_stable = np.abs(orbit.floquet.others).max(initial=0.0) < 1 + CIRCLE_EXCESS_MAX
-        if is_closed and is_stable and _distance(orbit, trajectory.final) <= within * orbit.amplitude:
+        if is_closed and is_stable and _distance(orbit, final) <= within * orbit.amplitude:
             return orbit
     return None
 

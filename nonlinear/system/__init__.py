@@ -48,6 +48,7 @@ from nonlinear.system.state import (
     apart,
     motion_of,
     of_plane,
+    unwound,
 )
 from nonlinear.system.system import Group, JointTerm, System, drawn_place, ends_may_meet, place_of, slack_of, system_of
 
@@ -100,6 +101,7 @@ __all__ = [
     "system_with_constants",
     "translations",
     "turning_point",
+    "unwound",
     "validate_state",
 ]
 __dir__ = __all__.copy

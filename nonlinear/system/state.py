@@ -282,3 +282,8 @@ def angles_of(u: Floats) -> tuple[Floats, Floats]:
     """θ in [0, π] and φ in (−π, π] (rad) of vectors (..., 3) of any length; φ is 0 on the vertical."""
     x, y, z = np.moveaxis(u, -1, 0)
     return np.arctan2(np.hypot(x, y), z), np.arctan2(y, x)
+
+
+def unwound(state: State) -> State:
+    """The same state with all links turned back by whole turns, to angles from −180° to 180°."""
+    return replace(state, links=state.links - 2 * np.pi * np.round(state.links / (2 * np.pi)))

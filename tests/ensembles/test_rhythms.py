@@ -208,10 +208,12 @@ class FakeRuns:
     def __init__(self, reach: float, otherwise: str) -> None:
         self.reach, self.otherwise, self.calls = reach, otherwise, 0
 
-    def outcomes(self, values: list[float], state: State, *, may_be_chaotic: bool) -> list[EndingGroup]:
+    def outcomes(self, values: list[float], rhythm: Rhythm, near: float) -> list[EndingGroup]:
         """The state holds the value at which it was."""
         self.calls += 1
-        names = ["beat" if v <= 0.3 and v - state.cart <= self.reach else self.otherwise for v in values]
+        assert rhythm.state
+        assert rhythm.state.cart == near
+        names = ["beat" if v <= 0.3 and v - near <= self.reach else self.otherwise for v in values]
         states = [State(np.zeros(2), np.zeros(2), value) for value in values]
         endings = [Ending("torus", 1.0, np.zeros((0, 0)), state) for state in states]
         return [EndingGroup(name, (0,), ending) for name, ending in zip(names, endings, strict=True)]
@@ -288,13 +290,14 @@ def test_more_motions_than_are_told_apart_at_once_stay_apart() -> None:
 
 
 def test_values_that_run_together_end_as_each_alone() -> None:
-    """The beat on the light base from its last state, in phase on the heavy one."""
-    beat = next(rhythm.state for rhythm in two_values().values[0].rhythms if rhythm.name == "beat")
-    assert beat
+    """The beat on the light base from two of its states, half a slow period apart, in phase on the heavy one."""
+    beat = next(rhythm for rhythm in two_values().values[0].rhythms if rhythm.name == "beat")
     variation = parse_variations([f"support.mass={LIGHT}:{HEAVY}:2"])[0]
-    task = MapTask(METRONOMES, variation, motion_of([beat]), 206.0, "auto")
-    together = task.outcomes([LIGHT, HEAVY], beat, may_be_chaotic=False)
-    alone = [task(value)[0] for value in (LIGHT, HEAVY)]
+    task = MapTask(METRONOMES, variation, rhythm_starts(METRONOMES, 1, 52.0), 206.0, "auto")
+    together = task.outcomes([LIGHT, HEAVY], beat, LIGHT)
+    assert beat.slow_period
+    run = simulate(vary(METRONOMES, {"support.mass": LIGHT}), beat.slow_period, start=beat.state, output=3)
+    alone = [replace(task, starts=run.motion.at(slice(k, k + 1)))(value)[0] for k, value in ((1, LIGHT), (2, HEAVY))]
     assert [group.name for group in together] == ["beat", "periodic"]
     for group, other in zip(together, alone, strict=True):
         assert (group.name, group.ending.returns) == (other.name, other.ending.returns)
@@ -434,7 +437,11 @@ def test_continuations_are_stored_and_shared_among_a_crew(tmp_path: Path, monkey
             ending = Ending("torus", 1.0, np.zeros((0, 0)), state, drifting=name != "beat")
             each.groups.append(EndingGroup(name if lasts else "in phase", (0,), ending))
 
+    def simulate(scene: object, span: float, *, start: State, output: int) -> SimpleNamespace:
+        return SimpleNamespace(motion=motion_of([start] * output))
+
     monkeypatch.setattr("nonlinear.ensembles.rhythm_maps.settle", settle)
+    monkeypatch.setattr("nonlinear.ensembles.rhythm_maps.simulate", simulate)
     variation = parse_variations(["support.mass=0.1:0.4:4"])[0]
     beat, drift = (Rhythm(name, 3, 10, state=State(np.full(2, side), np.zeros(2))) for name, side in BEATS)
     values = [ValueRhythms(value, (), 0) for value in variation.values]
@@ -481,6 +488,8 @@ def test_two_numbers_are_a_grid_of_verdicts() -> None:
     assert "in phase 100" in grid.report()
     assert "2 starts, the same at every value" in grid.report()
     assert grid.plot().axes
+    with pytest.raises(SceneError, match="the starts of a map are drawn at random"):
+        find_rhythms(METRONOMES, "pendulum[0].start.angles_deg[0]=3:4:2")
     with pytest.raises(SceneError, match="mass: is varied twice"):
         find_rhythm_grid(METRONOMES, (axes[0], axes[0]))
 
@@ -493,6 +502,10 @@ def test_a_minority_is_not_the_most_frequent() -> None:
     grid = RhythmGrid(METRONOMES, (variation, second), (row, row))
     text, bars = grid.report(), grid.plot().axes[0].patches
     assert "undecided 70 (in phase 30)" in text
+    tie = value._replace(rhythms=(Rhythm("in phase", 3, 10), Rhythm("antiphase", 3, 10)), undecided=4)
+    evenly = replace(row, values=(tie, tie))
+    text_of_ties = RhythmGrid(METRONOMES, (variation, second), (evenly, evenly)).report()
+    assert "undecided 40 (in phase 30, antiphase 30)" in text_of_ties
     beat = RhythmEvent("beat", False, "enclosed", 0.11, (0.109, 0.111), "in phase")
     assert row.event_words(beat) == "beat ends between 0.109 kg and 0.111 kg: beyond that the motion becomes in phase."
     heights = sorted(bar.get_height() for bar in bars)

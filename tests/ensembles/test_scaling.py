@@ -370,13 +370,13 @@ def test_a_folder_of_earlier_is_read_and_goes_on(tmp_path: Path) -> None:
     shutil.copytree(Path(__file__).parent / "written", tmp_path / "written")
     before = contents(tmp_path / "written")
     question = {"starts": [[0.1], [0.2], [3.0]], "measures": ["largest_angle", "section:theta[1,1]=0"], "chunk": 2}
-    heard: list[float] = []
-    runs = run(tmp_path / "written", scene=load("chain-1"), report=heard.append, **question)
+    scene, heard = load("chain-1").model_copy(update={"title": "Chain of 1 equal bob"}), list[float]()
+    runs = run(tmp_path / "written", scene=scene, report=heard.append, **question)
     assert heard == [3]
     assert contents(tmp_path / "written") == before
     assert np.allclose(runs.column("largest_angle_deg"), np.degrees([0.1, 0.2, 3.0]), rtol=1e-9)
     (tmp_path / "written" / "part-000001.npz").unlink()
-    again = run(tmp_path / "written", scene=load("chain-1"), **question)
+    again = run(tmp_path / "written", scene=scene, **question)
     for name in runs.columns:
         assert np.allclose(again.column(name), runs.column(name), rtol=1e-9, atol=1e-9, equal_nan=True), name
 
