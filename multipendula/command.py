@@ -213,16 +213,15 @@ class Command(NamedTuple):
     @property
     def details(self) -> str:
         """What its page says after that."""
-        text, _ = EXAMPLES.split(self.run.__doc__ or "")
+        text, *_ = EXAMPLES.split(self.run.__doc__ or "")
         return " ".join(text.split()).removeprefix(self.summary).lstrip()
 
     @property
     def examples(self) -> Examples:
         """Commands, each with a description."""
-        _, text = EXAMPLES.split(self.run.__doc__ or "")
-        return tuple(
-            (" ".join(words.split()), " ".join(about.split())) for words, about in EXAMPLE.findall(dedent(text))
-        )
+        _, *texts = EXAMPLES.split(self.run.__doc__ or "")  # without docstrings (python -OO) there are none
+        examples = (example for text in texts for example in EXAMPLE.findall(dedent(text)))
+        return tuple((" ".join(words.split()), " ".join(about.split())) for words, about in examples)
 
     @property
     def options(self) -> tuple[Option, ...]:

@@ -3,7 +3,7 @@
 In: derivatives of readings by a scene's numbers, measured modes, records.  Out: parameters with standard deviations,
 the combinations that the data determine, and in words those that they do not; poles and shapes of records; what the
 covariance of a fit makes of modes, responses and shaped commands.  Start with `parameters`; `mode_fitting` fits to
-measured modes, `poles` needs no scene, `assurance` compares both, `propagation` starts from a fit.
+measured modes, `poles` needs no scene, `measured` compares both, `estimate` starts from a fit.
 """
 
 from modal.identification.decays import autocorrelation, covariance, influence, resampled

@@ -1,6 +1,6 @@
 """Experimental modal analysis: frequencies, damping ratios and shapes from records alone, without a scene.
 
-Free decays are realized (`realization`) and their poles fitted to the records themselves (`decays`).  Of responses to
+Free decays are realized and their poles fitted to the records themselves (`decays`).  Of responses to
 random excitation the correlations are realized, and standard deviations are those of a jackknife over parts of the
 records [Efron1981].
 """

@@ -4,7 +4,7 @@ In: a `Scene` and a `Variation`.  Out: `Loci`: each mode followed by its shape, 
 
     dω²/dp = φᵀ (dK/dp − ω² dM/dp) φ,    φᵀ M φ = 1
 
-Start with `following`; `tracking` pairs the modes of neighbouring values, and finds crossings and veerings.
+Start with `following`, which pairs the modes of neighbouring values, and finds crossings and veerings.
 """
 
 from modal.loci.following import CloseApproach, Loci, follow_loci, loci_csv, loci_text, span_of, state_columns

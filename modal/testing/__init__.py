@@ -9,8 +9,8 @@ routes that do not know each other:
     class TestMagnet(LawTests):
         extension, parameters = Magnet, {"strength": 0.02}
 
-Start with `extensions`, which has what all kinds are tested for; `mechanics`
-what their motions are: `laws`, `supports`, `measures` and `formats` have a class for each kind.
+Start with `extensions`, which has what all kinds are tested for, and the classes of measures and formats; `mechanics`
+has those of laws, forces and supports.
 """
 
 from modal.testing.extensions import ExtensionTests, FormatTests, MeasureTests

@@ -5,7 +5,7 @@ temperature.  Out: the motion as functions of time; PSD and RMS of every output 
 their combination by SRSS and CQC; thermal noise with its budget; Floquet multipliers under vertical motion, and the
 boundaries of growth.
 
-Start with `prescribed`, made of `courses`; `random`, `thermal`, `shock`, `hill` (growth under vertical motion) and
+Start with `prescribed`; `random`, which has thermal motion too, `shock`, `hill` (growth under vertical motion) and
 `boundaries` (of that) each answer one question.
 """
 

@@ -6,7 +6,7 @@ with its time and its error against a reference, up to the horizon
     t* = ln(tolerable/ε)/λ
 
 beyond which the motion is unpredictable.  Start with `advice`; `references` has the candidates and the
-solutions with which they are compared, `frequencies` compares the ways to natural frequencies.
+solutions with which they are compared, `work_precision` compares their times and errors.
 """
 
 from typing import TYPE_CHECKING

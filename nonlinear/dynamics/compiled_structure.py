@@ -1,6 +1,6 @@
 """The equations of structures compiled by numba (extra `fast`): loops over flat arrays of supports, links and springs.
 
-The operations at each are the text of `nonlinear.dynamics.structure`, `springs` and `recursion` and of
+The operations at each are the text of `nonlinear.dynamics.structure` and `recursion` and of
 `modal.structure.carriers`; here is only its order.  Modal supports and those that others write are left to the written
 text and to NumPy.
 """

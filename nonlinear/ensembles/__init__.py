@@ -7,9 +7,9 @@ of every member, with its energy drift and horizon, in chunks that may be files 
 
 Start with `running`; `measures` says how measures are computed, `lanes` and `compiled` are the engines, and `plain`
 takes one by one what these do not; `basins` and `sections` are what ensembles are run for most, of scenes that are
-driven in time `strobes`, `attractors` and `bifurcations`; `rhythms` maps outcomes of scenes with drives along a number,
-`rhythm_borders` where that of no orbit ends; `executors` and `cluster` share the work among processes, also that of
-other subpackages. `preparing` compiles ahead of time what a scene can use.
+driven in time `strobes` and `bifurcations`; `endings` finds what starts end in, from `return_maps`; `rhythm_maps` does
+so along a number and keeps it in `rhythm_store`, with `rhythm_borders` of what has no orbit; `executors` and `cluster`
+share the work among processes, also that of other subpackages. `preparing` compiles ahead of time what a scene can use.
 """
 
 from nonlinear.ensembles.basins import Basins, basins_table, begins_in_mode, find_basins, grid_of

@@ -212,12 +212,16 @@ def _attractors(scene: Scene, axes: tuple[Variation, ...], limit: float | None, 
 
 
 def _named(groups: Sequence[EndingGroup]) -> Iterator[EndingGroup]:
-    """Groups with the names of their rhythms; several of one name with the largest angles of their orbits."""
+    """Groups with the names of their rhythms; several of one name with what distinguishes them, at least a number."""
     names = Counter(map(name_of, groups))
+    places: Counter[str] = Counter()
     for group in groups:
-        name, orbit = name_of(group), group.beginning and group.beginning.orbit
-        angle = f", {degrees(orbit.amplitude):.5g}°" if orbit and names[name] > 1 else ""
-        yield replace(group, name=name + angle)
+        name, orbit, slow_period = name_of(group), group.beginning and group.beginning.orbit, group.ending.slow_period
+        if names[name] > 1:
+            name += f", {degrees(orbit.amplitude):.5g}°" if orbit else f", {slow_period:.5g} s" if slow_period else ""
+            places[name] += 1
+            name += f" ({places[name]})" if places[name] > 1 else ""
+        yield replace(group, name=name)
 
 
 @checked

@@ -296,7 +296,7 @@ def _settled_groups(endings: dict[int, Ending]) -> Iterator[EndingGroup]:
         first = endings[tori[0]]
         alike = [k for k in tori if endings[k].name == first.name]
         periods = [endings[k].slow_period or 0.0 for k in alike]
-        members = np.array(alike)[np.isclose(periods, first.slow_period or 0.0, rtol=1e-2)].tolist()
+        members = np.array(alike)[np.isclose(periods, first.slow_period or 0.0, rtol=1e-2, equal_nan=True)].tolist()
         tori = [k for k in tori if k not in members]
         yield EndingGroup(first.name, tuple(members), first)
 

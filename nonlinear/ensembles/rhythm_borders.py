@@ -128,9 +128,13 @@ class RhythmContinuation:
             if following == len(values):
                 reach *= 2
                 continue
-            self.stop, self.successor = values[following], name_of(groups[following])
-            reach = self.stop - self.near
-            if abs(self.stop - begun) <= self.smallest * (1 + 1e-9):
+            decided = [k for k in range(following, len(values)) if name_of(groups[k]) != UNDECIDED]
+            end, before = decided[0] if decided else following, (begun, self.stop)
+            self.stop, self.successor = values[end], name_of(groups[end])
+            # next to the end of a rhythm motions settle slowly: what is undecided there is no end
+            nearest = values[0] if (self.near, self.stop) == before else self.stop
+            reach = nearest - self.near
+            if abs(nearest - begun) <= self.smallest * (1 + 1e-9):
                 return None
         self.successor = UNDECIDED
         return None
