@@ -99,7 +99,7 @@ class Pattern(Displayed):
 def patterns_of(scene: Scene) -> tuple[Pattern, ...]:
     """The patterns of a structured scene with one or two populations, all in phase first.
 
-    Raise Raise ComputationError for more populations, and if no small set of pendula represents the others.
+    Raise ComputationError for more populations, and if no small set of pendula represents the others.
     """
     require_type("scene", scene, "Scene")
     populations = populations_of(scene)

@@ -133,10 +133,10 @@ class Outcomes:
 
     def add_round(self, judged: dict[int, Ending]) -> list[int]:
         """Take the endings that a round showed, and return the starts that run on."""
-        before = dict(self.endings)
+        previous = dict(self.endings)
         self.endings |= judged
         self._add_periodic(judged)
-        return [k for k, ending in self.others.items() if k in judged and _runs_on(ending, before.get(k))]
+        return [k for k, ending in self.others.items() if k in judged and _runs_on(ending, previous.get(k))]
 
     def _add_periodic(self, endings: dict[int, Ending]) -> None:
         """Add periodic motions to the groups whose returns or whose orbit they have, and to new ones."""
@@ -254,14 +254,14 @@ def _numbers_at(vary: Mapping[str, Floats] | None, members: Ints) -> dict[str, A
     return {"vary": {path: numbers[members] for path, numbers in vary.items()}} if vary else {}
 
 
-def _runs_on(ending: Ending, before: Ending | None) -> bool:
-    """Whether a motion has to run on: neither at rest nor a torus, seen `before` too with the same slow period.
+def _runs_on(ending: Ending, previous: Ending | None) -> bool:
+    """Whether a motion has to run on: neither at rest nor a torus that the `previous` round showed too, with its slow period.
 
     A motion that leaves a torus slowly looks like one, but its slow period changes from round to round.
     """
     if ending.kind == TORUS:
-        periods = [each.slow_period or inf for each in (ending, before or ending)]
-        return before is None or before.kind != TORUS or abs(periods[0] - periods[1]) > 1e-3 * periods[0]
+        periods = [each.slow_period or inf for each in (ending, previous or ending)]
+        return previous is None or previous.kind != TORUS or abs(periods[0] - periods[1]) > 1e-3 * periods[0]
     return ending.kind in (OPEN, PERIODIC) and _is_finite(ending)
 
 
@@ -303,12 +303,12 @@ def _settled_groups(endings: dict[int, Ending]) -> Iterator[EndingGroup]:
 
 def distinct_states(states: Iterable[State]) -> int:
     """Return how many of these states on the section differ by more than 0.01 rad in an angle."""
-    seen: list[Floats] = []
+    distinct: list[Floats] = []
     for state in states:
         turned = np.concatenate((np.sin(state.links), np.cos(state.links)))
-        if not any(np.abs(turned - other).max() < 1e-2 for other in seen):
-            seen.append(turned)
-    return len(seen)
+        if not any(np.abs(turned - other).max() < 1e-2 for other in distinct):
+            distinct.append(turned)
+    return len(distinct)
 
 
 def _add_chaotic_groups(outcomes: Sequence[Outcomes], measured: Callable[[list[int]], Exponent], few: int = 8) -> None:

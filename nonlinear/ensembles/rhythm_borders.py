@@ -115,7 +115,7 @@ class RhythmContinuation:
         """
         reach = self.target - self.near
         for _ in range(self.rounds):
-            begun, values = self.near, self._values_ahead(reach)
+            start, values = self.near, self._values_ahead(reach)
             groups = self.outcomes(values, self.rhythm, self.near)
             lasting = [k for k, group in enumerate(groups) if name_of(group) == self.rhythm.name]
             following = lasting[-1] + 1 if lasting else 0
@@ -128,13 +128,13 @@ class RhythmContinuation:
             if following == len(values):
                 reach *= 2
                 continue
-            decided = [k for k in range(following, len(values)) if name_of(groups[k]) != UNDECIDED]
-            end, before = decided[0] if decided else following, (begun, self.stop)
+            settling = [k for k in range(following, len(values)) if name_of(groups[k]) != UNDECIDED]
+            end, before = settling[0] if settling else following, (start, self.stop)
             self.stop, self.successor = values[end], name_of(groups[end])
             # next to the end of a rhythm motions settle slowly: what is undecided there is no end
             nearest = values[0] if (self.near, self.stop) == before else self.stop
             reach = nearest - self.near
-            if abs(nearest - begun) <= self.smallest * (1 + 1e-9):
+            if abs(nearest - start) <= self.smallest * (1 + 1e-9):
                 return None
         self.successor = UNDECIDED
         return None
