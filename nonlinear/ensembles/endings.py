@@ -255,7 +255,7 @@ def _numbers_at(vary: Mapping[str, Floats] | None, members: Ints) -> dict[str, A
 
 
 def _runs_on(ending: Ending, previous: Ending | None) -> bool:
-    """Whether a motion has to run on: neither at rest nor a torus that the `previous` round showed too, with its slow period.
+    """Whether a motion has to run on: neither at rest nor a torus of one slow period in this and the `previous` round.
 
     A motion that leaves a torus slowly looks like one, but its slow period changes from round to round.
     """
