@@ -20,7 +20,7 @@ import sympy as sp
 from sympy.printing.latex import LatexPrinter
 from sympy.printing.str import StrPrinter
 
-from modal.report import LETTERS, breadth, fits, latex, markdown, visible
+from modal.report import LETTERS, breadth, capital, fits, latex, markdown, visible
 
 LINE = 54.0
 """Format: letters on a line of the article class, 345 pt, with a margin for the error of the estimate."""
@@ -194,7 +194,7 @@ class Section(NamedTuple):
     def _repr_latex_(self) -> str:
         blocks = [_inline(self.title)]
         for words, formula in self.lines:
-            blocks.append(_sentence(_inline(words)) + ("." if formula is None else f": {in_display(formula)}"))
+            blocks.append(capital(_inline(words)) + ("." if formula is None else f": {in_display(formula)}"))
         return "\n\n".join(blocks)
 
 
@@ -333,7 +333,7 @@ def _latex(title: str, sections: list[Section]) -> str:
     for section in sections:
         lines += [rf"\subsection*{{{_escape(section.title)}}}"]
         for words, formula in section.lines:
-            lines.append(_sentence(_escape(words)) + ("." if formula is None else ":"))
+            lines.append(capital(_escape(words)) + ("." if formula is None else ":"))
             lines += [] if formula is None else [_display(formula)]
     return "\n".join(lines) + "\n"
 
@@ -343,7 +343,7 @@ def _markdown(title: str, sections: list[Section]) -> str:
     for section in sections:
         blocks.append(f"## {_inline(section.title)}")
         for words, formula in section.lines:
-            blocks.append(_sentence(_inline(words)) + ("." if formula is None else ":"))
+            blocks.append(capital(_inline(words)) + ("." if formula is None else ":"))
             if formula is not None:
                 blocks.append(in_display(formula))
     return "\n\n".join(blocks) + "\n"
@@ -368,9 +368,9 @@ def _beamer(title: str, sections: list[Section]) -> str:
         lines.append(rf"\begin{{frame}}[allowframebreaks=0.8]{{{_escape(section.title)}}}")
         for words, formula in section.lines:
             if formula is not None:
-                block = f"{_sentence(_escape(words))}:\n{_display(formula, 0.8 * LINE)}"
+                block = f"{capital(_escape(words))}:\n{_display(formula, 0.8 * LINE)}"
                 lines.append(f"\\begin{{labelled}}\n{block}\n\\end{{labelled}}")
-        notes = [f"{_sentence(_escape(words))}." for words, formula in section.lines if formula is None]
+        notes = [f"{capital(_escape(words))}." for words, formula in section.lines if formula is None]
         lines += [*(notes if len(notes) == len(section.lines) else ()), r"\end{frame}"]
         lines += [rf"\note{{{' '.join(notes)}}}"] if 0 < len(notes) < len(section.lines) else []
     return "\n".join([*lines, r"\end{document}"]) + "\n"
@@ -396,11 +396,6 @@ def _display(formula: Any, line: float = LINE) -> str:
     room = line - letters(head)
     body = " \\\\\n& ".join(broken_lines(_tex(right, long_frac_ratio=2), room))
     return f"\\begin{{align*}}\n{head}& {body}\n\\end{{align*}}"
-
-
-def _sentence(words: str) -> str:
-    """Words that begin as a sentence does."""
-    return words[:1].upper() + words[1:]
 
 
 def _inline(words: str) -> str:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import modal
 import nonlinear
 from multipendula.command import RUN, THEME, Command, formats, kwargs_of, main_file, refuse
-from multipendula.commands.runs import RunOptions, motion, recorded, start_of, whole
+from multipendula.commands.runs import RunOptions, motion, recorded, start_of
 from multipendula.commands.shared import (
     bar,
     draw_in,
@@ -106,7 +106,7 @@ def simulate(options: argparse.Namespace) -> Trajectory | Compilation | Tube:
         from nonlinear.postprocessing import run_inventory
 
         sys.stderr.write(run_inventory(trajectory).text())
-    return whole(trajectory)
+    return trajectory.uninterrupted()
 
 
 def _trajectory(options: argparse.Namespace) -> Trajectory:

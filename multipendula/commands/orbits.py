@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import modal
 import nonlinear
 from multipendula.command import CREW, SCENE, Command, formats, misfits, once, report_file
-from multipendula.commands.runs import start_of, whole
+from multipendula.commands.runs import start_of
 from multipendula.commands.shared import bar, crew_of, draw_in, drawn, film_form, noted, remark, say, validated, warned
 
 if TYPE_CHECKING:
@@ -152,7 +152,7 @@ def _settled(scene: Scene, path: str, value: float, options: argparse.Namespace)
     if period:
         duration = ceil(duration / period) * period
     with bar(duration) as report:
-        run = whole(nonlinear.simulate(here, duration, start=start_of(here, options.start), report=report))
+        run = nonlinear.simulate(here, duration, start=start_of(here, options.start), report=report).uninterrupted()
     if period:
         return run.final, period
     return run.final, last_swing(run.times, run.motion)

@@ -85,7 +85,7 @@ class RunOptions:
     def shown(self, *checks: Check) -> Trajectory:
         """A saved run unchanged, or a new complete run of a scene."""
         if not recorded(self.scene):
-            return whole(self.run(*checks))
+            return self.run(*checks).uninterrupted()
         if self.given:
             raise modal.SceneError([f"--{name.replace('_', '-')}: cannot change a saved run" for name in self.given])
         trajectory: Trajectory = nonlinear.integration.validate(
@@ -260,10 +260,3 @@ def _in_mode(scene: Scene, number: int, degrees: float, *, undamped: bool) -> St
         modes = nonlinear.integration.modes_of(scene)
     state = start_in_mode(scene, modes, row, copy_along(modes, row), radians(degrees))
     return state if scene.space == "plane" else nonlinear.system.of_plane(state)
-
-
-def whole(trajectory: Trajectory) -> Trajectory:
-    """The trajectory itself; KeyboardInterrupt where Ctrl-C cut it short."""
-    if trajectory.run.interrupted:
-        raise KeyboardInterrupt
-    return trajectory

@@ -151,8 +151,10 @@ class Outcomes:
                 if (facts := self.returns.facts(first, self.orbit_of)) is None:
                     continue
                 group = EndingGroup(members=(), ending=first, **facts)
-                place = next((k for k, other in enumerate(self.groups) if group.has_orbit_of(other)), -1)
-                self.groups += [group] * (place < 0)
+                place = next((k for k, other in enumerate(self.groups) if group.has_orbit_of(other)), None)
+            if place is None:
+                place = len(self.groups)
+                self.groups.append(group)
             self.groups[place] = replace(self.groups[place], members=(*self.groups[place].members, *members))
 
     def _labels(self, endings: Sequence[Ending]) -> Ints:

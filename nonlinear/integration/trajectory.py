@@ -117,6 +117,12 @@ class Trajectory(TextResult):
         """Whether the run reached its end."""
         return not self.run.stopped
 
+    def uninterrupted(self) -> Trajectory:
+        """The trajectory itself; KeyboardInterrupt where Ctrl-C cut it short."""
+        if self.run.interrupted:
+            raise KeyboardInterrupt
+        return self
+
     @cached_property
     def _steady(self) -> Mechanics:
         """The motion in a frame without coasting: rounding would dominate the energy of a fast free cart."""

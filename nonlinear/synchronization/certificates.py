@@ -50,7 +50,7 @@ def certified_orbit(scene: Scene, equilibrium: RelativeEquilibrium) -> Orbit | N
     return orbit if is_close else None
 
 
-def beside_distinct_orbits(
+def with_distinct_orbits(
     pairs: Iterable[tuple[RelativeEquilibrium, Orbit | None]],
 ) -> tuple[tuple[RelativeEquilibrium, Orbit | None], ...]:
     """Configurations with their orbits, and of several next to one and the same orbit the first."""

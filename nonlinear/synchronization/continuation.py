@@ -258,7 +258,7 @@ def follow_branches(
                 branches.append(branch)
                 report(len(branches))
     branches.sort(key=lambda branch: (branch.values[0], branch.omega[0]))
-    result = Branches(scene, variation, tuple(_beside_distinct_orbits(branches)))
+    result = Branches(scene, variation, tuple(_distinct_branches(branches)))
     if crew is not None:
         result.__dict__["special_points"] = tuple(
             map_by_crew(partial(_locate, result), range(len(result.changes)), crew)
@@ -279,7 +279,7 @@ def orbit_beside(state: RelativeEquilibrium) -> Orbit | None:
     return certified_orbit(state.averaged.scene, state)
 
 
-def _beside_distinct_orbits(branches: Sequence[EquilibriumBranch]) -> list[EquilibriumBranch]:
+def _distinct_branches(branches: Sequence[EquilibriumBranch]) -> list[EquilibriumBranch]:
     """The branches, without those whose periodic orbits are the ones of another branch before them."""
     distinct: list[EquilibriumBranch] = []
     for branch in branches:

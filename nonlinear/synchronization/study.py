@@ -20,10 +20,10 @@ from nonlinear.integration import Trajectory, estimate_timescales
 from nonlinear.orbits import Orbit
 from nonlinear.simulation import resume, simulate
 from nonlinear.synchronization.certificates import (
-    beside_distinct_orbits,
     certificate_refusal,
     certified_orbit,
     orbit_at_the_end,
+    with_distinct_orbits,
 )
 from nonlinear.synchronization.modal_energy import SHARE_DIFFERENCE_MAX, Survival, find_survival
 from nonlinear.synchronization.phases import Phases, phases_of
@@ -79,7 +79,7 @@ class Theory(Displayed):
     @cached_property
     def distinct(self) -> tuple[tuple[RelativeEquilibrium, Orbit | None], ...]:
         """Every configuration with its orbit, and of several next to one and the same orbit the first."""
-        return beside_distinct_orbits(zip(self.configurations, self.orbits, strict=True))
+        return with_distinct_orbits(zip(self.configurations, self.orbits, strict=True))
 
     @property
     def certificate_refusal(self) -> str:
@@ -277,7 +277,9 @@ def study_synchronization(
         start = theory.prediction.start
     modes = theory and theory.prediction.averaged.modes
     is_certain = theory is not None and not theory.doubts
-    trajectory = _completed(simulate(scene, length, start=start, report=partial(_forward, report, length), **options))
+    trajectory = simulate(
+        scene, length, start=start, report=partial(_forward, report, length), **options
+    ).uninterrupted()
     longest = duration or longest_duration(theory, length)
     while True:
         survival, unmeasured_reason = _attempt(partial(find_survival, trajectory, modes))
@@ -290,18 +292,12 @@ def study_synchronization(
         more = min(passed, longest - passed)
         samples = 1 + ceil((len(trajectory.times) - 1) * more / passed)
         seconds = partial(_forward, report, passed + more)
-        trajectory = joined(trajectory, _completed(resume(trajectory, more, output=samples, report=seconds)))
+        trajectory = joined(trajectory, resume(trajectory, more, output=samples, report=seconds).uninterrupted())
     phases = phases_of(trajectory)
     populations = population_phases(phases), motions, motionless
     return SynchronizationStudy(
         scene, theory, silent, trajectory, phases, survival, unmeasured_reason, orbit, *populations
     )
-
-
-def _completed(trajectory: Trajectory) -> Trajectory:
-    if trajectory.run.interrupted:
-        raise KeyboardInterrupt
-    return trajectory
 
 
 def joined(first: Trajectory, later: Trajectory) -> Trajectory:
