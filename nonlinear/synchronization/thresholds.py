@@ -8,9 +8,10 @@ which the motion itself dies out: where small swings about rest begin to decay.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
+from math import ceil
 
 import numpy as np
 import scipy
@@ -161,7 +162,7 @@ def follow_populations(
     variation = variation_of(vary)
     require_cycles(scene, variation)
     require(scene, "a prediction of synchronization")
-    walk = PopulationWalk(scene, variation)
+    walk = PopulationWalk(scene, _divided(variation))
     branches, thresholds = list[MotionBranch](), list[Threshold]()
     names = [pattern.name for pattern in patterns_of(walk.scene_at(variation.values[0]))]
     for branch, crossings in map_by_crew(walk.follow, names, crew):
@@ -171,6 +172,18 @@ def follow_populations(
     return PopulationDiagram(
         scene, variation, tuple(branches), tuple(sorted(thresholds, key=lambda threshold: threshold.value))
     )
+
+
+def _divided(variation: Variation, steps: int = 8) -> Variation:
+    """The same range in at least so many steps, each short enough that a motion is found next to the one before."""
+    values = np.array(variation.values)
+    parts = max(1, ceil(steps / (len(values) - 1)))
+    places = np.arange(parts * (len(values) - 1) + 1) / parts
+    scale = np.log(values) if variation.log else values
+    finer = np.interp(places, np.arange(len(values)), scale)
+    finer = np.exp(finer) if variation.log else finer
+    finer[::parts] = values
+    return replace(variation, values=tuple(finer.tolist()))
 
 
 def _join(branch: MotionBranch, crossings: list[Crossing]) -> MotionBranch:

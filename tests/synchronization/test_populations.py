@@ -386,3 +386,12 @@ def test_equal_pendula_bear_equal_springs(seed: int) -> None:
     assert sizes(("ground", "pendulum[0].links[0]")) == [2, 2]
     assert sizes(("pendulum[0].copies[0].links[0]", "pendulum[0].copies[1].links[0]")) == [2, 2]
     assert sizes(("pendulum[0].copies[0].links[0]", "pendulum[1].copies[1].links[0]")) == [1, 1, 1, 1]
+
+
+def test_two_values_show_what_many_do() -> None:
+    """Antiphase dies out between 55 and 85 N/m, after two thresholds: ends of the range alone would miss these."""
+    few, many = (follow_populations(load("two-swings"), f"spring[0].stiffness=55:85:{count}") for count in (2, 13))
+    assert len(few.thresholds) == 4
+    for threshold, other in zip(few.thresholds, many.thresholds, strict=True):
+        assert (threshold.pattern, threshold.sector) == (other.pattern, other.sector)
+        assert threshold.value == pytest.approx(other.value, rel=1e-8)
